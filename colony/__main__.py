@@ -1,4 +1,4 @@
-"""`python -m colony`: the command line."""
+"""The entry point of `python -m colony`: the command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The garbage collector of cycles, paused where there are none to be found."""
+"""Pauses of the cyclic garbage collector where no garbage cycles are expected."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from contextlib import contextmanager
 def gc_paused() -> Iterator[None]:
     """Pause the collection of cycles inside the `with`.
 
-    Stages make many objects and no cycles, and the collector, going over all of them time and again, takes
-    a third of the time of a large network.
+    Compiler stages create many objects and no cycles. The collector, which scans all of them repeatedly,
+    would take a third of the time of a large network.
     """
     running = gc.isenabled()
     gc.disable()
@@ -25,9 +25,9 @@ def gc_paused() -> Iterator[None]:
 
 @contextmanager
 def collector_past_startup() -> Iterator[None]:
-    """Keep the garbage collector, inside, from looking at all that has been made so far.
+    """Exclude all objects created so far from garbage collection inside the `with`.
 
-    A process that runs for long goes over its modules and tables time and again, and finds nothing.
+    In a long-running process the collector scans modules and tables repeatedly, and finds nothing.
     """
     gc.freeze()
     try:

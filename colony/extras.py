@@ -1,4 +1,4 @@
-"""What is installed beyond the core: the extras of the distribution, and the packages that each brings."""
+"""The extras of the distribution, beyond the core, and the packages that each of them installs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EXTRAS = {
     "drivers": ("serial",),
     "dask": ("distributed",),
 }
-"""The modules that each extra is installed for."""
+"""The modules that each extra installs."""
 
 
 class MissingExtra(ModuleNotFoundError):
@@ -23,7 +23,7 @@ class MissingExtra(ModuleNotFoundError):
 
 
 def installed(module: str) -> bool:
-    """Whether a module of an extra is there."""
+    """Return True if a module of an extra is installed."""
     return find_spec(module) is not None
 
 
@@ -33,10 +33,10 @@ def to_install(*extras: str) -> str:
 
 
 def expect_extras(*extras: str) -> None:
-    """Check that these extras are installed, before anything is begun.
+    """Check that these extras are installed, before any work begins.
 
     Raises:
-        MissingExtra: with all that are not.
+        MissingExtra: names all missing extras.
     """
     missing = {extra: [m for m in EXTRAS[extra] if not installed(m)] for extra in extras}
     names = [extra for extra in extras if missing[extra]]
@@ -46,7 +46,7 @@ def expect_extras(*extras: str) -> None:
 
 @contextmanager
 def extras_named() -> Iterator[None]:
-    """Have a module that is missing say which extra has it.
+    """Turn the error for a missing module into one that names its extra.
 
     Raises:
         MissingExtra: in place of a ModuleNotFoundError for a module of an extra.

@@ -1,8 +1,8 @@
-"""Files that come from outside, opened so that none keeps a program waiting, and read within a limit.
+"""Files from outside, opened without blocking and read within a limit.
 
-A name can be that of a pipe nobody writes to, of a device without an end, or of a file that grows while it is
-read. So only regular files are opened, and each is read up to the limit of its kind. Devices are not even
-opened: some act when they are.
+A name can refer to a pipe without a writer, an endless device, or a file that grows while it is read.
+Therefore only regular files are opened, and each is read up to the limit of its kind. Devices are not even
+opened, because opening some of them has an effect.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from typing import BinaryIO
 StrPath = str | os.PathLike[str]
 
 COMPILED = b"colonyc"
-"""First bytes of every file that holds a compiled program."""
+"""The first bytes of every file that contains a compiled program."""
 
 _CHUNK = 1 << 20
 _SAFELY = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
 
 
 class UnfitFile(OSError):
-    """A file that is not read: no regular file, too large, or with a line that is too long."""
+    """A file that is not read: not a regular file, too large, or with a line that is too long."""
 
 
 def open_descriptor(path: StrPath, flags: int = os.O_RDONLY) -> int:
-    """Open a regular file, or create one if `flags` say so; never wait for anything.
+    """Open a regular file, or create one if `flags` say so, without ever blocking.
 
     Raises:
-        OSError: it is not a regular file (`UnfitFile`), or cannot be opened; `strerror` tells why.
+        OSError: it is not a regular file (`UnfitFile`), or cannot be opened; `strerror` gives the reason.
     """
     try:
         _check(os.lstat(path) if flags & os.O_NOFOLLOW else os.stat(path), path)
@@ -51,7 +51,7 @@ def open_descriptor(path: StrPath, flags: int = os.O_RDONLY) -> int:
 
 
 def open_regular(path: StrPath) -> BinaryIO:
-    """Open a regular file to read from.
+    """Open a regular file for reading.
 
     Raises:
         OSError: as `open_descriptor`.
@@ -63,17 +63,17 @@ def read_file(path: StrPath, most: int) -> bytes:
     """Return the content of a regular file of at most `most` bytes.
 
     Raises:
-        OSError: as `open_descriptor`, or it is larger, also where it grows meanwhile.
+        OSError: as `open_descriptor`, or the file is larger or grows beyond the limit while it is read.
     """
     with open_regular(path) as file:
         return read_all(file, most, path)
 
 
 def read_all(file: BinaryIO, most: int, path: StrPath) -> bytes:
-    """Return what is left in an open file, at most `most` bytes; `path` is for messages.
+    """Return the rest of an open file, at most `most` bytes; `path` is for messages.
 
     Raises:
-        OSError: it cannot be read, or has more bytes.
+        OSError: the file cannot be read, or has more bytes.
     """
     if os.fstat(file.fileno()).st_size > most:
         raise UnfitFile(errno.EFBIG, f"it is larger than {size_text(most)}", path)
@@ -86,7 +86,7 @@ def read_all(file: BinaryIO, most: int, path: StrPath) -> bytes:
 
 
 def bounded_lines(file: BinaryIO, most: int) -> Iterator[bytes]:
-    """Yield the lines of a file, each with its end, as they come.
+    """Yield the lines of a file as they arrive, each with its line break.
 
     Raises:
         OSError: it cannot be read, or a line has more than `most` bytes (`UnfitFile`).
@@ -100,7 +100,7 @@ def bounded_lines(file: BinaryIO, most: int) -> Iterator[bytes]:
 
 
 def size_text(size: int) -> str:
-    """Return a limit of bytes in words for people."""
+    """Return a size limit in bytes as text for people."""
     for unit, text in ((1 << 20, "MiB"), (1 << 10, "KiB"), (10**6, "MB")):
         if size % unit == 0:
             return f"{size // unit} {text}"
@@ -108,7 +108,7 @@ def size_text(size: int) -> str:
 
 
 def reason(problem: Exception) -> str:
-    """Return in words why a file cannot be used, without its name."""
+    """Return the reason why a file cannot be used, without the file's name."""
     return (problem.strerror if isinstance(problem, OSError) else None) or str(problem)
 
 
@@ -116,7 +116,7 @@ def sync_folder(path: Path) -> None:
     """Wait until the names in a folder are on the disk.
 
     Raises:
-        OSError: it cannot be done.
+        OSError: the folder cannot be synchronized.
     """
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
@@ -133,10 +133,10 @@ def _check(found: os.stat_result, path: StrPath) -> None:
 
 
 def open_alone(path: str) -> FileIO:
-    """An unbuffered file to append to, empty at first, that no other run is writing.
+    """Open an unbuffered file for appending, emptied first, that no other run is writing.
 
     Raises:
-        OSError: it cannot be opened, or another run has it open this way (`BlockingIOError`).
+        OSError: it cannot be opened, or another run has it open in this way (`BlockingIOError`).
     """
     file = FileIO(path, "a")
     try:
@@ -150,7 +150,7 @@ def open_alone(path: str) -> FileIO:
 
 
 def _lock(file: FileIO) -> None:
-    """Take the file until it is closed, where the system has such locks."""
+    """Lock the file until it is closed, if the system has such locks."""
     if sys.platform == "win32":
         return
     import fcntl

@@ -1,4 +1,4 @@
-"""The front door: from a text to decisions, proofs and recordings. `import colony` has all of it."""
+"""The public functions of `import colony`: from a text to decisions, proofs and recordings."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from colony.verify.difference.results import Result as Difference
 
 PROOF_TIMEOUT_S = 60.0
-"""Seconds that z3 may think about one question of a proof."""
+"""Timeout of z3 in seconds for one question of a proof."""
 
 
 def load(path: str | PathLike[str]) -> Program:
@@ -58,18 +58,18 @@ def loads(text: str, name: str = "<text>", directory: str | PathLike[str] = ".")
 
 
 def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIMEOUT_S) -> Build:
-    """Compile a program to prioritized clients, and prove that they are its network, as they are executed.
+    """Compile a program to prioritized clients, and prove that their execution matches its network.
 
-    Without z3 it is proved by structure alone; a warning says what is left open.
+    Without z3 the proof is by structure alone; a warning lists the open questions.
 
     Args:
-        program: what `load` or `loads` gave.
-        proof: whether to prove it, which takes a fraction of a second for a hundred modules.
-        timeout_s: seconds that z3 may think about one question.
+        program: the result of `load` or `loads`.
+        proof: False to skip the proof, which takes a fraction of a second for a hundred modules.
+        timeout_s: timeout of z3 in seconds for one question.
 
     Raises:
-        Failure: V001, the clients are not the network (a mistake of the compiler); V002, that is not decided
-            in time.
+        Failure: V001, the clients differ from the network (a bug in the compiler); V002, the proof was not
+            decided in time.
     """
     from warnings import warn
 
@@ -103,11 +103,11 @@ def _expect_proof(program: Program, compilation: Compilation, timeout_ms: int) -
 
 
 def read(path: str | PathLike[str]) -> CompiledProgram:
-    """Read a compiled program, which `Build.save` or `colony compile -o NAME.colonyc` wrote.
+    """Read a compiled program that `Build.save` or `colony compile -o NAME.colonyc` wrote.
 
     Raises:
-        Failure: C001, the file cannot be read, is damaged, or was compiled with other modules in Python than
-            those that are found now.
+        Failure: C001, the file cannot be read, is damaged, or was compiled with Python modules other than
+            those found now.
     """
     from colony.robots.compiled_program import read_compiled
 
@@ -117,12 +117,12 @@ def read(path: str | PathLike[str]) -> CompiledProgram:
 
 @dataclass(frozen=True, slots=True)
 class CompiledProgram:
-    """A compiled program without the network that it was made of. `compiled` is all that executes it."""
+    """A compiled program without its source network. `compiled` is everything that executes it."""
 
     compiled: Compiled
 
     def to_python(self) -> str:
-        """Return a module with a class `Program`, which needs nothing of colony.
+        """Return a module with a class `Program` that does not depend on colony.
 
         `Program().step(t_ns, readings, taken_ns)` decides a frame, as `executor().step` does.
         """
@@ -134,7 +134,7 @@ class CompiledProgram:
         """Return an executor with initial memory, whose `step` takes one frame after another.
 
         Raises:
-            Failure: P001, a module in Python cannot be imported or built.
+            Failure: P001, a Python module cannot be imported or built.
         """
         from colony.execute.checked import CheckedExecutor
 
@@ -143,7 +143,7 @@ class CompiledProgram:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Build:
-    """A compiled program, in all forms. `compilation` has the result of each pass of the compiler."""
+    """A compiled program in all its forms. `compilation` has the result of each compiler pass."""
 
     program: Program
     compilation: Compilation
@@ -176,12 +176,12 @@ class Build:
         return CompiledProgram(self.compilation.compiled).executor()
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the compiled program, with its sources, into a file that `read` and `colony run` take.
+        """Write the compiled program, with its sources, to a file for `read` and `colony run`.
 
         Raises:
             ValueError: the name of the file does not end in `.colonyc`.
-            Failure: C001, it could not be read: a name or an array in the program is too long for that.
-            OSError: it cannot be written.
+            Failure: C001, the file could not be read back: a name or an array in the program is too long.
+            OSError: the file cannot be written.
         """
         from pathlib import Path
 
@@ -196,16 +196,16 @@ class Build:
 
 
 def prove(program: Program, *, seconds: float = 10.0, depth: int = 4) -> tuple[ContractResult, ...]:
-    """Prove each contract for everything that sensors can give, or find the shortest run that breaks it.
+    """Prove each contract for all possible sensor values, or find the shortest run that breaks it.
 
     Args:
-        program: what `load` or `loads` gave.
-        seconds: about how long to try, for each contract.
+        program: the result of `load` or `loads`.
+        seconds: approximate time limit for each contract.
         depth: the greatest k of k-induction.
 
     Returns:
         A `Proved`, `Refuted` or `Unknown` (of `colony.verify.contracts.results`) for each contract, in the
-        order written.
+        order of the source.
     """
     from colony.ir.program import expect_program
 
@@ -220,13 +220,13 @@ def prove(program: Program, *, seconds: float = 10.0, depth: int = 4) -> tuple[C
 
 
 def compare(one: Program, other: Program) -> Difference:
-    """Prove that two programs send the same in every frame, or find a frame that tells them apart.
+    """Prove that two programs send the same commands in every frame, or find a frame where they differ.
 
     Returns:
         A `Same`, `Different` or `Undecided` of `colony.verify.difference.results`.
 
     Raises:
-        Failure: V040 to V042, they cannot be compared.
+        Failure: V040 to V042, the programs cannot be compared.
     """
     from colony.ir.program import expect_program
 
@@ -239,10 +239,10 @@ def compare(one: Program, other: Program) -> Difference:
 
 
 def recorded(path: str | PathLike[str], program: Program) -> Iterator[RecordedFrame]:
-    """Yield the frames of a recording that are not damaged, each with its verdicts.
+    """Yield the undamaged frames of a recording, each with its verdicts.
 
     Raises:
-        Failure: codes A and F, it is no recording, or of another program.
+        Failure: codes A and F, the file is not a recording, or is one of another program.
     """
     from colony.ir.program import expect_program
 
@@ -260,7 +260,7 @@ def audit(path: str | PathLike[str], program: Program) -> AuditReport:
     """Decide every frame of a recording again with the reference interpreter.
 
     Raises:
-        Failure: codes A and F, it is no recording, or of another program.
+        Failure: codes A and F, the file is not a recording, or is one of another program.
     """
     from colony.ir.program import expect_program
     from colony.verify.audit.audit import audit_recording

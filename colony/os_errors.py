@@ -1,4 +1,4 @@
-"""What the operating system refuses: errors that name their file, and that tell of limits in plain words."""
+"""Operating system errors: messages that name the file and explain limits in plain words."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from colony.files import UnfitFile
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
-"""The disk is full, a quota is used up, or a file has reached the limit of its size."""
+"""Error codes for a full disk, an exhausted quota, or a file at its size limit."""
 
 _ADVICE = {
     errno.EMFILE: "raise the limit of open files (`ulimit -n`)",
@@ -19,12 +19,12 @@ _ADVICE = {
 }
 
 _STARVED = ("failed to map segment", "annot allocate memory", "can't start new thread")
-"""What libraries and threads say that could not be loaded or started for lack of memory."""
+"""Messages of libraries and threads that could not be loaded or started for lack of memory."""
 
 
 @contextmanager
 def naming(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Give an OSError that names no file the name of this one: reading, writing and closing raise such."""
+    """Set the file name of an OSError that has none, as errors of reading, writing and closing do."""
     try:
         yield
     except OSError as problem:
@@ -34,24 +34,25 @@ def naming(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def described(problem: OSError) -> str:
-    """Return in a line what is wrong, with which file, and what to do about a limit."""
+    """Return one line with the error, its file, and advice about a limit."""
     what = f"{os.fsdecode(problem.filename)}: " if isinstance(problem.filename, (str, bytes)) else ""
     advice = limit_advice(problem)
     return f"{what}{problem.strerror or problem}{'' if advice is None else f': {advice}'}"
 
 
 def limit_advice(problem: OSError) -> str | None:
-    """Return what to do about a limit of the process, None if that is not the trouble."""
-    if problem.errno is None or isinstance(problem, UnfitFile):  # the latter's limits are this program's own
+    """Return advice about a limit of the process, or None if another error occurred."""
+    # the limits of an UnfitFile are this program's own
+    if problem.errno is None or isinstance(problem, UnfitFile):
         return None
     return _ADVICE.get(problem.errno)
 
 
 def is_out_of_memory(problem: BaseException) -> bool:
-    """Tell whether there was no memory for something: an object, a library, or a thread.
+    """Return True if memory for an object, a library or a thread could not be allocated.
 
-    Where a limit is set (`ulimit -v`) each library says so in its own way, so there one that cannot be loaded
-    counts, unless it was not even found.
+    Under a memory limit (`ulimit -v`) libraries report the lack of memory in different ways. A library that
+    was found but cannot be loaded therefore counts as out of memory under such a limit.
     """
     if isinstance(problem, MemoryError) or (isinstance(problem, OSError) and problem.errno == errno.ENOMEM):
         return True

@@ -2,8 +2,8 @@
 
 The typed program and the syntax tree are more than a hundred small classes, and every command imports them.
 `dataclasses.dataclass` compiles six methods for each frozen class, which would be a third of the time of
-`colony check`. A `record` compiles only `__init__`, when the first is made, and inherits the rest; it is a
-dataclass to `dataclasses.fields`, `dataclasses.replace`, pattern matching and type checkers.
+`colony check`. A `record` compiles only `__init__`, when its first instance is created, and inherits the
+rest; it is a dataclass to `dataclasses.fields`, `dataclasses.replace`, pattern matching and type checkers.
 """
 
 from __future__ import annotations
@@ -17,33 +17,40 @@ _Class = TypeVar("_Class")
 
 
 class Record:
-    """What every record has: equality and hash over the fields that compare, and no assignment."""
+    """The base of all records: equality and hash over the compared fields, and no assignment."""
 
     __slots__ = ()
     _compared: ClassVar[Any] = staticmethod(lambda self: ())
 
     def __eq__(self, other: object) -> bool:
+        """Return True if the types and all compared fields are equal."""
         if type(self) is not type(other):
             return NotImplemented
         return bool(self._compared(self) == self._compared(other))
 
     def __hash__(self) -> int:
+        """Return a hash of the type and the compared fields."""
         return hash((type(self), self._compared(self)))
 
     def __repr__(self) -> str:
+        """Return the class name with the shown fields."""
         shown = (f"{f.name}={getattr(self, f.name)!r}" for f in fields(self) if f.repr)  # type: ignore[arg-type]
         return f"{type(self).__name__}({', '.join(shown)})"
 
     def __setattr__(self, name: str, value: object) -> None:
+        """Raise FrozenInstanceError."""
         raise FrozenInstanceError(f"cannot assign to field {name!r}")
 
     def __delattr__(self, name: str) -> None:
+        """Raise FrozenInstanceError."""
         raise FrozenInstanceError(f"cannot delete field {name!r}")
 
     def __getstate__(self) -> tuple[Any, ...]:
+        """Return the values of all fields."""
         return tuple(getattr(self, f.name) for f in fields(self))  # type: ignore[arg-type]
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
+        """Set the values of all fields."""
         for f, value in zip(fields(self), state, strict=True):  # type: ignore[arg-type]
             object.__setattr__(self, f.name, value)
 
@@ -52,7 +59,7 @@ class Record:
 def record(cls: type[_Class]) -> type[_Class]:
     """Make a subclass of `Record` a frozen, slotted dataclass with keyword-only fields.
 
-    Defaults must be immutable values; `field(default=..., compare=..., repr=...)` is understood.
+    Defaults must be immutable values; `field(default=..., compare=..., repr=...)` is supported.
     """
     made: Any = dataclass(init=False, repr=False, eq=False, kw_only=True)(cls)
     declared = fields(made)
@@ -66,7 +73,7 @@ def record(cls: type[_Class]) -> type[_Class]:
         slotted._compared = staticmethod(attrgetter(*names))
 
     def first(self: Any, **values: Any) -> None:
-        slotted.__init__ = _initializer(slotted, declared)  # compiled only for what is made at all
+        slotted.__init__ = _initializer(slotted, declared)  # compiled only for classes with instances
         slotted.__init__(self, **values)
 
     slotted.__init__ = first
@@ -79,7 +86,7 @@ def _inherited(cls: type) -> set[str]:
 
 
 def _initializer(cls: type, declared: tuple[Any, ...]) -> Any:
-    """`__init__` over the slots themselves, which no `__setattr__` guards."""
+    """Return an `__init__` that sets the slots directly, bypassing `__setattr__`."""
     parameters: list[str] = []
     lines: list[str] = []
     names: dict[str, Any] = {}

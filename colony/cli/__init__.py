@@ -1,1 +1,1 @@
-"""The command line: one file a command. It wires everything, and nothing imports it."""
+"""The command line: one module per command. It wires all packages, and no package imports it."""

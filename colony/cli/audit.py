@@ -1,4 +1,4 @@
-"""`colony audit`: a recorded run, held against the reference interpreter."""
+"""`colony audit`: a recorded run, compared with the reference interpreter."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _program(reader: RecordingReader, recording: str, file: str | None, folder: 
 
 
 def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) -> None:
-    """Raises Failure: A003, where there was nothing to compare."""
+    """Raise A003 (or A006, for a damaged recording) if there was nothing to compare."""
     from colony.text.diagnostics import Failure, error
     from colony.text.source import Source, Span
 
@@ -113,7 +113,7 @@ def _print_json(
 
 
 class _Progress:
-    """Tells every tenth how far a file was read, once that takes long. Mutable: what was told."""
+    """A notice of each tenth of a file that was read, once that takes long. Mutable: the last notice."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -122,6 +122,7 @@ class _Progress:
         self._tenths = 0
 
     def __call__(self) -> None:
+        """Report the progress, if it has reached another tenth."""
         tenths = 10 * self._file.tell() // max(self._size, 1)
         if tenths > self._tenths:
             self._tenths = tenths

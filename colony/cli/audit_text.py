@@ -1,4 +1,4 @@
-"""What an audit came to, for people."""
+"""The text of an audit's result, for people."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def render(
     file: str | None,
     cut: str | None,
 ) -> str:
-    """Some lines about the recording that is called `name`, audited by `program`, which is that of `file`."""
+    """Return the result for the recording `name`, audited by `program`, which comes from `file`."""
     what = f"{run.program or program.robot.name}, seed {run.seed}" if run else program.robot.name
     named = f"{what}, run {run.run}" if run and run.run else what
     by = f", by {file}" if file else ""
@@ -104,7 +104,7 @@ def _where(first: Difference) -> str:
 
 
 def _first(report: AuditReport, program: Program) -> Iterator[str]:
-    """The first difference in detail."""
+    """Yield the first difference in detail."""
     first = report.first
     if first is None or first.recorded is None or first.expected is None:
         return

@@ -1,4 +1,4 @@
-"""`colony check`: everything that is wrong in behavior files."""
+"""`colony check`: all errors and warnings in behavior files."""
 
 from __future__ import annotations
 

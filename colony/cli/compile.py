@@ -1,4 +1,4 @@
-"""`colony compile`: the prioritized clients that a behavior compiles to, proved to be its network."""
+"""`colony compile`: the prioritized clients of a behavior, proved to be equivalent to its network."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 CLIENTS_BYTES = 64 * 1024 * 1024
-"""Largest file of clients that is proved."""
+"""Size limit in bytes of a file of clients to prove."""
 
 
 @click.command("compile", short_help="show the prioritized clients that a behavior compiles to")
@@ -119,7 +119,7 @@ def command(
 
 
 def _text(compilation: Compilation, format_: str, explain: bool) -> str:
-    """Return the text of a format."""
+    """Return the output in a format."""
     if format_ == "python":
         from colony.compile.backends.python.generate import generate
 
@@ -135,7 +135,7 @@ def _text(compilation: Compilation, format_: str, explain: bool) -> str:
 
 
 def _proof(compilation: Compilation, format_: str, text: str, timeout_ms: int) -> Result:
-    """Prove the clients, and the form that `text` shows them in; a table shows what is executed and sent."""
+    """Prove the clients, and their form in `text`; for a table, the form that is executed and sent."""
     from colony.verify.equivalence.prove import prove
 
     program = compilation.program
@@ -152,7 +152,7 @@ def _proof(compilation: Compilation, format_: str, text: str, timeout_ms: int) -
 
 
 def _proof_of(existing: Path, program: Program, compilation: Compilation, timeout_ms: int) -> Result:
-    """The proof of clients that are there already."""
+    """Return the proof of existing clients."""
     from colony.verify.equivalence import prove
     from colony.verify.equivalence.results import Malformed, Proved
 
@@ -174,7 +174,7 @@ def _proof_of(existing: Path, program: Program, compilation: Compilation, timeou
 
 
 def _settle(result: Result, program: Program, of: Path | None) -> None:
-    """Say what was proved; where nothing was, say that, and end the command."""
+    """Report the result of the proof; without one, report that and end the command."""
     from colony.text.diagnostics import error
     from colony.text.source import NOWHERE, Source, Span
     from colony.verify.equivalence import results

@@ -29,7 +29,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 SERVER = "DServer"
 PAGE = 1000
-"""Names in one request of `colony data list`."""
+"""Names per request of `colony data list`."""
 
 
 @click.group(name="data", short_help="list, read, set and delete shared variables")
@@ -160,8 +160,10 @@ def _expect_names(names: Iterable[str]) -> None:
 
 @contextmanager
 def _dserver(robot: str | None, connect: str | None, security: Path | None) -> Iterator[Connection]:
-    """Open a connection to DServer, and say what troubles it; a call that it refuses ends the command with a
-    line and exit code 1."""
+    """Open a connection to DServer, and report DServer's warnings.
+
+    A call that DServer refuses ends the command with one line and exit code 1.
+    """
     from colony.runtime.kit.errors import CallRefused
     from colony.runtime.library.ask import STATUS
 

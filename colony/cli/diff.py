@@ -1,4 +1,4 @@
-"""`colony diff`: whether two behaviors are the same, or a shortest run that tells them apart."""
+"""`colony diff`: a proof that two behaviors are the same, or a shortest run in which they differ."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the exit codes of all commands mean; 0 is good, warnings included."""
+"""The exit codes of all commands; 0 is success, warnings included."""
 
 EXIT_ERRORS = 1
 EXIT_MISUSE = 2

@@ -1,4 +1,4 @@
-"""`colony help`: what a code of an error means, or how a command is used."""
+"""`colony help`: the meaning of an error code, or the use of a command."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from colony.shipped import errors_page
 from colony.text.suggestions import did_you_mean
 
 _SECTION = re.compile(r"^### (([A-Z]\d{3}): .*\n(?:(?!^##).*\n?)*)", re.MULTILINE)
-"""A section of docs/errors.md: the code in its heading, and all until the next heading."""
+"""A section of docs/errors.md: the code in its heading, and the text up to the next heading."""
 
 
 @click.command("help", short_help="explain the code of an error, or a command")

@@ -1,4 +1,4 @@
-"""Ctrl-C in a run: the first one ends it in order, the next one at once."""
+"""Ctrl-C in a run: the first one ends it in order, the next one immediately."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from colony.cli.reporting import PATIENCE_S, say
 
 
 def signals_that_end() -> tuple[signal.Signals, ...]:
-    """SIGINT and SIGTERM, and SIGHUP unless who started the process wants it to outlive the terminal."""
+    """Return SIGINT and SIGTERM, and SIGHUP unless the process was started to ignore it."""
     hangup = () if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (signal.SIGHUP,)
     return (signal.SIGINT, signal.SIGTERM, *hangup)
 
 
 @contextmanager
 def interruptible(ending: str = "stopping after this frame") -> Iterator[Callable[[], bool]]:
-    """While it lasts, the first Ctrl-C (or SIGTERM, or the end of the terminal) is noted, for the run to end
-    between two moments; the next one breaks in at once. Gives the function that tells whether there was one.
-    `ending` is what is said where it takes long.
+    """Catch the first Ctrl-C, so that a run can end between two moments.
+
+    SIGTERM and the end of the terminal count as well. The next one raises KeyboardInterrupt immediately. The
+    context's value is a function that returns True after the first one. `ending` is printed if the end takes
+    long.
     """
     noted: list[int] = []
     reminder = threading.Timer(PATIENCE_S, say, (f"{ending}; Ctrl-C again stops at once",))

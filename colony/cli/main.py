@@ -1,6 +1,6 @@
-"""`colony`: finds the command, runs it, and turns what goes wrong into one line and an exit code.
+"""`colony`: finds the command, runs it, and turns an error into one line and an exit code.
 
-Exit codes: 0 good (warnings included), 1 errors found, 2 misuse, 3 undecided (`diff`), 130 interrupted.
+Exit codes: 0 success (warnings included), 1 errors found, 2 misuse, 3 undecided (`diff`), 130 interrupted.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ COMMANDS = {
     "vision": "show what the detectors see in a picture",
     "help": "explain the code of an error, or a command",
 }
-"""Every command and what it is for; `colony/cli/NAME.py` has it as `command`."""
+"""The commands with their descriptions; `colony/cli/NAME.py` defines each as `command`."""
 
 
 class _StandardOutput(FileIO):
-    """Standard output, which says so where it cannot be written."""
+    """A standard output whose errors name it if it cannot be written."""
 
     def write(self, data: ReadableBuffer, /) -> int:
         try:
@@ -59,12 +59,14 @@ class _StandardOutput(FileIO):
 
 
 class Commands(click.Group):
-    """A group that imports a command only when it is asked for, so that `colony --help` is quick."""
+    """A group that imports a command only on use, so that `colony --help` is fast."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of all commands, in their order of presentation."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return a command, None for an unknown name."""
         if cmd_name not in COMMANDS:
             return None
         command: click.Command = import_module(f"colony.cli.{cmd_name}").command
@@ -73,6 +75,7 @@ class Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that the arguments name; suggest a similar name for an unknown one."""
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
             hint = did_you_mean(name, COMMANDS) or f"the commands are {', '.join(COMMANDS)}"
@@ -80,6 +83,7 @@ class Commands(click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of commands without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
 
@@ -107,16 +111,16 @@ def colony(context: click.Context) -> None:
 
 
 def _prepare_streams() -> None:
-    """Replace the standard streams by ones whose output names itself when it fails.
+    """Replace the standard streams by ones whose errors name them.
 
-    Letters that an encoding lacks become escapes. Where a stream is closed, output fails and messages are
+    Characters that an encoding lacks become escapes. If a stream is closed, output fails and messages are
     dropped.
     """
-    for descriptor in range(3):  # or the next file that is opened would be taken for it
+    for descriptor in range(3):  # else the next opened file would be taken for it
         if not _is_open(descriptor):
             os.open(os.devnull, os.O_WRONLY if descriptor == 2 else os.O_RDONLY)
     own = sys.__stdout__
-    if sys.stdout is own:  # not that of a program that calls `main`
+    if sys.stdout is own:  # unless a program that calls `main` has replaced it
         sys.stdout = TextIOWrapper(
             BufferedWriter(_StandardOutput(1, "wb", closefd=False)),
             encoding="utf-8" if own is None else own.encoding,
@@ -139,13 +143,13 @@ def _is_open(descriptor: int) -> bool:
 
 
 def _give_up_output(stream: TextIO | None = None) -> None:
-    """What is still waiting to be written would fail again when the process ends."""
+    """Discard pending output, whose flush would fail again at the end of the process."""
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), (stream or sys.stdout).fileno())
 
 
 def _settle_errors() -> None:
-    """Messages that nobody can hear must not change the exit code, as a failing flush at the end would."""
+    """Flush stderr; a failed flush must not change the exit code, as it would at the end of the process."""
     try:
         sys.stderr.flush()
     except (OSError, ValueError):
@@ -158,7 +162,7 @@ def _say(text: str) -> None:
 
 
 def _report_failure(problem: Exception) -> int:
-    """Report what a stage found wrong, or in a line what the system refused; return the exit code.
+    """Report a stage's error, or in one line an operating system error; return the exit code.
 
     Raises:
         Exception: anything else, which is a bug.
@@ -186,7 +190,10 @@ def _report_failure(problem: Exception) -> int:
 
 
 def _run() -> int:
-    """Run the command; gives the exit code. (`colony.main` would exit on its own when a reader goes away.)"""
+    """Run the command, and return the exit code.
+
+    `colony.main` would exit on its own when the reader of a pipe goes away.
+    """
     try:
         with colony.make_context("colony", sys.argv[1:]) as context, extras_named():
             colony.invoke(context)
@@ -203,10 +210,10 @@ def _run() -> int:
     except (click.Abort, KeyboardInterrupt):
         _say("colony: interrupted")
         return EXIT_INTERRUPTED
-    except SystemExit as problem:  # click raises none this way, so it was a module in Python
+    except SystemExit as problem:  # click raises none here, so it comes from a Python module
         _say(f"colony: error: a module in Python ended the process: SystemExit: {problem.code}")
         return EXIT_ERRORS
-    except BrokenPipeError:  # whoever read our output has seen enough
+    except BrokenPipeError:  # the reader of our output has seen enough
         _give_up_output()
     except Exception as problem:
         return _report_failure(problem)
@@ -214,7 +221,7 @@ def _run() -> int:
 
 
 def main() -> None:
-    """The console script."""
+    """Run the console script."""
     _prepare_streams()
     code = _run()
     _settle_errors()

@@ -1,4 +1,4 @@
-"""`colony map`: what is in a building, and a picture of it."""
+"""`colony map`: the contents of a building, and a picture of it."""
 
 from __future__ import annotations
 

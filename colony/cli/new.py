@@ -1,4 +1,4 @@
-"""`colony new`: a project to start from, whose behavior checks, passes its tests and drives."""
+"""`colony new`: a new project, whose behavior checks, passes its tests and drives."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from colony.files import reason
 TEMPLATES = files("colony.cli") / "templates" / "project"
 BEHAVIOR = "NAME.colony"
 UNCHECKED = ".in"
-"""Ending of templates in Python, so that no tool takes them for modules of this package."""
+"""Suffix of Python templates, so that no tool takes them for modules of this package."""
 
 
 @click.command("new", short_help="begin a project")

@@ -1,4 +1,4 @@
-"""Files that commands write: whole or not at all, and never over a source or over what is being read."""
+"""The output files of commands: written atomically, and never over a source or an input."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from colony.cli.reporting import say
 from colony.files import reason
 
 DESCRIPTORS = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
-"""Folders of devices and of what this process has open. Pipes elsewhere might have no reader, ever."""
+"""Folders of devices and of this process's open files. Other pipes may never get a reader."""
 
 SOURCES = (".colony", ".stickrep")
-"""Endings of files that people write, which no command overwrites."""
+"""Suffixes of files that people write, which no command overwrites."""
 
 
 def cannot_write(path: str | Path, why: str) -> NoReturn:
-    """Say so in one line, and exit with 2."""
+    """Report in one line that a file cannot be written, and exit with 2."""
     say(f"{path}: error: cannot write: {why}")
     raise click.exceptions.Exit(EXIT_MISUSE)
 
 
 def check_output(path: str | Path, inputs: Iterable[str | Path] = ()) -> None:
-    """Refuse, before the work is done, what could not be written after it, or must not be; exits with 2."""
+    """Refuse an output that cannot or must not be written, before the work begins; exit with 2."""
     try:
         why = _objection(Path(path), inputs)
     except (OSError, RuntimeError, ValueError) as problem:
@@ -65,14 +65,14 @@ def _same(one: Path, other: Path) -> bool:
 
 
 def _in_place(path: Path) -> bool:
-    """Whether it is written into as it stands: what is no regular file cannot be replaced by one."""
+    """Return True if a path is written in place: a file must not replace a device or a pipe."""
     return path.absolute().is_relative_to("/dev") or (path.exists() and not path.is_file())
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file so that it is either whole or as it was; exits with 2 where it cannot be written.
+    """Write a file atomically; exit with 2 if it cannot be written.
 
-    Of a link, what it leads to is replaced; devices, and pipes that are open already, are written into.
+    The target of a symbolic link is replaced; devices, and pipes that are open already, are written in place.
     """
     data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     try:

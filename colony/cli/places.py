@@ -1,4 +1,4 @@
-"""Where a robot is, by the options of commands: `--robot NAME`, `--connect [ENDPOINT]`, `--security FILE`."""
+"""The place of a robot, from the options `--robot NAME`, `--connect [ENDPOINT]`, `--security FILE`."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., object])
 
 HERE = "here"
-"""What `--connect` without an endpoint stands for: the run directory of this machine."""
+"""The value of `--connect` without an endpoint: the run directory of this machine."""
 
 _CONNECT = "The robot is behind this gateway, tls/HOST:PORT; without a value, on this machine."
 _SECURITY = "Who you are to a gateway: a TOML file with user, certificate, key and authority."
 
 
 def robot_option(help: str, *, required: bool = False) -> Callable[[F], F]:
-    """`--robot NAME`, a name that a robot can have."""
+    """Return the option `--robot NAME`, which accepts valid names of robots."""
     return click.option("--robot", required=required, metavar="NAME", callback=_check_robot, help=help)
 
 
 def connect_option(help: str = _CONNECT) -> Callable[[F], F]:
-    """`--connect [ENDPOINT]`."""
+    """Return the option `--connect [ENDPOINT]`."""
     return click.option("--connect", is_flag=False, flag_value=HERE, metavar="[ENDPOINT]", help=help)
 
 
 def security_option(help: str = _SECURITY) -> Callable[[F], F]:
-    """`--security FILE`."""
+    """Return the option `--security FILE`."""
     return click.option("--security", metavar="FILE", type=click.Path(path_type=Path), help=help)
 
 
 def place_of(robot: str, connect: str | None, security: Path | None) -> Place:
-    """Where the robot is.
+    """Return the place of the robot.
 
     Raises:
-        LiveError: the name, the endpoint or the credentials are no good.
+        LiveError: the name, the endpoint or the credentials are invalid.
         click.UsageError: an endpoint without credentials.
     """
     from colony.runtime.transport.live.place import Remote, local
@@ -62,10 +62,10 @@ def place_of(robot: str, connect: str | None, security: Path | None) -> Place:
 
 
 def expect_robot_with_endpoint(robot: str | None, connect: str | None) -> None:
-    """Check that a command which was given a gateway was given the robot behind it, too.
+    """Check that a command with a gateway's endpoint also has the name of the robot behind it.
 
     Raises:
-        click.UsageError: it was not.
+        click.UsageError: the name is missing.
     """
     if robot is None and connect not in (None, HERE):
         raise click.UsageError("--connect ENDPOINT also wants --robot NAME: a gateway is that of one robot")
@@ -82,7 +82,7 @@ def _check_robot(context: click.Context, option: click.Parameter, name: str | No
 
 @contextmanager
 def problems_told() -> Iterator[None]:
-    """What is wrong with reaching a robot is said in a line, and is exit code 2."""
+    """Report an error in reaching a robot in one line, and exit with 2."""
     from colony.runtime.kit.errors import ConnectionProblem
     from colony.runtime.transport.live.errors import LiveError
 

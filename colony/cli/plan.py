@@ -94,11 +94,11 @@ def _draw(building: Building, planned: Plan, target: Path) -> None:
 
 
 _SEED = 1994
-"""Of the interval of the confidence, so that a plan is always shown with the same one."""
+"""The seed of the confidence interval, so that a plan always has the same one."""
 
 
 def _confidence(planned: Plan) -> tuple[float, float, float] | None:
-    """The confidence by the published automaton and its interval; None for a path that it has not."""
+    """Return the published automaton's confidence and its interval; None for a path that it lacks."""
     from colony.nav.confidence.automaton import PUBLISHED_ARCS
     from colony.nav.confidence.estimate import PUBLISHED, PUBLISHED_COUNTS, string_interval
 

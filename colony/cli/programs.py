@@ -1,4 +1,4 @@
-"""Compiled programs for the commands that run them: from a behavior, or from a file `*.colonyc`."""
+"""Compiled programs for the commands that run them: from a behavior, or from a `*.colonyc` file."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from colony.text.diagnostics import Failure
 
 
 def load_compiled(path: str) -> Compiled:
-    """Return the compiled program of a file, with its sources; modules in Python are looked for beside it.
+    """Return the compiled program of a file, with its sources; Python modules are found beside it.
 
-    Exits with 2 where the file cannot be read or is damaged, with 1 where there are errors in it.
+    Exits with 2 if the file cannot be read or is damaged, with 1 if it has errors.
     """
     if not is_compiled(path):
         return compile_file(path).compiled
@@ -29,5 +29,5 @@ def load_compiled(path: str) -> Compiled:
 
 
 def compile_file(path: str) -> Compilation:
-    """Compile a behavior; its artifact has the sources. Exits as `load_compiled`."""
+    """Compile a behavior with its sources. Exits as `load_compiled`."""
     return compiled_with_sources(load_program(path), say)

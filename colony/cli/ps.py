@@ -1,4 +1,4 @@
-"""`colony ps`: which robots run, and how: their servers, who is connected, and how the run stands."""
+"""`colony ps`: the running robots with their servers, connections and runs."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def _run(run: RunStatus, priorities: dict[str, int]) -> Iterator[str]:
 
 
 def _processes(run: RunStatus, servers: set[str]) -> Iterator[str]:
-    """Yield the processes of a run that are no servers: those of clients and of modules in Python."""
+    """Yield the processes of a run that are not servers: those of clients and of Python modules."""
     rows = [(name, str(pid)) for name, pid in run.processes.items() if name not in servers]
     yield from _table([("process", "id"), *rows])
 

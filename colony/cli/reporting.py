@@ -1,4 +1,4 @@
-"""How commands say what they found: diagnostics on standard error, in color only on a terminal."""
+"""Messages of commands: diagnostics on standard error, in color only on a terminal."""
 
 from __future__ import annotations
 
@@ -28,20 +28,22 @@ format_option = click.option(
     show_default=True,
     help="Text for people; JSON; SARIF 2.1.0 for editors and code hosts.",
 )
-"""How a command writes what it found: a `Format`, as `format_`."""
+"""The option for a command's output format: a `Format`, as `format_`."""
 
 PATIENCE_S = 1.5
-"""For how long someone at a terminal is left without a word."""
+"""Seconds that a command on a terminal may take without a message."""
 
 _CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f]")
-"""Characters that a terminal acts on, but for tabs and ends of lines."""
+"""Control characters of a terminal, except tabs and line breaks."""
 
 _COLORS = {"error": "red", "warning": "yellow"}
 
 
 def say(text: str) -> None:
-    """Text and a line break on standard error, with names of files as they may be on a terminal; where nobody
-    can hear it, the command goes on."""
+    """Print a line on standard error, with control characters escaped.
+
+    If standard error cannot be written, the command continues.
+    """
     _echo(_CONTROL.sub(lambda found: printable(found[0]), text))
 
 
@@ -53,14 +55,14 @@ def _echo(text: str) -> None:
 
 
 def printable(text: str) -> str:
-    """Return a text from elsewhere without anything that a terminal would act on."""
+    """Return a text from elsewhere without terminal control characters."""
     return "".join(
         c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in text
     )
 
 
 def report(diagnostics: Iterable[Diagnostic]) -> None:
-    """Each diagnostic with its source line, caret and hint."""
+    """Print each diagnostic with its source line, caret and hint."""
     colored = sys.stderr.isatty() and not os.environ.get("NO_COLOR")
     for diagnostic in diagnostics:
         text = render(diagnostic)
@@ -71,24 +73,24 @@ def report(diagnostics: Iterable[Diagnostic]) -> None:
 
 
 def one_line(diagnostic: Diagnostic) -> str:
-    """What was found and what to do, without the source line; also where a file's name has line breaks."""
+    """Return a diagnostic and its hint on one line, even if a file's name has line breaks."""
     hint = f" ({diagnostic.hint})" if diagnostic.hint else ""
     return "".join(c if c.isprintable() else " " for c in headline(diagnostic) + hint)
 
 
 def refuse(diagnostics: Sequence[Diagnostic]) -> NoReturn:
-    """Bad input: the first diagnostic on one line, and exit code 2."""
+    """Print the first diagnostic of bad input on one line, and exit with 2."""
     say(one_line(diagnostics[0]))
     raise click.exceptions.Exit(EXIT_MISUSE)
 
 
 def is_unreadable(diagnostics: Sequence[Diagnostic]) -> bool:
-    """Whether the file that was named could not be read at all: misuse rather than an error in it."""
+    """Return True if the named file could not be read at all: misuse rather than an error in it."""
     return len(diagnostics) == 1 and diagnostics[0].code in ("E001", "E003")
 
 
 def check_to_run(path: str) -> Checked:
-    """Check a file; modules written in Python are looked for in its directory and in this one, too."""
+    """Check a file; Python modules are found in its directory and in the current one, too."""
     from colony.dsl.load import check_file
 
     checked = check_file(path)
@@ -98,9 +100,9 @@ def check_to_run(path: str) -> Checked:
 
 
 def load_program(path: str, code: int = EXIT_ERRORS) -> Program:
-    """The program of a file that a command works on; warnings are left to `colony check`.
+    """Return the program of a file that a command works on; warnings are left to `colony check`.
 
-    Exits with 2 where the file cannot be read, with `code` where there are errors in it.
+    Exits with 2 if the file cannot be read, with `code` if it has errors.
     """
     checked = check_to_run(path)
     if checked.program is not None:

@@ -1,10 +1,11 @@
-"""Diagnostics as SARIF 2.1.0, which code hosts and editors read: one log with one run of one command.
+"""Diagnostics as SARIF 2.1.0 for code hosts and editors: one log with one run of one command.
 
-A finding is a result of the rule that its code names; where a trace shows it (a counterexample), the result
-has a code flow with a location for each frame, which viewers let people step through. A file that cannot be
-read is no result but a notification, as the standard wants it: the tool could not do its work.
+A finding is a result of the rule that its code names. If a trace shows it (a counterexample), the result has
+a code flow with a location for each frame, which viewers can step through. A file that cannot be read is not
+a result but a notification, as the standard demands: the tool could not do its work.
 
-The standard's own schema holds the tests to it: https://docs.oasis-open.org/sarif/sarif/v2.1.0/
+The tests validate the output against the standard's own schema:
+https://docs.oasis-open.org/sarif/sarif/v2.1.0/
 """
 
 from __future__ import annotations
@@ -27,14 +28,16 @@ from colony.text.wording import counted
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 _UNREADABLE = "E001"
 _BASE = "%SRCROOT%"
-"""What relative addresses of files are relative to: the folder that the command ran in."""
+"""The base of relative file addresses: the folder that the command ran in."""
 
 Object = dict[str, object]
 
 
 class TraceStep(NamedTuple):
-    """One frame of a trace that shows a finding: the place in the text that it is about, what happens, and
-    what was there, as a person reads it, by name (`{"bumper": "true"}`)."""
+    """A frame of a trace that shows a finding.
+
+    It has the place in the text, the event, and the values by name, in readable form (`{"bumper": "true"}`).
+    """
 
     span: Span
     message: str
@@ -49,11 +52,11 @@ def sarif(
     traces: Mapping[Diagnostic, Sequence[TraceStep]] | None = None,
     bugs: Sequence[str] = (),
 ) -> str:
-    """A SARIF 2.1.0 log of what a command found, each finding once, however many files import its file.
+    """Return a SARIF 2.1.0 log of a command's findings, each once, however many files import its file.
 
     Files within `directory` have relative addresses, others absolute ones. Lines and columns count from 1,
-    columns and offsets in Unicode code points. `traces` are the frames that lead to a finding, `bugs`
-    what the command found wrong with colony itself.
+    columns and offsets in Unicode code points. `traces` are the frames that lead to a finding, `bugs` are
+    bugs of colony itself that the command found.
     """
     traces = traces or {}
     found = in_order({(d.span.source.name, d.span.start, d.code, d.message): d for d in diagnostics}.values())
@@ -94,7 +97,7 @@ def sarif(
 
 
 def _rules(used: Iterable[str]) -> dict[str, str]:
-    """Every registered code with what it is about, and those of `used` that are not."""
+    """Return the description of every registered code, and of the other codes in `used`."""
     rules = {**FRONT_END_CODES, **CODES}
     for code in used:
         rules.setdefault(code, code)
@@ -162,7 +165,7 @@ _LINK = re.compile(r"\[([^\]]*)\]\(")
 
 
 def _message(text: str) -> str:
-    """Text in which no brace is a placeholder and no bracket a link (sections 3.11.5 and 3.11.6)."""
+    """Return text in which no brace is a placeholder and no bracket a link (sections 3.11.5 and 3.11.6)."""
     return _LINK.sub(r"\\[\1\\](", text.replace("{", "{{").replace("}", "}}"))
 
 
@@ -170,7 +173,7 @@ def _message(text: str) -> str:
 
 
 def _locations(span: Span, root: str) -> list[Object]:
-    """Where it is: one place, or none for what no text declares."""
+    """Return the location of a span: one place, or none for a span outside any text."""
     if span.source is NOWHERE.source:
         return []
     line, column = span.source.position(span.start)
@@ -195,5 +198,5 @@ def _artifact(span: Span, root: str) -> Object:
 
 
 def _address(path: str) -> str:
-    """The file URI of an absolute path, whatever bytes it has."""
+    """Return the file URI of an absolute path with any bytes."""
     return "file://" + quote(os.fsencode(path))

@@ -23,7 +23,7 @@ NAMES = ("Clock", "RServer", "PServer", "DServer", "CServer", "Simulator", "Gate
 
 
 class Folder(click.Path):
-    """The name of a folder, which is not empty: that would be the present one."""
+    """A parameter type for folder names; an empty name, which would be the current folder, is refused."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the folder's path."""
@@ -123,7 +123,7 @@ def command(server: str, **given: Any) -> None:
 
 
 def objection(server: str, settings: Settings) -> str | None:
-    """Return what is missing, or makes no sense for this server; None if nothing does."""
+    """Return what is missing or invalid for this server, None if nothing is."""
     if server in ("Simulator", ALL) and settings.map_path is None:
         return f"{server} also wants --map MAP: where is the robot?"
     if server not in ("Simulator", ALL) and settings.hazards is not None:

@@ -1,4 +1,4 @@
-"""Behaviors and maps on the command line: a path, or the name of one that comes with colony."""
+"""Behaviors and maps on the command line: a path, or the name of a file shipped with colony."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from colony.shipped import Shipped
 
 
 class ShippedFile(click.ParamType):  # type: ignore[type-arg]
-    """Gives the path of a file; `says` is what help calls it."""
+    """A parameter type for a file's path; `says` describes it in help texts."""
 
     def __init__(self, kind: Shipped, what: str) -> None:
         self.name = kind.name.lower()
@@ -19,7 +19,7 @@ class ShippedFile(click.ParamType):  # type: ignore[type-arg]
         self._kind = kind
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the path that stands, or that of the shipped file with this name."""
+        """Return an existing path as it is, or the path of the shipped file with this name."""
         return self._kind.find(os.fspath(value))
 
 

@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 
 
 OF_A_BASE = frozenset({"RServer", "Clock", "Leader", "Simulator", "Supervisor"})
-"""Where one of these runs there is a base to stop, also while RServer itself is down; a "robot" with none of
-them is a data server that robots share."""
+"""Servers whose presence means that there is a base to stop, even while RServer itself is down.
+
+A "robot" with none of them is a data server that robots share.
+"""
 
 
 @click.command(name="stop", short_help="stop robots at once, in an emergency")
@@ -56,7 +58,7 @@ def command(robot: str | None, release: bool, connect: str | None, security: Pat
         raise click.UsageError(f"--release also wants --robot NAME: found {', '.join(names)}")
     from concurrent.futures import ThreadPoolExecutor
 
-    with ThreadPoolExecutor(max_workers=len(names)) as pool:  # none waits for another
+    with ThreadPoolExecutor(max_workers=len(names)) as pool:  # robots are stopped in parallel
         codes = list(pool.map(lambda name: _command(name, release, connect, security), names))
     if any(codes):
         raise click.exceptions.Exit(max(codes) if len(codes) == 1 else EXIT_ERRORS)
@@ -117,7 +119,7 @@ def _release(name: str, session: Session) -> bool:
 
 
 def _tell(text: str) -> None:
-    """Print a line, also where nobody can read it: the other robots are to be stopped all the same."""
+    """Print a line; a failed output must not keep the other robots from being stopped."""
     try:
         click.echo(text)
     except OSError as problem:
@@ -125,7 +127,7 @@ def _tell(text: str) -> None:
 
 
 def _circumstances(session: Session) -> tuple[str, str]:
-    """Return phrases for who stopped the robot first and for the run that goes on, empty if unknown."""
+    """Return phrases for the user who stopped the robot first and for its run, empty if unknown."""
     from colony.runtime.kit.errors import ConnectionProblem
     from colony.runtime.library.clock import who
     from colony.runtime.protocol.topics import CLOCK

@@ -1,4 +1,4 @@
-"""What somebody enters at the terminal while a run goes on: lines, read without waiting for them."""
+"""Lines that a user enters at the terminal during a run, read without blocking."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from colony.nav.missions.elevator_prompt import Heard
 
 
 class Terminal:
-    """An `Ear` at a stream, such as the standard input: a terminal or a pipe. Mutable: what was read of it.
+    """An `Ear` at a stream, such as the standard input: a terminal or a pipe. Mutable: its unread input.
 
-    Lines of a pipe all count; of a terminal only those that were typed after the question, as long as
-    this runs in the foreground.
+    All lines of a pipe count; of a terminal only those that were typed after the question, while this process
+    runs in the foreground.
     """
 
     def __init__(self, stream: TextIO | None) -> None:
@@ -26,15 +26,15 @@ class Terminal:
         self._read = b""
 
     def forget(self) -> None:
-        """Drop what was typed so far."""
+        """Drop everything that was typed so far."""
         if self._file is None or not os.isatty(self._file) or self._is_behind():
             return
-        with suppress(termios.error):  # it has hung up
+        with suppress(termios.error):  # the terminal has hung up
             termios.tcflush(self._file, termios.TCIFLUSH)
         self._read = b""
 
     def listen(self) -> Heard:
-        """Whether there is one more line."""
+        """Return "line" if there is another line, "end" at the end of input, else "nothing"."""
         while b"\n" not in self._read:
             if self._file is None:
                 return "end"
@@ -51,8 +51,8 @@ class Terminal:
         return "line"
 
     def _is_behind(self) -> bool:
-        """Whether this runs in the background of its terminal: who touches that then is stopped."""
+        """Return True if the process is in the background of its terminal, where access would suspend it."""
         try:
             return self._file is not None and os.tcgetpgrp(self._file) != os.getpgrp()
-        except OSError:  # no terminal, or not that of this process
+        except OSError:  # not a terminal, or not that of this process
             return False

@@ -1,4 +1,4 @@
-"""`colony test`: the tests that behavior files contain, in the reference interpreter."""
+"""`colony test`: the tests in behavior files, run in the reference interpreter."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def command(files: tuple[str, ...], format_: str, only: tuple[str, ...]) -> None
 
 
 class _Tested(NamedTuple):
-    """What became of the tests of one file; a line a test, and what was found wrong with it or them."""
+    """The results of one file's tests: a line per test, and the diagnostics."""
 
     found: Sequence[Diagnostic]
     lines: Sequence[str] = ()
@@ -82,7 +82,7 @@ def _test(file: str, only: tuple[str, ...]) -> _Tested:
     if checked.program is None:
         return _Tested(checked.diagnostics)
     try:
-        with redirect_stdout(sys.stderr):  # for what modules in Python print
+        with redirect_stdout(sys.stderr):  # for prints of Python modules
             results = run_examples(checked.program, only)
     except Failure as failure:
         return _Tested(failure.diagnostics)

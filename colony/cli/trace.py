@@ -58,7 +58,7 @@ def command(file: str, input_: str, backend: Backend, output: Path | None) -> No
 
     lines = io.StringIO()
     name = "<stdin>" if input_ == "-" else input_
-    with _open(input_) as frames, redirect_stdout(sys.stderr):  # for what modules in Python print
+    with _open(input_) as frames, redirect_stdout(sys.stderr):  # for prints of Python modules
         decider = Decider(program, backend)
         try:
             reader = read_frames(frames, name)

@@ -1,4 +1,4 @@
-"""`colony vision`: what the detectors see in a picture of one's own."""
+"""`colony vision`: the detectors' findings in a user's picture."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def command(files: tuple[str, ...], chosen: tuple[str, ...], output: str | None,
 
 
 class _Report(NamedTuple):
-    """What came of a file: its looks, or why it could not be looked at."""
+    """The result for a file: its looks, or the error that prevented them."""
 
     file: str
     size: tuple[int, int]
@@ -84,7 +84,7 @@ class _Report(NamedTuple):
 
 
 def _pictures(files: Sequence[str], output: str | None) -> list[Path]:
-    """Where to draw, for each file; no two into one."""
+    """Return the picture to draw for each file; refuse two files with the same one."""
     context = click.get_current_context()
     if output is not None:
         if Path(output).suffix.lower() != ".png":
@@ -104,12 +104,12 @@ def _pictures(files: Sequence[str], output: str | None) -> list[Path]:
 
 
 def _drawn(file: str) -> Path:
-    """Where a file is drawn, unless told."""
+    """Return the default path of a file's drawing."""
     return Path(file).parent / f"{Path(file).stem or 'image'}.seen.png"
 
 
 def _looked_at(file: str, picture: Path, chosen: Sequence[str], files: Sequence[str]) -> _Report:
-    """Read, look, draw; what is wrong with the file is said."""
+    """Read a file, run the detectors and draw; report an error of the file."""
     from colony.vision.annotate import annotate, encode_png
     from colony.vision.gray_images import gray_image
     from colony.vision.image_files import MOST_BYTES, BadImage, decode_image
@@ -129,7 +129,7 @@ def _looked_at(file: str, picture: Path, chosen: Sequence[str], files: Sequence[
 
 
 def _box(spot: Spot) -> tuple[float, float, float, float]:
-    """The column and row of a spot's middle, its width and height, in pixels."""
+    """Return the column and row of a spot's middle, its width and its height, in pixels."""
     columns, rows = zip(*spot.corners, strict=True)
     width, height = max(columns) - min(columns), max(rows) - min(rows)
     return min(columns) + width / 2.0, min(rows) + height / 2.0, width, height

@@ -1,1 +1,1 @@
-"""Whole robots, put together from all packages: what runs a program on one, simulated or real."""
+"""Complete robots, simulated or real, assembled from all packages to run a program."""

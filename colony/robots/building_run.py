@@ -1,4 +1,4 @@
-"""A run of a program on a robot that is simulated in a building, in one process and in virtual time."""
+"""A run of a program on a robot in a simulated building, in one process and in virtual time."""
 
 from __future__ import annotations
 
@@ -28,11 +28,12 @@ if TYPE_CHECKING:
 
 
 def run_in_building(compiled: Compiled, request: RunRequest, attendant: Attendant) -> Driven:
-    """Run a program to the end, or until it is interrupted; what came of it, and of the way, if any.
+    """Run a program to the end, or until it is interrupted; return the result of the run and its way.
 
     Raises:
-        Misuse: the robot has no room in the building, there is no such way, or no recording can be written.
-        Failure: the map is bad (its codes begin with M), or the program asks for what the robot lacks.
+        Misuse: the robot has no room in the building, the way does not exist, or no recording can be written.
+        Failure: the map is invalid (codes beginning with M), or the program needs something that the robot
+            lacks.
     """
     mission = None
     if request.goal is not None:
@@ -95,8 +96,10 @@ def _run(
     mission: Mission | None,
     recording: RunRecording | None,
 ) -> bool:
-    """Return whether the run was interrupted; it ends by itself when a mission is over, or its recording
-    breaks off."""
+    """Run the session; return True if it was interrupted.
+
+    It ends by itself when a mission is over, or its recording breaks off.
+    """
     length_ns = request.length_ns
     if length_ns is None:
         assert mission is not None
@@ -122,7 +125,7 @@ def _run(
 
 
 def wall_clock() -> Callable[[int], None]:
-    """Return a pace that sleeps until the moment has come by the wall clock."""
+    """Return a pace that sleeps until the wall clock has reached a moment."""
     start = time.monotonic_ns()
 
     def pace(t_ns: int) -> None:
@@ -137,21 +140,23 @@ def wall_clock() -> Callable[[int], None]:
 
 
 class PathSink:
-    """Collects the true path of the robot, by floor. Mutable: the path so far."""
+    """A collector of the robot's true path, by floor. Mutable: the path so far."""
 
     def __init__(self, world: World, floor: Callable[[], str]) -> None:
         self._world, self._floor = world, floor
         self._paths: dict[str, DrivenPath] = {}
 
     def take(self, log: FrameLog) -> None:
+        """Add the robot's pose in this frame."""
         self._add_pose()
 
     def close(self) -> None:
+        """Add the robot's last pose."""
         self._add_pose()
 
     @property
     def places(self) -> dict[str, list[tuple[float, float]]]:
-        """Places on each floor, in mm; the last one is the newest."""
+        """The places on each floor, in mm; the last one is the newest."""
         return {floor: path.places for floor, path in self._paths.items()}
 
     def _add_pose(self) -> None:

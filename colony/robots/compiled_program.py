@@ -1,4 +1,4 @@
-"""Compiled programs with the files of their modules in Python: made from a program, saved, and read."""
+"""Compiled programs with the files of their Python modules: created from a program, and read."""
 
 from __future__ import annotations
 
@@ -14,20 +14,21 @@ from colony.text.diagnostics import Failure
 
 
 def compiled_with_sources(program: Program, report: Callable[[str], None]) -> Compilation:
-    """Compile a program; its artifact has all sources, so that a recording can be audited by itself.
+    """Compile a program with all its sources, so that a recording can be audited on its own.
 
-    Modules in Python are looked for in `sys.path`. `report` is told of files that cannot be read, which are
-    left out.
+    Python modules are found on `sys.path`. `report` takes a warning about each file that cannot be read,
+    which is left out.
     """
     modules = (module.module_path for module in program.modules if isinstance(module, PythonModule))
     return compile_program(program, python_sources(modules, report))
 
 
 def read_compiled(path: StrPath) -> Compiled:
-    """Read a compiled program whose modules in Python, in `sys.path`, are those that it was compiled with.
+    """Read a compiled program, and check that its Python modules on `sys.path` have not changed.
 
     Raises:
-        Failure: C001, it cannot be read, holds none that could be run, or has another module in Python.
+        Failure: C001, the file cannot be read, contains no executable program, or a Python module has
+            changed.
     """
     compiled = read(path)
     changed = changed_sources(compiled)

@@ -1,18 +1,18 @@
-"""The path of a robot for a picture, with a limited number of places however long the run is."""
+"""The path of a robot for a picture, with a bounded number of places for a run of any length."""
 
 from __future__ import annotations
 
 import math
 
 MOST_PLACES = 10_000
-"""Places beyond which every second one is dropped."""
+"""Largest number of places; beyond it every second place is dropped."""
 
 SPACING_MM = 10.0
-"""Distance between two places, in mm, at first; it doubles whenever places are dropped."""
+"""Initial distance between two places in mm; it doubles whenever places are dropped."""
 
 
 class DrivenPath:
-    """A path whose memory is bounded. Mutable: its places, of which the last is always the newest."""
+    """A path with bounded memory. Mutable: its places, of which the last is always the newest."""
 
     def __init__(self, *, most: int = MOST_PLACES) -> None:
         self._most = most
@@ -20,7 +20,7 @@ class DrivenPath:
         self.places: list[tuple[float, float]] = []
 
     def add(self, x_mm: float, y_mm: float) -> None:
-        """Add the present place of the robot, in mm."""
+        """Add the robot's present place, in mm."""
         places = self.places
         if len(places) > 1 and math.dist(places[-2], (x_mm, y_mm)) < self._spacing_mm:
             places.pop()

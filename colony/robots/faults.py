@@ -1,10 +1,10 @@
-"""Runs in virtual time in which processes die, freeze and come back, and messages get lost, late or doubled.
+"""Runs in virtual time with faults: processes die, freeze and restart; messages are lost, late or doubled.
 
-What must hold then: every command that leaves arbitration is the reference interpreter's for that frame, or
-the idle one. The frames are taken from the network afterwards: what servers published, and what the Clock
-said of them. In an epoch they follow each other, and the interpreter begins anew with it. Where a server died
-while a frame of its was on its way, some saw what others did not, and what the Clock then declared void;
-either frame counts as the true one until a new epoch begins.
+Every command that leaves arbitration must be the reference interpreter's for that frame, or the idle one. The
+frames are reconstructed from the network traffic: the frames that servers published, and the Clock's ticks.
+Within an epoch they are consecutive, and the interpreter restarts with each epoch. If a server died while one
+of its frames was on its way, some clients may have received a frame that others did not, and that the Clock
+then declared void; either frame counts as the true one until a new epoch begins.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from colony.verify.testing.agreement import Disagreement
 
 MS = 1_000_000
 FRAMES = 24
-"""Of a run; the last few without faults."""
+"""Frames of a run; the last few are without faults."""
 QUIET = 4
 
 
 def with_faults(compilation: Compilation, trace: Sequence[Frame], seed: int) -> Disagreement | None:
-    """Run a program over the readings of `trace`, again and again, with faults from `seed`.
+    """Run a program over the readings of `trace`, cyclically, with faults from `seed`.
 
     Frames are longer than the program says, so that losses show within a few of them.
     """
@@ -43,7 +43,7 @@ def with_faults(compilation: Compilation, trace: Sequence[Frame], seed: int) -> 
     stage = _Stage(replace(compilation.compiled, frame_ns=frame_ns), trace, seed, random)
     try:
         stage.run()
-    except Exception as raised:  # whatever a process raises is what it is tested for
+    except Exception as raised:  # any exception of a process is a finding
         frame = Frame(stage.now_ns, {})
         found = f"a process raised {type(raised).__name__}: {raised}"
         return Disagreement(executor="", trace=(frame,), expected=Outcome(()), found=found)
@@ -55,7 +55,7 @@ def with_faults(compilation: Compilation, trace: Sequence[Frame], seed: int) -> 
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """What went over the network."""
+    """The recorded network traffic."""
 
     ticks: dict[int, Tick] = field(default_factory=dict)
     frames: dict[tuple[str, int], ServerFrame] = field(default_factory=dict)
@@ -73,7 +73,7 @@ class _Seen:
 
 
 class _Stage:
-    """One run. Mutable: the processes that live, and what was seen of them."""
+    """A run with faults. Mutable: the live processes, and their observed messages."""
 
     def __init__(self, compiled: Compiled, trace: Sequence[Frame], seed: int, random: Random) -> None:
         self._frame_ns = compiled.frame_ns
@@ -100,7 +100,7 @@ class _Stage:
         self.robot.observer.close()
 
     def _link(self, seed: int, random: Random) -> Faults:
-        """Faults until the quiet frames, and none on the way to the observer."""
+        """Return faults that end with the quiet frames and spare the observer."""
         share = random.choice((0.0, 0.3, 1.0, 2.0))
         rates = Rates(lost=0.02 * share, doubled=0.02 * share, late=0.03 * share, reordered=0.1 * share)
 
@@ -114,7 +114,7 @@ class _Stage:
         return self._faults(sender, receiver, message)
 
     def _plan(self, random: Random) -> None:
-        """Kill or freeze some processes, and let them come back."""
+        """Schedule the death or freeze of some processes, and their return."""
         addresses = self.robot.processes
         for _ in range(random.choice((0, 1, 1, 2, 3, 5))):
             address = random.choice(addresses)
@@ -125,19 +125,19 @@ class _Stage:
             self.robot.transport.at(back, partial(self.robot.revive, address))
 
 
-# --- what should have been -------------------------------------------------------------------------
+# --- the expected behavior ---------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class _Path:
-    """The frames of an epoch, and what the reference does in them."""
+    """The frames of an epoch, and the reference interpreter's outcomes."""
 
     frames: tuple[Frame, ...]
     outcomes: tuple[Outcome, ...]
 
 
 def _judged(program: Program, stage: _Stage) -> Disagreement | None:
-    """The first command that the reference would not have sent, or the first thing that the monitor says."""
+    """Return the first command that the reference would not have sent, or the monitor's first finding."""
     actuators = {a.name: a for a in program.robot.actuators}
     sent: dict[int, list[Sent]] = {}
     for one in stage.robot.sent:
@@ -166,15 +166,18 @@ def _judged(program: Program, stage: _Stage) -> Disagreement | None:
 
 
 def _unjudged(stage: _Stage, actuators: Iterable[Actuator], epoch: list[Tick]) -> frozenset[str]:
-    """Actuators of which it is not known what is due: with `on_loss degrade` a module in Python of which
-    nothing is known counts as not active for others, and somebody was down who would tell them."""
+    """Return the actuators whose expected commands are unknown.
+
+    With `on_loss degrade`, a Python module without a known answer counts as inactive for others. So the
+    expected command is unknown if an announcer or DServer was down.
+    """
     tellers = {DSERVER.name, *(activity(DSERVER.name, module) for module in stage.robot.deployed.announced)}
     blind = stage.robot.deployed.announced and any(tellers & set(tick.down) for tick in epoch)
     return frozenset(a.name for a in actuators if blind and a.on_loss == "degrade")
 
 
 def _epochs(ticks: Mapping[int, Tick]) -> Iterator[list[Tick]]:
-    """The ticks of the run, epoch by epoch."""
+    """Yield the ticks of the run, epoch by epoch."""
     by_start: dict[int, list[Tick]] = {}
     for k in sorted(ticks):
         if ticks[k].run:
@@ -183,7 +186,7 @@ def _epochs(ticks: Mapping[int, Tick]) -> Iterator[list[Tick]]:
 
 
 def _path(program: Program, seen: _Seen, epoch: list[Tick], *, void_counts: bool) -> _Path:
-    """What the reference does in an epoch; with `void_counts`, void frames are "no value"."""
+    """Return the reference's outcomes in an epoch; with `void_counts`, void frames are "no value"."""
     interpreter = Interpreter(program)
     degrading = any(a.on_loss == "degrade" for a in program.robot.actuators)
     frames, outcomes = [], []

@@ -1,4 +1,4 @@
-"""Robots that run already: what there is of them on this machine, and sessions with them."""
+"""Running robots: their discovery on this machine, and sessions with them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def session_with(place: Place) -> Session:
     """Open a session with a robot.
 
     Raises:
-        LiveError, ServerNotFound: it cannot be reached, or is not there.
+        LiveError, ServerNotFound: the robot cannot be reached, or does not exist.
     """
     from colony.runtime.kit.connection import Session
     from colony.runtime.transport.live.place import Remote
@@ -26,7 +26,7 @@ def session_with(place: Place) -> Session:
 
 
 def running_robots(environment: Mapping[str, str] = os.environ) -> dict[str, Mapping[str, int]]:
-    """Return the robots of this machine of which something runs: the names of that, with process ids."""
+    """Return the running robots of this machine: their processes by name, with process ids."""
     from colony.runtime.transport.live.run_directory import RunDirectory
 
     directory = RunDirectory.find(environment)

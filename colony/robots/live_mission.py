@@ -1,10 +1,10 @@
-"""A plan driven by a robot that is served: the scripts of a variant over live connections.
+"""A plan driven by a served robot: the scripts of a variant over live connections.
 
     with Session.open("rome") as rome, LiveMission(rome, building, plan) as mission:
         mission.wait()
-    print(mission.arrival)
+    print(mission.arrived, mission.off_mm)
 
-In virtual time the same scripts are nodes (`mission.py`), in an experiment they run in the fast loop.
+In virtual time the same scripts are nodes (`mission.py`); in an experiment they run in the fast loop.
 """
 
 from __future__ import annotations
@@ -28,24 +28,26 @@ from colony.runtime.library.ask import Ask
 from colony.vision.level_camera import AHEAD, SIDE
 
 DEVICE_S = 10.0
-"""For how long a device may be about to start."""
+"""Timeout in seconds for a device that may be about to start."""
 
 
 class NoCamera(ConnectionProblem):
-    """The robot lacks the camera by which it finds its way."""
+    """The robot lacks the camera that it navigates by."""
 
 
 class LiveMission:
-    """The scripts that lead a robot along a plan, from `__enter__` on. Mutable: how far they are.
+    """The scripts that lead a robot along a plan, from `__enter__` on. Mutable: their progress.
 
-    The robot has to stand before the first room, and is told so. In the end it has no goal any more: nobody
-    is there who could give it the next one. It needs the camera that looks up; those that look to the left
-    and ahead are of use where it has them, with images as large as their finders expect.
+    The robot must stand before the first room; its base is set to that position. At the end the robot has no
+    goal, because no script is left to set the next one. It needs the camera that looks up; those that look to
+    the left and ahead are used if the robot has them, with images of the size that their finders expect.
 
     Args:
-        session: what this process has with the robot.
-        building, plan: where it is, and where to.
-        operator: who has elevators' buttons pressed; by default nobody, and the robot goes by what it sees.
+        session: the process's session with the robot.
+        building: the building that the robot is in.
+        plan: the way to its goal.
+        operator: the script that has elevator buttons pressed; by default none, and the robot relies on what
+            it sees.
     """
 
     def __init__(
@@ -61,25 +63,26 @@ class LiveMission:
 
     @property
     def over(self) -> bool:
-        """Whether the planner is done, or a script has failed."""
+        """True if the planner is done, or a script has failed."""
         return self._scripts is not None and self._scripts.over
 
     @property
     def arrived(self) -> bool:
-        """Whether the planner is done, after the end."""
+        """True if the planner is done, after the end."""
         return self._scripts is not None and self._scripts.done
 
     @property
     def problem(self) -> str:
-        """What a script raised; "" where none did."""
+        """The error that a script raised; "" for none."""
         return "" if self._scripts is None else self._scripts.problem
 
     def wait(self) -> None:
-        """Until it is over."""
+        """Wait until the mission is over."""
         if self._scripts is not None:
             self._scripts.wait()
 
     def __enter__(self) -> LiveMission:
+        """Prepare the robot and start the scripts."""
         self._begin()
         scripts = OURS.scripts(self._plan, self._building, cameras=self._cameras(), on_verdict=self._verified)
         self._scripts = LiveScripts(self._session, {**scripts, "operator": self._operator}, leader=PLANNER)
@@ -88,23 +91,24 @@ class LiveMission:
         return self
 
     def __exit__(self, *raised: object) -> None:
+        """End the scripts and clear the robot's goal."""
         assert self._scripts is not None
         try:
             self._scripts.close()
-        finally:  # also where somebody does not wait for the scripts' end
+        finally:  # even if the caller does not wait for the scripts' end
             self.took_s = time.monotonic() - self._began_s
             with suppress(ConnectionProblem):
                 self._end()
 
     def _begin(self) -> None:
-        """Tell the base where it stands, and all on which floor; and see to it that the camera is there.
+        """Set the position of the base and the floor, and check that the camera is up.
 
         Raises:
-            NoCamera: it is not.
+            NoCamera: the camera is missing.
             ConnectionProblem: the base or the data server does not answer.
         """
         first = self._plan.segments[0]
-        # Before the scripts begin: what there is may be of a mission that ended on another floor.
+        # Before the scripts begin: stored values may come from a mission that ended on another floor.
         with self._session.connect("DServer", name=PLANNER) as store:
             store.do(data.set_many({FLOOR: first.start.floor, ELEVATOR_CALL: []}))
         with self._session.connect("RServer", name=PLANNER) as base:
@@ -118,7 +122,7 @@ class LiveMission:
             raise NoCamera(f"{problem}; {hint}") from None
 
     def _cameras(self) -> frozenset[str]:
-        """Those that the robot has and the scripts understand."""
+        """Return the robot's cameras that the scripts can use."""
         there = {CEILING_CAMERA}
         for name, geometry in ((SIDE_CAMERA, SIDE), (FRONT_CAMERA, AHEAD)):
             with suppress(ConnectionProblem), self._session.connect(name, name=PLANNER) as eye:
@@ -131,7 +135,7 @@ class LiveMission:
         self.verdict = verdict
 
     def _end(self) -> None:
-        """Nothing is to be driven any more; where is it?"""
+        """Clear the goal, and compute the distance to it."""
         with self._session.connect("DServer", name=PLANNER) as store:
             store.do(data.set(GOAL_TYPE, int(GoalKind.NONE)))
         with self._session.connect("RServer", name=PLANNER) as base:
@@ -140,12 +144,15 @@ class LiveMission:
 
 
 def nobody() -> Script:
-    """In place of an operator: the robot is not held back inside an elevator by one that was there before."""
+    """Set `FloorReached`, in place of an operator.
+
+    A value left by an earlier operator would hold the robot back inside an elevator.
+    """
     yield from do("DServer", data.set(FLOOR_REACHED, 1))
 
 
 def _once_there(server: Connection, ask: Ask[Any]) -> None:
-    """Ask until the device has given something: it may have been started just now."""
+    """Repeat a call until it succeeds: the device may have just been started."""
     end = time.monotonic() + DEVICE_S
     while True:
         try:

@@ -23,11 +23,11 @@ from colony.sim.world.site import Site
 _CAMERAS = (CEILING_CAMERA, SIDE_CAMERA, FRONT_CAMERA)
 _SERVERS = (DSERVER.name, RSERVER.name, PSERVER.name, *_CAMERAS)
 _AFTER_NS = 1_000_000
-"""Scripts begin so long after a frame, so that they know what was seen in it."""
+"""Nanoseconds from a frame to the scripts' start, so that they know its observations."""
 
 
 class Mission:
-    """A way through a building that is to be driven. Mutable: the building, and how far its scripts are."""
+    """A way through a building to be driven. Mutable: the building, and the progress of its scripts."""
 
     def __init__(self, way: Way, request: RunRequest) -> None:
         self._way, self.plan = way, way.plan
@@ -61,18 +61,18 @@ class Mission:
 
     @property
     def problem(self) -> str:
-        """What a script raised; "" where none did."""
+        """The error that a script raised; "" for none."""
         for script in self._scripts.values():
             if script.problem is not None:
                 return f"{script.address}: {type(script.problem).__name__}: {script.problem}"
         return ""
 
     def is_over(self) -> bool:
-        """Whether the planner is done, or a script has failed."""
+        """Return True if the planner is done, or a script has failed."""
         return self._scripts[PLANNER].ended or bool(self.problem)
 
     def arrival(self, t_ns: int) -> Arrival:
-        """What came of it."""
+        """Return the result of the mission."""
         where, when = self._place(), f"after {t_ns / 1e9:.1f} s"
         if self.problem:
             return Arrival(arrived=False, text=f"{self._way.name}: broke off {when}, {where}: {self.problem}")
@@ -93,7 +93,7 @@ class Mission:
         return self.plan.segments[-1].end.floor
 
     def _off_mm(self) -> float:
-        """How far the robot really is from the goal, on its floor."""
+        """Return the robot's true distance from the goal on its floor, in mm."""
         pose, goal = self.site.world.true_pose(0), self.plan.segments[-1].end
         return math.hypot(pose.x_mm - goal.x_mm, pose.y_mm - goal.y_mm)
 

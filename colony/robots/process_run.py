@@ -1,4 +1,4 @@
-"""A run of a program by processes: its clients, and servers that are started with them or there already."""
+"""A run of a program by processes: its clients, and servers that are started with them or run already."""
 
 from __future__ import annotations
 
@@ -33,21 +33,22 @@ from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.place import Local, Place
 from colony.runtime.transport.live.run_directory import in_run_directory
 
-if TYPE_CHECKING:  # planning and leading are not for every run
+if TYPE_CHECKING:  # not every run plans or leads a mission
     from colony.robots.live_mission import LiveMission
     from colony.robots.way import Way
 
 PLANT_S = 120.0
-"""For how long the simulator may take to start: once, where nothing is kept of it, it is compiled."""
+"""Timeout in seconds for the simulator to start; without a cache it is compiled first."""
 
 
 def run_here(compiled: Compiled, place: Local, request: RunRequest, attendant: Attendant) -> Driven:
-    """Run a program on a simulated robot: servers, clients and the plant are started, and end with the run.
+    """Run a program on a simulated robot: start servers, clients and the plant, and end them with the run.
 
     Raises:
-        Misuse: there is no such way, or no recording can be written.
-        Failure: the map is bad (its codes begin with M), or the program asks for what the robot lacks.
-        LiveError: the robot's processes cannot be joined: another run of it goes on, for one.
+        Misuse: the way does not exist, or no recording can be written.
+        Failure: the map is invalid (codes beginning with M), or the program needs something that the robot
+            lacks.
+        LiveError: the robot's processes cannot be joined; for example, another run of it is in progress.
         BrokenOff: the run could not begin, or broke off.
     """
     from colony.nav.maps.stickrep.reader import load_map
@@ -93,10 +94,10 @@ def run_here(compiled: Compiled, place: Local, request: RunRequest, attendant: A
 
 
 def run_there(compiled: Compiled, place: Place, request: RunRequest, attendant: Attendant) -> Driven:
-    """Run a program on a robot whose servers run already, here or behind a gateway.
+    """Run a program on a robot whose servers run already, on this machine or behind a gateway.
 
     Raises:
-        Misuse: there is no such robot on this machine, or no such way.
+        Misuse: the robot does not run on this machine, or the way does not exist.
         others: as `run_here`.
     """
     if isinstance(place, Local) and not place.directory.running():
@@ -122,7 +123,7 @@ def run_there(compiled: Compiled, place: Place, request: RunRequest, attendant: 
 
 
 def _way_here(request: RunRequest) -> Way:
-    """Return the way to drive, on the one floor that the simulator of processes has."""
+    """Return the way to drive; the simulator of processes has a single floor."""
     from colony.robots.way import way_of
 
     way = way_of(request)
@@ -136,7 +137,7 @@ def _way_here(request: RunRequest) -> Way:
 
 
 class _Run:
-    """What both ways have in common. Mutable: what was seen of the run."""
+    """The common part of both kinds of runs. Mutable: the observations of the run."""
 
     def __init__(
         self, compiled: Compiled, place: Place, request: RunRequest, attendant: Attendant, way: Way | None
@@ -168,7 +169,7 @@ class _Run:
 
     @contextmanager
     def led(self) -> Iterator[LedRun]:
-        """Lead the run, to the end of the block; its processes have ended then."""
+        """Lead the run to the end of the `with`; its processes have ended then."""
         with self._attendant.interruptible() as self._interrupted, ExitStack() as holds:
             led = holds.enter_context(self._lead())
             self._folder = self._fresh_folder()
@@ -184,7 +185,7 @@ class _Run:
             self._recording.expect_frames()
 
     def stop(self) -> bool:
-        """Whether the run is to end before its time: it was interrupted, or its recording broke off."""
+        """Return True if the run has to end early: it was interrupted, or its recording broke off."""
         return self._interrupted() or self._broke_off is not None
 
     @property
@@ -193,12 +194,12 @@ class _Run:
 
     @property
     def folder(self) -> Path:
-        """Where its processes are told what to be, and what they print goes."""
+        """The folder of its processes' specs and logs."""
         assert self._folder is not None
         return self._folder
 
     def client_jobs(self) -> tuple[Job, ...]:
-        """How its clients are started; modules in Python are looked for where this process looks for them."""
+        """Return the jobs of its clients; Python modules are found on this process's paths."""
         search = (str(Path(self._request.file).resolve().parent), os.getcwd())
         return client_jobs(
             self._place,
@@ -211,7 +212,7 @@ class _Run:
         )
 
     def follow(self, led: LedRun, *, meanwhile: Callable[[], object] = lambda: None) -> bool:
-        """Lead it to its end, or to that of its way; whether it was interrupted before."""
+        """Lead the run to its end, or to that of its way; return True if it was interrupted before."""
         if self._way is None:
             return not led.follow(self.stop, meanwhile=meanwhile)
         from colony.robots.live_mission import LiveMission
@@ -226,8 +227,10 @@ class _Run:
                 return self.stop() and not mission.over
 
     def arrival(self, place: tuple[float, float] | None) -> Arrival | None:
-        """What came of the way, if there was one, for a robot that is really at a place, as far as that is
-        known."""
+        """Return the result of the way, None for a run without one.
+
+        `place` is the robot's true place, if it is known.
+        """
         if self._way is None or self._mission is None:
             return None
         from colony.robots.way import TOLD_OF_PLATE
@@ -246,7 +249,7 @@ class _Run:
         return Arrival(arrived=mission.arrived, text=text)
 
     def summary(self, interrupted: bool, travel: Travel | None) -> RunSummary:
-        """What came of it."""
+        """Return the summary of the run."""
         found = self._tally.summary(
             seed=self._request.seed,
             duration_s=self._window.shown_ns / 1e9,
@@ -273,7 +276,7 @@ class _Run:
         )
 
     def _fresh_folder(self) -> Path:
-        """The folder of the run, where nothing is of an earlier one: its leader is the only one now."""
+        """Return an empty folder for the run; no other leader can be using it now."""
         if isinstance(self._place, Local):
             folder = self._place.directory.path / "run"
             with in_run_directory(folder):
@@ -281,7 +284,7 @@ class _Run:
         return Path(mkdtemp(prefix="colony-run-"))
 
     def _tidy(self) -> None:
-        """Its processes have ended: what they printed stays behind, on the robot's own machine, no more."""
+        """Clean up after the processes: keep only their logs, and those only on the robot's machine."""
         if self._folder is not None:
             if isinstance(self._place, Local):
                 keep_logs(self._folder)
@@ -294,13 +297,15 @@ class _Run:
 
 
 def _in_folder(place: Place, folder: Path) -> AbstractContextManager[None]:
-    """Return a context that adds to an OSError what to do about the folder of a run."""
+    """Return a context that adds advice about a run's folder to an OSError."""
     return in_run_directory(folder) if isinstance(place, Local) else naming(folder)
 
 
 def _more_servers(robot: Robot, place: Place) -> tuple[ServerSpec, ...]:
-    """Those that sensors of the program read besides what every robot has, as they describe themselves; what
-    does not run, or does not, is left out."""
+    """Return the additional servers that the program's sensors read, by their own description.
+
+    Servers that do not run, or do not describe themselves, are left out.
+    """
     known = {server.name for server in SERVERS}
     wanted = dict.fromkeys(s.server for s in robot.sensors if s.server not in known)
     if not wanted:

@@ -1,6 +1,6 @@
-"""The files of modules in Python that a program uses, with those that they import.
+"""The files of a program's Python modules, with the modules that they import.
 
-What is installed (the standard library, packages) is left out. Nothing is imported to find them.
+Installed modules (the standard library, packages) are left out. Nothing is imported to find them.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from colony.execute.compiled import Compiled, SourceFile
 from colony.files import read_file, reason
 
 SOURCE_BYTES = 4 * 1024 * 1024
-"""Largest file of a module in Python that goes into a recording."""
+"""Size limit in bytes of a Python module's file in a recording."""
 
 _INSTALLED = tuple(
     Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")
@@ -23,9 +23,9 @@ _INSTALLED = tuple(
 
 
 def python_sources(names: Iterable[str], report: Callable[[str], None]) -> tuple[SourceFile, ...]:
-    """Return the sources of these modules (dotted names) and of all that they import, as `sys.path` stands.
+    """Return the sources of these modules (dotted names) and of all their imports, found on `sys.path`.
 
-    `report` is told of files that cannot be read, which are left out.
+    `report` takes a warning about each file that cannot be read, which is left out.
     """
     found: dict[str, SourceFile] = {}
     waiting, seen = list(names), set[str]()
@@ -45,14 +45,14 @@ def python_sources(names: Iterable[str], report: Callable[[str], None]) -> tuple
 
 
 def changed_sources(compiled: Compiled) -> tuple[str, ...]:
-    """Return the places of modules in Python that are other ones now than when a program was compiled."""
+    """Return the places of Python modules that have changed since a program was compiled."""
     now = python_sources((call.module_path for call in compiled.code.python), lambda _: None)
     then = {source.place: source.data for source in compiled.sources if source.kind == "python"}
     return tuple(source.place for source in now if then.get(source.place, source.data) != source.data)
 
 
 def _find(name: str) -> ModuleSpec | None:
-    """Where a module is, package by package, as import would look for it."""
+    """Return the spec of a module, found package by package as an import would."""
     spec, path = None, None
     parts = name.split(".")
     for i in range(len(parts)):
@@ -67,7 +67,7 @@ def _find(name: str) -> ModuleSpec | None:
 
 
 def _own(spec: ModuleSpec, report: Callable[[str], None]) -> SourceFile | None:
-    """Return the source of a module that is a file of the user's; report one that cannot be read."""
+    """Return the source of a module if it is a user's file; report one that cannot be read."""
     origin = Path(spec.origin) if spec.origin else None
     if origin is None or origin.suffix != ".py" or any(map(origin.resolve().is_relative_to, _INSTALLED)):
         return None
@@ -81,7 +81,7 @@ def _own(spec: ModuleSpec, report: Callable[[str], None]) -> SourceFile | None:
 
 
 def _imports(data: bytes, name: str, *, is_package: bool) -> Iterator[str]:
-    """The names of what a module may import; some may be no modules."""
+    """Yield the names that a module may import; some may not be modules."""
     try:
         tree = ast.parse(data)
     except (SyntaxError, ValueError):

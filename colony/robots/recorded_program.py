@@ -1,4 +1,4 @@
-"""The program of a recording, from the sources in it."""
+"""The program of a recording, rebuilt from the sources in it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from colony.text.source import Source, Span
 
 
 def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
-    """The program of a recording, whose sources are put into `folder`: `behavior` and `python` in it.
+    """Return the program of a recording; its sources are unpacked into `behavior` and `python` in `folder`.
 
-    `name` is what messages call the recording. Nothing in Python is run.
+    `name` is the name of the recording in messages. No Python module is run.
 
     Raises:
-        Failure: A005, the recording does not have the whole program, or there are errors in it.
+        Failure: A005, the recording does not have the whole program, or the program has errors.
     """
     if not any(s.place == run.program and s.kind == "behavior" for s in run.sources):
         raise Failure([unusable(name, "the recording does not hold its program")])
@@ -46,5 +46,5 @@ def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
 
 
 def unusable(name: str, message: str) -> Diagnostic:
-    """A005: why the program of the recording `name` cannot be used."""
+    """Return A005: the reason why the program of the recording `name` cannot be used."""
     return error("A005", Span(Source(name, ""), 0, 0), message, "name the behavior that was run as FILE")

@@ -1,4 +1,4 @@
-"""Recordings by the names of their files: how a run is written, and how what was written is opened."""
+"""Recordings by file name: the choice of format, and the sink that writes a run."""
 
 from __future__ import annotations
 
@@ -17,21 +17,22 @@ if TYPE_CHECKING:
     from colony.runtime.recordings.mcap_writer import McapRecording
 
 SUFFIX = ".mcap"
-"""Of recordings as MCAP; all others are JSON lines."""
+"""Suffix of MCAP recordings; all others are JSON lines."""
 
 
 def is_mcap(path: str | None) -> bool:
-    """Whether a recording of this name is MCAP, which also tells what clients requested."""
+    """Return True if a recording of this name is MCAP, which also contains the clients' requests."""
     return path is not None and Path(path).suffix == SUFFIX
 
 
 class RunRecording:
-    """The recording of a run, which may break off: the disk is full, for one. A sink; mutable: when it began,
-    and why it broke off.
+    """The recording of a run, which may break off, for example when the disk is full.
+
+    A sink. Mutable: when it began, and why it broke off.
 
     Args:
-        sink: what is written.
-        path: of the file.
+        sink: writes the recording.
+        path: the path of the file.
     """
 
     def __init__(self, sink: Recording | McapRecording, path: str) -> None:
@@ -41,6 +42,7 @@ class RunRecording:
         self._first_ns: int | None = None
 
     def take(self, log: FrameLog) -> None:
+        """Record a frame, unless the recording has broken off."""
         if self._problem is not None:
             return
         try:
@@ -52,6 +54,7 @@ class RunRecording:
             self._first_ns = log.frame.t_ns
 
     def close(self) -> None:
+        """Close the file."""
         try:
             self._sink.close()
         except OSError as problem:
@@ -59,7 +62,7 @@ class RunRecording:
 
     @property
     def broken_off(self) -> str | None:
-        """How far the recording goes and why no farther, in words; None if it has all so far."""
+        """The length of a broken recording and the reason for its end, in words; None if it is complete."""
         if self._problem is None:
             return None
         first_ns, last_ns = self._first_ns, self._sink.written_ns
@@ -95,7 +98,7 @@ def recording_into(
 ) -> RunRecording:
     """Return a sink that records a run into `path`.
 
-    `run` names a run on a real robot, `started` when it was.
+    `run` names a run on a real robot, `started` is its time.
 
     Raises:
         Misuse: the file cannot be written, or another run is recording into it.

@@ -1,4 +1,4 @@
-"""What a run is asked to be, who attends it, and what came of it."""
+"""The request for a run, the attendant who started it, and its result."""
 
 from __future__ import annotations
 
@@ -19,30 +19,31 @@ if TYPE_CHECKING:
 
 
 class Misuse(Exception):
-    """What was named cannot be used; the message is one line that begins with it."""
+    """A named input cannot be used; the message is one line that begins with its name."""
 
 
 class BrokenOff(Exception):
-    """A run of processes could not begin, or broke off; the message, of one line or several, tells why."""
+    """A run of processes could not begin, or broke off; the message, of one line or several, says why."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunRequest:
-    """The run that is wanted.
+    """The request for a run.
 
     Attributes:
-        file: the behavior, as it is named to people.
-        map_path: the building; None where the robot is there already.
-        seed: of chance and of the sensors' noise.
+        file: the behavior, by its name for people.
+        map_path: the building; None for a robot that runs already.
+        seed: the seed of chance and of the sensors' noise.
         length_ns: the length of the run; None for one until it is interrupted, or its way is done.
         held: variables of DServer, held as fresh as each frame.
-        realtime: a run in virtual time keeps pace with the wall clock.
-        record: the file of the recording, if there is to be one.
-        cameras: servers of cameras, each with where it looks; of processes only.
-        isolate: run each client in its own process; only for runs of several processes.
-        fsync: DServer's data outlives a loss of power; of processes only.
-        origin, goal: the rooms of the way to drive, if there is one.
-        hazards: the seed of what goes wrong in the building; None for nothing.
+        realtime: True to keep a run in virtual time at the pace of the wall clock.
+        record: the file of the recording; None for no recording.
+        cameras: servers of cameras with their viewing directions; for runs of several processes.
+        isolate: True to run each client in its own process; for runs of several processes.
+        fsync: True to make DServer's data survive a loss of power; for runs of several processes.
+        origin: the room where the way begins; None for no way.
+        goal: the room where the way ends; None for no way.
+        hazards: the seed of the building's hazards; None for none.
     """
 
     file: str
@@ -62,13 +63,13 @@ class RunRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attendant:
-    """Whoever started a run: hears of it, and may end it.
+    """The attendant of a run: it receives the run's reports, and may end it.
 
     Attributes:
-        report: told what happens, a line or several; also from other threads.
-        interruptible: returns a context that lasts as long as the run may be interrupted, and gives the
-            function that tells whether it was.
-        progress: returns a sink that follows a run of so many nanoseconds, None: of one without an end.
+        report: takes a description of each event, of one line or several; also from other threads.
+        interruptible: returns a context in which the run may be interrupted; its value is a function that
+            returns True if it was.
+        progress: returns a sink that follows a run of so many nanoseconds; None for one without an end.
         operator: returns a script that presses the buttons of a building's elevators.
     """
 
@@ -79,8 +80,7 @@ class Attendant:
 
 
 class Arrival(NamedTuple):
-    """Whether a robot that was sent somewhere arrived, what to say of it, and the files in which its way on
-    other floors than the first is drawn."""
+    """The result of a way: `arrived`, a text for people, and the pictures of the other floors."""
 
     arrived: bool
     text: str
@@ -88,8 +88,10 @@ class Arrival(NamedTuple):
 
 
 class Driven(NamedTuple):
-    """What came of a run, and of its way if there was one; of a simulated robot also the floors, and where it
-    really was on each, in mm."""
+    """The result of a run, and of its way if there was one.
+
+    For a simulated robot it also has the floors, and the robot's true places on each, in mm.
+    """
 
     summary: RunSummary
     arrival: Arrival | None

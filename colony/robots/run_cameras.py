@@ -21,7 +21,10 @@ def run_cameras(plant: Plant, site: Site, names: Iterable[str], *, seed: int) ->
     """Return the cameras of these names: the one that looks up, the one to the left, the one ahead.
 
     Args:
-        seed: of the noise of those that look along the floor.
+        plant: the simulated robot.
+        site: the building that it is in.
+        names: the names of the cameras.
+        seed: the seed of the noise of the cameras that look along the floor.
 
     Raises:
         ValueError: a robot has no such camera.
@@ -37,7 +40,7 @@ def _shutter(site: Site, name: str, seed: int) -> Callable[[int], Shot]:
 
 
 def _level_eye(site: Site, name: str, seed: int) -> Callable[[], Camera]:
-    """The camera of the floor on which the robot is."""
+    """Return a function that returns the camera of the robot's present floor."""
     if name not in _LEVEL:
         raise ValueError(f"there is no camera `{name}`; expected {', '.join((CEILING_CAMERA, *_LEVEL))}")
     geometry = _LEVEL[name]

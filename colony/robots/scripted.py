@@ -1,8 +1,8 @@
-"""The processes of a robot for any program, in virtual time: DServer, clients, announcers and observer are
-the real ones; two servers have the readings that they are given, and one takes all commands.
+"""The processes of a robot for any program, in virtual time.
 
-Real servers take only what a certain robot has; these take the sensors and actuators of every program, with
-readings of any kind, right or wrong.
+DServer, clients, announcers and observer are the real ones; two servers publish given readings, and one takes
+all commands. Real servers serve a certain robot; these serve the sensors and actuators of every program, with
+readings of any kind, valid or not.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ SENSING = ("Sensors0", "Sensors1")
 ACTING = "Actuators"
 
 Readings = Callable[[Tick], Mapping[str, Reading]]
-"""What the sensors have in the frame of a tick."""
+"""A function that returns the readings of the sensors in the frame of a tick."""
 
 
 class Sent(NamedTuple):
-    """A command that left arbitration; values in declared units, `by` None where nobody commanded."""
+    """A command that left arbitration; values in declared units, `by` None for the idle command."""
 
     k: int
     actuator: str
@@ -57,7 +57,7 @@ class Sent(NamedTuple):
 
 
 class SensorServer(QuietNode):
-    """Publishes some of the sensors, as they are given."""
+    """A server that publishes given readings of some sensors."""
 
     def __init__(self, address: str, readings: Readings, names: tuple[str, ...], keep: int) -> None:
         self.address = address
@@ -67,6 +67,7 @@ class SensorServer(QuietNode):
         self.listens = self._publisher.listens
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        """Publish the readings on a tick or a fetch."""
         if isinstance(message, (Tick, Fetch)):
             yield from self._publisher.handle(message)
 
@@ -75,12 +76,12 @@ class SensorServer(QuietNode):
         for name in self._names:
             value = readings.get(name)
             if value is not None:
-                fields[name] = Sample(value, tick.t_ns)  # type: ignore[arg-type]  # also what is no value
+                fields[name] = Sample(value, tick.t_ns)  # type: ignore[arg-type]  # also an invalid value
         return fields
 
 
 class Actor(QuietNode):
-    """Takes the commands of every actuator, arbitrates, and notes in `sent` what leaves."""
+    """A server that takes the commands of every actuator, arbitrates, and records the results in `sent`."""
 
     address = ACTING
 
@@ -93,6 +94,7 @@ class Actor(QuietNode):
         self.listens = (*self._publisher.listens, topics.requests(ACTING))
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        """Arbitrate the requests of each frame."""
         match message:
             case Tick():
                 yield from self._publisher.handle(message)
@@ -121,21 +123,27 @@ class Log:
         self.frames: list[FrameLog] = []
 
     def take(self, log: FrameLog) -> None:
+        """Keep a frame."""
         self.frames.append(log)
 
     def close(self) -> None:
-        """It holds nothing."""
+        """Do nothing: the sink holds no resources."""
 
 
 class ScriptedRobot(VirtualRobot):
     """A robot for any program. Mutable: `sent`, `log`, and the nodes.
 
     Args:
-        readings: gives what the sensors have in the frame of a tick.
-        others: as of `VirtualRobot`.
+        compiled: the program to run.
+        readings: returns the readings of the sensors in the frame of a tick.
+        clock: as in `VirtualRobot`.
+        seed: as in `VirtualRobot`.
+        ticking: as in `VirtualRobot`.
+        link: as in `VirtualRobot`.
+        isolate: as in `VirtualRobot`.
 
     Raises:
-        Failure: a module in Python cannot be imported or built.
+        Failure: a Python module cannot be imported or built.
     """
 
     def __init__(
@@ -178,7 +186,7 @@ class ScriptedRobot(VirtualRobot):
 
 
 def _bindings(robot: Robot) -> Bindings:
-    """Sensors go by turns to the servers that have them, in their declared units."""
+    """Return bindings that assign sensors to the servers in turn, in their declared units."""
     return Bindings(
         sensors=tuple(
             SensorBinding(

@@ -1,4 +1,4 @@
-"""Serving a robot: one server in this process, or all of them as processes that are watched over."""
+"""The serving of a robot: one server in this process, or all of them as supervised processes."""
 
 from __future__ import annotations
 
@@ -23,16 +23,19 @@ from colony.sim.plant.child import SIMULATOR, Look, NoRoom, serve
 from colony.sim.plant.servers import PlantDevices
 
 Report = Callable[[str], None]
-"""Told what happens, a line or several."""
+"""A function that takes a description of an event, of one line or several."""
 
 SUPERVISOR = "Supervisor"
-"""Under what name `serve all` claims a robot."""
+"""The name under which `serve all` claims a robot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """What is served, and how; `cameras` by server, each with where it looks;
-    `hazards` is their seed, None for none."""
+    """The settings of served processes.
+
+    `cameras` are servers of cameras with their viewing directions; `hazards` is the seed of the building's
+    hazards, None for none.
+    """
 
     map_path: str | None
     seed: int
@@ -45,13 +48,13 @@ class Settings:
 
 
 def serve_one(server: str, place: Local, settings: Settings, report: Report) -> None:
-    """Be one server until a signal comes.
+    """Run one server until a signal comes.
 
     Raises:
-        LiveError: it runs already, or the run directory or the gateway's security are no good.
+        LiveError: it runs already, or the run directory or the gateway's security is invalid.
         Misuse: the robot has no room in the building.
-        Failure: the map is bad.
-        BrokenOff: what it kept cannot be read, or can be kept no more.
+        Failure: the map is invalid.
+        BrokenOff: its stored data cannot be read, or nothing more can be stored.
     """
     ending = Ending()
     with on_signals(ending):
@@ -86,12 +89,13 @@ def serve_all(
     report: Report,
     attending: AbstractContextManager[Callable[[], bool]],
 ) -> None:
-    """Start all servers and the plant, and start again who dies, until `attending` says that it is over.
+    """Start all servers and the plant, and restart those that die, until `attending` ends.
 
     Raises:
-        LiveError: all of them are served already, or the gateway's endpoint or security are no good.
-        Failure: the map is bad. This, and what the gateway is given, is checked before anything is started.
-        BrokenOff: one of them cannot live.
+        LiveError: all of them are served already, or the gateway's endpoint or security is invalid.
+        Failure: the map is invalid. The map and the gateway's settings are checked before anything is
+            started.
+        BrokenOff: a process was given up.
     """
     from colony.nav.maps.stickrep.reader import load_map
     from colony.runtime.transport.live.endpoint import parse_endpoint
@@ -140,7 +144,7 @@ def _robot(settings: Settings) -> SimulatedRobot:
 
 
 def _part(server: str, place: Local, settings: Settings) -> Part:
-    """What a server is told that runs alone."""
+    """Return the part of a server that runs alone."""
     if server == "Gateway":
         assert settings.listen is not None
         assert settings.security is not None

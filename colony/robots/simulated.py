@@ -24,7 +24,7 @@ SERVERS_OF_PLANT = "colony.sim.plant.servers"
 
 
 class CompilingNotice:
-    """Reports once that the simulator is being compiled, as its process prints into `log`. Mutable."""
+    """A notice that the simulator is being compiled, read from its process's `log`. Mutable."""
 
     def __init__(self, place: Local, log: Path, report: Callable[[str], None]) -> None:
         self._socket = plant_socket(place.directory.path)
@@ -33,7 +33,7 @@ class CompilingNotice:
         self._over = False
 
     def look(self) -> None:
-        """Read the log until that was found there, or the simulator is ready."""
+        """Read the log until it contains the notice, or the simulator is ready."""
         if self._over:
             return
         told = COMPILING in last_lines(self._log)
@@ -44,9 +44,13 @@ class CompilingNotice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedRobot:
-    """What it is made of: the building, the seed of its sensors' noise, servers of cameras with where each
-    looks, the folder of what survives the death of a server, how DServer keeps it, where the robot begins
-    (None: where the map says), and the seed of the building's hazards, None where there are none."""
+    """The settings of a simulated robot.
+
+    They are the building, the seed of the sensors' noise, the folder of data that survives the death of a
+    server, servers of cameras with their viewing directions, whether DServer's data survives a loss of power,
+    the start (None for the map's), the seed of the building's hazards (None for none), and the variables that
+    DServer holds.
+    """
 
     map_path: str
     seed: int
@@ -59,7 +63,7 @@ class SimulatedRobot:
 
 
 def plant_spec(place: Local, robot: SimulatedRobot) -> PlantSpec:
-    """What the plant is told."""
+    """Return the spec of the plant."""
     return PlantSpec(
         robot=place.robot,
         folder=str(place.directory.path),
@@ -72,12 +76,12 @@ def plant_spec(place: Local, robot: SimulatedRobot) -> PlantSpec:
 
 
 def device_of(place: Local) -> Device:
-    """The hardware of a simulated robot."""
+    """Return the hardware of a simulated robot."""
     return Device(plant=str(plant_socket(place.directory.path)))
 
 
 def jobs_of(place: Local, robot: SimulatedRobot, folder: Path) -> tuple[Job, ...]:
-    """How its processes are started, the slowest one first; what they are told is written into `folder`."""
+    """Return the jobs of its processes, the slowest one first; their specs are written into `folder`."""
     told = folder / f"{SIMULATOR}.json"
     write_spec(told, plant_spec(place, robot))
     plant = Job(
@@ -99,14 +103,14 @@ def jobs_of(place: Local, robot: SimulatedRobot, folder: Path) -> tuple[Job, ...
 
 
 LOOK_NS = 100_000_000
-"""How often it is looked where the robot really is."""
+"""Nanoseconds between two observations of the robot's true place."""
 
 
 class TruthLog:
-    """The true way of a simulated robot, by the plant's control channel. Mutable: the way so far.
+    """The true way of a simulated robot, read from the plant's control channel. Mutable: the way so far.
 
-    A plant that was started anew begins again where the map says; its way is added to that of the one
-    before. A plant that was frozen is the same one: its own count of the way goes on.
+    A restarted plant begins at the map's start; its way is added to that of the previous one. A frozen plant
+    that resumes is the same one: its own count of the way continues.
     """
 
     def __init__(self, place: Local) -> None:
@@ -120,7 +124,7 @@ class TruthLog:
         self._path = DrivenPath()
 
     def look(self) -> bool:
-        """Where is it? Asked for not too often; False while the plant does not answer."""
+        """Observe the robot's true place if it is time; return False while the plant does not answer."""
         now_ns = time.monotonic_ns()
         if now_ns < self._next_ns:
             return self._control is not None
@@ -138,13 +142,13 @@ class TruthLog:
         return True
 
     def close(self) -> None:
-        """Look no more; what was seen stays."""
+        """Close the control channel; the observations stay."""
         control, self._control = self._control, None
         if control is not None:
             control.close()
 
     def _count_on(self, plant: int) -> None:
-        """Add what comes from now on to the way of a plant that is no more, if this is another one."""
+        """Add a plant's travel to the total if another plant has replaced it."""
         if plant != self._plant:
             self._plant = plant
             self._before, self._now = self.travel, Travel(bumps=0, distance_mm=0.0)
@@ -156,7 +160,7 @@ class TruthLog:
 
     @property
     def travel(self) -> Travel:
-        """How it went so far."""
+        """The distance and the bumps so far."""
         return Travel(
             bumps=self._before.bumps + self._now.bumps,
             distance_mm=self._before.distance_mm + self._now.distance_mm,

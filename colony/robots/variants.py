@@ -1,4 +1,4 @@
-"""What is run: the behavior and the scripts around it, in our version or as printed in the thesis."""
+"""The variants of navigation: the behavior and the scripts around it, ours or as printed in the thesis."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class Variant:
     Attributes:
         name: "ours", or "thesis" for the algorithms as printed.
         behavior: the Navigator.
-        mm_s: how fast its robot is expected to be in the mean, where nothing goes wrong.
-        robot: what it drives.
+        mm_s: the robot's expected mean speed in mm/s, without incidents.
+        robot: the configuration of the robot.
     """
 
     name: VariantName
@@ -59,16 +59,18 @@ class Variant:
         on_plate: OnPlate | None = None,
         on_verdict: OnVerdict | None = None,
     ) -> Mapping[str, Script]:
-        """The clients around the Navigator, in the order in which they run in a moment.
+        """Return the clients around the Navigator, in their order within a moment.
 
         Args:
-            building: all floors that the plan leads over; the first one is where it begins.
-            compensate: as printed, take the overshoot of lights off the distance that follows.
-            sources: what the pose is estimated from. Without `LIGHTS` the tracker sees none, and counts them
+            plan: the way to drive.
+            building: all floors of the plan; the first one is where it begins.
+            on_segment: called with the number, from 0, and the segment at the beginning of each segment.
+            compensate: True to subtract the overshoot of lights from the distance that follows, as printed.
+            sources: the sources of the pose estimate. Without `LIGHTS` the tracker sees none, and counts them
                 by the pose alone.
-            cameras: which of them the robot has.
-            on_plate: is told of each plate that is found.
-            on_verdict: is told whether the goal's plate was read, where there is a camera for plates.
+            cameras: the cameras of the robot.
+            on_plate: called with each plate that is found.
+            on_verdict: called with the verdict on the goal's plate, if the robot has a camera for plates.
         """
         thesis = self.name == "thesis"
         lights = thesis or Source.LIGHTS in sources
@@ -95,7 +97,7 @@ class Variant:
 def _finders(
     building: Building, cameras: frozenset[str], thesis: bool, on_plate: OnPlate | None
 ) -> Mapping[str, Script]:
-    """Those of door plates and of elevators' markers, where there is a camera for them."""
+    """Return the finders of door plates and elevator markers for which there is a camera."""
     found: dict[str, Script] = {}
     if SIDE_CAMERA in cameras:
         from colony.vision.plates.finder import plate_finder
@@ -112,9 +114,9 @@ def _finders(
 
 OURS = Variant(name="ours", behavior=Shipped.BEHAVIOR.path("navigator"), mm_s=250.0)
 
-# As printed, a corridor of two lights or of none is driven, and its corner turned, by the odometry's heading
-# alone. That needs wheels that were calibrated: an eighth of a degree a meter is what these drift, where the
-# robot that ours drives drifts by nearly one.
+# As printed, the odometry's heading alone guides the robot along a corridor of two lights or none, and around
+# its corner. That needs calibrated wheels: these drift by an eighth of a degree per meter, those of our robot
+# by nearly one.
 THESIS = Variant(
     name="thesis",
     behavior=Shipped.BEHAVIOR.path("thesis_navigator"),

@@ -12,23 +12,23 @@ from colony.runtime.protocol.messages import Tick
 from colony.runtime.transport.virtual import VirtualClock
 
 _BETWEEN_NS = 1_000_000_000
-"""From the last frame of a trace to the first one of the next."""
+"""Nanoseconds from the last frame of a trace to the first one of the next."""
 
 
 _LATEST_NS = 2**61
-"""Times of messages have 63 bits."""
+"""Latest start of an epoch in nanoseconds; message times have 63 bits."""
 
 
 class VirtualExecutor:
-    """Runs a program by its clients over a perfect transport (an `ir.frame.Executor`).
+    """An executor that runs a program by its clients over a perfect transport (an `ir.frame.Executor`).
 
-    One run of the robot goes through all traces: each is an epoch, in which all memory begins anew, as where
-    a run goes on after a loss. Messages of one moment arrive in an order drawn from `seed`, on which the
-    outcome does not depend. Mutable: the robot, and its time.
+    One run of the robot goes through all traces: each is an epoch, in which all memory is reset, as after a
+    loss during a run. Messages of one moment arrive in an order drawn from `seed`, on which the outcome does
+    not depend. Mutable: the robot, and its time.
 
     Raises:
-        Failure: a module in Python cannot be imported or built.
-        Undecided: in `step`, where the runtime does not decide a frame, or its monitor finds something wrong.
+        Failure: a Python module cannot be imported or built.
+        Undecided: in `step`, if the runtime does not decide a frame, or its monitor reports a violation.
     """
 
     def __init__(self, compilation: Compilation, *, seed: int = 0) -> None:
@@ -49,16 +49,16 @@ class VirtualExecutor:
         self._transport = self._robot.transport
         self._robot.start()
         self._k, self._start = -1, 0
-        self._ahead_ns: int | None = None  # how much the robot's time is ahead of that of the trace
+        self._ahead_ns: int | None = None  # lead of the robot's time over the trace's
 
     def restart(self) -> None:
-        """A new epoch begins with the next frame; a new run where times are about to outgrow messages."""
+        """Begin a new epoch with the next frame, or a new run before times exceed the range of messages."""
         if self._clock.now_ns > _LATEST_NS:
             self._begin()
         self._start, self._ahead_ns = self._k + 1, None
 
     def step(self, frame: Frame) -> Outcome:
-        """One frame."""
+        """Decide one frame."""
         if self._ahead_ns is None:
             self._ahead_ns = self._clock.now_ns + _BETWEEN_NS - frame.t_ns
         t_ns = frame.t_ns + self._ahead_ns
@@ -93,4 +93,4 @@ class VirtualExecutor:
 
 
 class Undecided(Exception):
-    """The runtime did not do with a frame what it must; the text says what it did."""
+    """The runtime did not decide a frame correctly; the text describes what it did."""

@@ -1,4 +1,4 @@
-"""The way through a building that a run is to drive."""
+"""The way of a run through a building."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ TOLD_OF_PLATE = {
     Verdict.RIGHT: "; the goal's plate was read",
     Verdict.WRONG: "; another plate was read at the goal",
 }
-"""What to say of the plate at the end of a way."""
+"""Texts about the plate at the end of a way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Way:
-    """A building, and the plan that leads through it."""
+    """A building, and a plan that leads through it."""
 
     building: Building
     plan: Plan
 
     @property
     def start(self) -> tuple[float, float, float]:
-        """Where it begins: x and y in mm, and the heading in degrees."""
+        """The beginning of the way: x and y in mm, and the heading in degrees."""
         first = self.plan.segments[0]
         return first.start.x_mm, first.start.y_mm, first.heading_deg
 
     @property
     def name(self) -> str:
-        """For people: "from 350R to 250R of msu_engineering_2 (ldvld)"."""
+        """The name for people: "from 350R to 250R of msu_engineering_2 (ldvld)"."""
         ends = [self.plan.segments[0].start.floor, self.plan.segments[-1].end.floor]
         floor = f" of {ends[1]}" if ends[0] != ends[1] else ""
         return f"from {self.plan.origin} to {self.plan.goal}{floor} ({self.plan.modes})"
 
 
 def way_of(request: RunRequest) -> Way:
-    """Return the way that is asked for.
+    """Return the requested way.
 
     Raises:
-        Misuse: there is no such way.
-        Failure: the map, or one to which its elevators lead, is bad.
+        Misuse: the way does not exist.
+        Failure: the map, or one that its elevators lead to, is invalid.
     """
     assert request.map_path is not None
     assert request.origin is not None

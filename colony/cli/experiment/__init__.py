@@ -1,4 +1,4 @@
-"""`colony experiment`."""
+"""The command `colony experiment`."""
 
 from colony.cli.experiment.main import command
 

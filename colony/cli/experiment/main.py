@@ -1,4 +1,4 @@
-"""`colony experiment`: run a list of runs many times over, in simulation, and say how they went."""
+"""`colony experiment`: run a list of runs many times in simulation, and report the results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def _part(context: click.Context, option: click.Parameter, value: float) -> float:
-    """0 to 1; a range of click lets nan through."""
+    """Return a fraction from 0 to 1; a click range would let NaN through."""
     if not 0.0 <= value <= 1.0:
         raise click.BadParameter(f"`{value:g}`; expected a part of the runs, from 0 to 1")
     return value
@@ -164,7 +164,7 @@ def _check_map(path: str | None) -> None:
 
 @contextmanager
 def _problems_told() -> Iterator[None]:
-    """Tell what kept an experiment from being carried out, and exit."""
+    """Report an error that prevents the experiment, and exit."""
     from colony.experiment.lists import ListProblem
     from colony.experiment.parallel import WorkersLost
     from colony.experiment.request import Misuse
@@ -183,7 +183,7 @@ def _problems_told() -> Iterator[None]:
 
 
 def _check(study: Study[Any], asked: Experiment, audit: float, plot: Path | None) -> None:
-    """Refuse to draw, or to audit, what cannot be."""
+    """Refuse impossible drawings and audits."""
     from colony.experiment.request import Misuse
 
     if study.has_own_variant and (plot is not None or audit or asked.variant != "ours"):
@@ -214,7 +214,7 @@ def _engine(text: str, workers: int | None) -> Engine:
 def _carry_out(
     study: Study[Any], asked: Experiment, output: Path | None, engine: Engine, part: float
 ) -> Found:
-    """Run what is missing and audit what is to be; what is there counts, also where it was interrupted."""
+    """Run the missing runs and the audits; return the results, even if interrupted."""
     from colony.cli.experiment.outputs import Found
     from colony.cli.experiment.progress import progress
     from colony.experiment.conduct import conduct, conduct_audit, of_experiment

@@ -1,4 +1,4 @@
-"""What `colony experiment` says and draws."""
+"""The text, pictures and pages that `colony experiment` writes."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from colony.experiment.studies import Study
 from colony.files import read_file, reason
 
 BEGIN, END = "<!-- {} -->", "<!-- end of {} -->"
-"""Between these two lines of a page its tables stand; the rest is left as it is."""
+"""The two lines of a page that enclose its tables; the rest is left as it is."""
 
 PAGE_BYTES = 4 * 1024 * 1024
-"""Largest page that tables are put into."""
+"""Size limit in bytes of a page that tables are put into."""
 
 _ROWS_ON_A_PAGE = 60
-"""Runs of a list up to which a page has the first of its tables, which has a row a run."""
+"""Longest list of runs whose page includes the first table, which has one row per run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """What came of an experiment, as far as it got."""
+    """The results of an experiment, as far as it got."""
 
     results: tuple[Any, ...]
     audits: tuple[AuditedRun, ...]
@@ -44,7 +44,7 @@ class Found:
 
 
 def check_outputs(asked: Experiment, output: Path | None, plot: Path | None, page: Path | None) -> None:
-    """Refuse, before the work is done, what could not be written after it; exits with 2."""
+    """Refuse outputs that cannot be written, before the work begins; exit with 2."""
     if output is not None:
         check_output(output)
     if page is not None:
@@ -60,7 +60,7 @@ def check_outputs(asked: Experiment, output: Path | None, plot: Path | None, pag
 def put_out(
     study: Study[Any], asked: Experiment, found: Found, *, plot: Path | None, page: Path | None, as_json: bool
 ) -> None:
-    """Say what was found, draw it, and put it into a page."""
+    """Print the results, draw them, and put them into a page."""
     tables = study.tables(asked.runs, found.results)
     audited = [_audit_line(found.audits)] if found.audits else []
     if as_json:
@@ -77,7 +77,7 @@ def put_out(
 
 
 def _audit_line(audits: Sequence[AuditedRun]) -> str:
-    """What an audit found, in a line."""
+    """Return the result of the audits in one line."""
     frames, other = sum(one.frames for one in audits), sum(bool(one.difference) for one in audits)
     alike = f"otherwise in {other} of them" if other else "alike in all of them"
     return f"Audited: {len(audits)} runs, {frames:,} frames; the reference interpreter decided {alike}."
@@ -119,7 +119,7 @@ def _draw(asked: Experiment, results: tuple[RunResult, ...], folder: Path) -> No
 
 
 def _put_into(asked: Experiment, tables: Sequence[str], page: Path) -> None:
-    """Put tables into a page, in place of those that it has of this list and variant."""
+    """Put tables into a page, in place of its previous tables of this list and variant."""
     before, after = _around(asked, page)
     text = "\n\n".join(tables)
     write_whole(page, f"{before}\n\n{text}\n\n{after}".encode())
@@ -127,8 +127,10 @@ def _put_into(asked: Experiment, tables: Sequence[str], page: Path) -> None:
 
 
 def _around(asked: Experiment, page: Path) -> tuple[str, str]:
-    """A page up to and with the line after which the tables of a list and variant go, and from the line
-    before which they end; exits with 2 where it has not these lines."""
+    """Return the parts of a page before and after the tables of a list and variant, with the marker lines.
+
+    Exits with 2 if the page does not have these lines.
+    """
     begin, end = (mark.format(f"{asked.name} {asked.label}") for mark in (BEGIN, END))
     try:
         text = read_file(page, PAGE_BYTES).decode("utf-8")

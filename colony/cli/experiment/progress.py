@@ -1,4 +1,4 @@
-"""How far an experiment is, on standard error: a bar on a terminal, else a line every tenth."""
+"""The progress of an experiment on standard error: a bar on a terminal, else a line every tenth."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ Newest = RunResult | AuditedRun | PlateResult | LightResult | SourceResult
 
 
 class Tell(Protocol):
-    """Says how many of how many runs are done, and what came of the newest."""
+    """A function that takes the number of finished runs, the number of all runs, and the newest result."""
 
-    def __call__(self, done: int, of: int, newest: Newest) -> None: ...
+    def __call__(self, done: int, of: int, newest: Newest) -> None:
+        """Report that `done` of `of` runs are finished."""
+        ...
 
 
 @contextmanager
 def progress(what: str) -> Iterator[Tell]:
-    """While it lasts, tell how many are `what` ("run", "audited"); a bar is taken away in the end."""
+    """Report the progress of `what` ("run", "audited") inside the `with`; the bar is removed at the end."""
     failed = 0
 
     def line(done: int, of: int, newest: Newest) -> None:
@@ -61,12 +63,12 @@ def progress(what: str) -> Iterator[Tell]:
 
 
 def is_bad(newest: Newest) -> bool:
-    """Whether a run failed, or an audit found a difference."""
+    """Return True if a run failed, or an audit found a difference."""
     return bool(newest.difference if isinstance(newest, AuditedRun) else newest.failure)
 
 
 def described(newest: Newest) -> str:
-    """A run in a few words."""
+    """Return a short description of a run."""
     which = f"run {newest.key.number}, seed {newest.key.seed}"
     match newest:
         case AuditedRun():

@@ -1,4 +1,4 @@
-"""`colony run`."""
+"""The command `colony run`."""
 
 from colony.cli.run.main import command
 

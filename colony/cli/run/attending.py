@@ -1,4 +1,4 @@
-"""How `colony run` attends a run: what happens goes to standard error, and Ctrl-C ends it."""
+"""The attendant of `colony run`: events go to standard error, and Ctrl-C ends the run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def _operator(building: Building) -> Script:
-    """Ask at the terminal for the buttons of elevators."""
+    """Return a script that asks the user at the terminal to press elevator buttons."""
     from colony.cli.terminal import Terminal
     from colony.nav.missions.elevator_prompt import elevator_prompt
 

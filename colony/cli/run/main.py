@@ -1,5 +1,8 @@
-"""`colony run`: compile a program and run it: on a simulated robot in one process and in virtual time, on one
-of real processes, or on a robot that is there already."""
+"""`colony run`: compile a program and run it.
+
+It runs on a simulated robot in one process and in virtual time, on one of real processes, or on a robot that
+runs already.
+"""
 
 from __future__ import annotations
 
@@ -126,7 +129,7 @@ def command(**given: Any) -> None:
         expect_extras("sim", *(["vision"] if options.goal is not None else []))
     compiled = load_compiled(options.file)
     picture = None if options.no_picture or options.connect is not None else options.picture or PICTURE
-    with _failures_told(), redirect_stdout(sys.stderr):  # for what modules in Python print
+    with _failures_told(), redirect_stdout(sys.stderr):  # for prints of Python modules
         from colony.cli.run.outputs import check_outputs, drawn
         from colony.nav.maps.stickrep.reader import load_map
 
@@ -162,7 +165,7 @@ def _driven(compiled: Compiled, request: RunRequest, options: Options) -> Driven
 
 @contextmanager
 def _failures_told() -> Iterator[None]:
-    """What kept a run from beginning, or from going on, and its exit code."""
+    """Report an error that prevents or ends a run, and exit with its code."""
     from colony.text.diagnostics import Failure
 
     try:

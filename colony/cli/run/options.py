@@ -1,4 +1,4 @@
-"""What the options of `colony run` mean: durations, and values of DServer's variables."""
+"""The values of the options of `colony run`: durations, cameras, and DServer's variables."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)
 
 
 DURATION = "60"
-"""Seconds that a run in a building takes where nothing is said."""
+"""Default length in seconds of a run in a building."""
 
 
 class BadOption(ValueError):
-    """An option's value makes no sense; the message says what was found and what was expected."""
+    """An option's value is invalid; the message says what was found and what was expected."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,10 +55,10 @@ class Options:
 
 
 def request_of(robot: Robot, options: Options) -> RunRequest:
-    """Return the run that the options ask for.
+    """Return the run that the options request.
 
     Raises:
-        BadOption: an option's value makes no sense.
+        BadOption: an option's value is invalid.
     """
     endless = options.connect is not None or options.goal is not None
     duration = options.duration or (None if endless else DURATION)
@@ -80,7 +80,7 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
 
 
 def objection(options: Options) -> str | None:
-    """Return why options make no sense together, None if they do."""
+    """Return the reason why options exclude each other, None if they do not."""
     there, mapped = options.connect is not None, options.map_path is not None
     driven = options.goal is not None
     if not there and not mapped:
@@ -109,10 +109,10 @@ def objection(options: Options) -> str | None:
 
 
 def duration_ns(text: str) -> int:
-    """A duration: `60`, in seconds, or with a unit, `2 min`.
+    """Parse a duration such as `60`, in seconds, or with a unit, `2 min`; return it in nanoseconds.
 
     Raises:
-        BadOption: it is none, or not above 0.
+        BadOption: the text is not a duration above 0.
     """
     seconds = _quantity(text, TIME, 1.0)
     if seconds is None or not 0.0 < seconds <= 1e9 or not nanoseconds(seconds):
@@ -126,7 +126,7 @@ MOST_CAMERAS = 8
 
 
 def cameras(texts: tuple[str, ...]) -> dict[str, Look]:
-    """Servers of cameras, each with where it looks: degrees counterclockwise from ahead, or up.
+    """Parse cameras: their servers with viewing directions in degrees counterclockwise from ahead, or up.
 
     A text is a direction, or a name and one: `left=90`, `CServerUp=up`. A single camera without a name is
     `CServer`, one with a name `CServer_name`, unless the name is that of a server already.
@@ -158,7 +158,7 @@ def _look(text: str) -> Look | None:
 
 
 def variables(robot: Robot, settings: tuple[str, ...]) -> dict[str, Value]:
-    """DServer's variables from texts `NAME=VALUE`, in the units of the sensors that read them.
+    """Parse DServer's variables from texts `NAME=VALUE`, in the units of the sensors that read them.
 
     A value is a number, with or without a unit, true or false, an enumerator, or a list `[1, 2]` of those.
 
@@ -216,7 +216,10 @@ def _scalar(sensor: Sensor, type: Scalar, text: str) -> ScalarValue:
 
 
 def _quantity(text: str, dimension: Dimension, factor: float) -> float | None:
-    """A number, or one with a unit of this dimension in units of `factor` base units; else None."""
+    """Parse a number, or one with a unit of this dimension; return it in units of `factor` base units.
+
+    Returns None for any other text.
+    """
     parts = _QUANTITY.fullmatch(text.strip())
     if parts is None:
         return None

@@ -1,4 +1,4 @@
-"""What a run leaves behind besides its summary: checked before it begins, drawn after it."""
+"""The output files of a run besides its summary: checked before it begins, drawn after it."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 
 def check_outputs(record: str | None, picture: str | None, inputs: Iterable[str]) -> None:
-    """Refuse, before a long run, what could not be written after it, or what would overwrite its input.
+    """Refuse, before a long run, an output that cannot be written or would overwrite its input.
 
     Raises:
-        BadOption: the picture has no format, or both would be one file.
-        click.exceptions.Exit: a file cannot be written, which has been said.
+        BadOption: the picture has no format, or both outputs are the same file.
+        click.exceptions.Exit: a file cannot be written, which has been reported.
     """
     if picture is not None:
         from colony.view.map_picture import picture_format
@@ -39,10 +39,10 @@ def check_outputs(record: str | None, picture: str | None, inputs: Iterable[str]
 
 
 def drawn(driven: Driven, robot: str, path: str) -> Driven:
-    """Draw each floor with the way of a robot on it: the first one into `path`, the others beside it.
+    """Draw each floor with the robot's way on it: the first one into `path`, the others beside it.
 
-    The others go by their names: run.png and run.msu_engineering_2.png. What is returned tells of them, or of
-    a picture that could not be written, which has been said.
+    The others are named after their floors: run.png and run.msu_engineering_2.png. The returned result lists
+    them, or the first picture that could not be written, which has been reported.
     """
     import numpy as np
 

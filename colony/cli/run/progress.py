@@ -8,13 +8,14 @@ from colony.cli.reporting import say
 from colony.runtime.observe.observer import FrameLog
 
 MOMENT_NS = 10_000_000_000
-"""How often a word is said of a run without an end."""
+"""Nanoseconds between two messages about a run without an end."""
 
 
 class Progress:
-    """A sink that tells how far a run of `length_ns` is, None: one without an end. Mutable: what was told.
+    """A sink that reports the progress of a run of `length_ns`, None for one without an end.
 
-    On a terminal a bar of rich, which is imported only there; it is taken away in the end.
+    Mutable: the last report. On a terminal it shows a bar of rich, which is imported only there and removed
+    at the end.
     """
 
     def __init__(self, length_ns: int | None) -> None:
@@ -24,6 +25,7 @@ class Progress:
         self._bar = _Bar(length_ns) if sys.stderr.isatty() else None
 
     def take(self, log: FrameLog) -> None:
+        """Report the progress, if it has changed enough."""
         if self._bar is not None:
             self._bar.show(log)
             return
@@ -33,7 +35,7 @@ class Progress:
             say(_moment(log) if self._length_ns is None else f"{10 * parts} %: {_moment(log)}")
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         if self._bar is not None:
             self._bar.stop()
 
@@ -44,7 +46,7 @@ def _moment(log: FrameLog) -> str:
 
 
 class _Bar:
-    """Mutable: rich's display."""
+    """A progress bar. Mutable: rich's display."""
 
     def __init__(self, length_ns: int | None) -> None:
         from rich.console import Console

@@ -1,4 +1,4 @@
-"""`colony sim`."""
+"""The command `colony sim`."""
 
 from colony.cli.sim.main import command
 

@@ -1,4 +1,4 @@
-"""`colony sim snapshot`: what the cameras of a robot see from a place."""
+"""`colony sim snapshot`: the views of a robot's cameras at a place."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 _YAWS = {"side": 90.0, "front": 0.0}
 _FASTEST_MM_S = 5000.0
-_LEAST_PX = 8.0  # narrower signs are not spoken of
+_LEAST_PX = 8.0  # narrower signs are not listed
 _Pose = tuple[float, float, float]
 
 
 def _size(context: click.Context, option: click.Parameter, value: str) -> tuple[int, int]:
-    """WIDTHxHEIGHT in pixels."""
+    """Parse WIDTHxHEIGHT in pixels."""
     sides = [int(side) for side in value.split("x") if side.isdecimal() and len(side) < 6]
     if len(sides) != 2 or not all(16 <= side <= 2000 for side in sides):
         raise click.BadParameter(f"`{value}`; expected WIDTHxHEIGHT in pixels, from 16x16 to 2000x2000")
@@ -33,7 +33,7 @@ def _size(context: click.Context, option: click.Parameter, value: str) -> tuple[
 
 
 def _facing(context: click.Context, option: click.Parameter, value: str) -> float | None:
-    """Degrees, or None for `plate`."""
+    """Parse degrees; return None for `plate`."""
     if value == "plate":
         return None
     try:
@@ -46,7 +46,7 @@ def _facing(context: click.Context, option: click.Parameter, value: str) -> floa
 
 
 def _speed(context: click.Context, option: click.Parameter, value: float) -> float:
-    """mm/s ahead, or back where it is negative."""
+    """Check a speed in mm/s, positive ahead and negative backward."""
     if not abs(value) <= _FASTEST_MM_S:
         expected = f"from -{_FASTEST_MM_S:.0f} to {_FASTEST_MM_S:.0f} mm/s"
         raise click.BadParameter(f"`{value:g}`; expected a speed {expected}")
@@ -155,10 +155,10 @@ def snapshot_command(
 
 
 def _pose(floor: Map, where: str, facing: float | None) -> _Pose:
-    """Where to stand.
+    """Return the robot's pose.
 
     Raises:
-        NoPlace: the map has no such place, there is no corridor, or there are two headings.
+        NoPlace: the map has no such place, it has no corridor, or there are two headings.
     """
     from colony.nav.maps.standing import NoPlace, standing_at, standing_before
 
@@ -171,7 +171,7 @@ def _pose(floor: Map, where: str, facing: float | None) -> _Pose:
 
 
 def _seen(floor: Map, pose: _Pose, name: str, size: tuple[int, int]) -> str:
-    """Which signs a camera looks at, nearest first."""
+    """Return a description of the signs in a camera's view, nearest first."""
     from colony.vision.level_camera import LevelCamera
     from colony.vision.signs_in_view import signs_in_view
 

@@ -1,4 +1,4 @@
-"""`colony verify`."""
+"""The command `colony verify`."""
 
 from colony.cli.verify.main import command
 

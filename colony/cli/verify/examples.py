@@ -1,5 +1,7 @@
-"""What `colony verify --examples` does, and how it is told: drawn traces go through every executor, and the
-runtime in virtual time is one."""
+"""The work and the output of `colony verify --examples`.
+
+Drawn traces go through every executor, including the runtime in virtual time.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +19,13 @@ from colony.verify.testing.differential import Breach, Nondeterministic, Report,
 
 
 def reports(program: Program, count: int, seed: int, *, faults: bool = False) -> Iterator[Report]:
-    """Draw `count` traces from `seed`; after each, what is known so far.
+    """Draw `count` traces from `seed`; yield the results so far after each.
 
-    Every trace goes through all executors, and the runtime in virtual time; with `faults`, also through a run
+    Every trace goes through all executors and the runtime in virtual time; with `faults`, also through a run
     in which processes die and messages get lost.
 
     Raises:
-        Failure: a module in Python cannot be imported or built.
+        Failure: a Python module cannot be imported or built.
     """
     from colony.robots.faults import with_faults
     from colony.robots.virtual_executor import VirtualExecutor
@@ -42,7 +44,7 @@ def reports(program: Program, count: int, seed: int, *, faults: bool = False) ->
 
 
 def lines(program: Program, report: Report, known: Collection[str] = ()) -> tuple[str, ...]:
-    """What was tried and what came of it, without the trace of contracts that are `known` to be broken."""
+    """Return the results as text, without the traces of contracts that are `known` to be broken."""
     told = [_tried(report)]
     if report.disagreement is not None:
         told += ["this is a bug of colony; please report it with the file and the trace:"]
@@ -55,7 +57,7 @@ def lines(program: Program, report: Report, known: Collection[str] = ()) -> tupl
 
 
 def bug(report: Report) -> str | None:
-    """What executors disagree about, as a notification of a bug of colony; None where they agree."""
+    """Return the executors' disagreement as a bug of colony; None if they agree."""
     return None if report.disagreement is None else f"executors disagree: {report.disagreement}"
 
 
@@ -78,7 +80,7 @@ def _table(program: Program, breach: Breach) -> tuple[str, ...]:
 
 
 def _coverage(report: Report) -> Iterator[str]:
-    """A table with a line a module, and the modules that never won."""
+    """Yield a table with one line per module, and the modules that never won."""
     rows = [("module", "won", "active", "silent")]
     for module in report.modules:
         won = "-" if module.won is None else str(module.won)
@@ -99,10 +101,10 @@ def _coverage(report: Report) -> Iterator[str]:
 def findings(
     program: Program, report: Report, file: str | None, known: Collection[str] = ()
 ) -> dict[Diagnostic, tuple[TraceStep, ...]]:
-    """Return an error for every contract that a trace breaks but those that are `known` to be, and for a
-    module in Python that is not deterministic, each with the frames that lead to it.
+    """Return the errors that the traces revealed, each with the frames that lead to it.
 
-    `file` is what hints offer to add tests to, if they do.
+    There is one for every broken contract, except those `known` to be broken, and one for a Python module
+    that is not deterministic. `file` is the file that hints offer to add tests to, if any.
     """
     made: dict[Diagnostic, tuple[TraceStep, ...]] = {}
     for breach in report.breaches:
@@ -138,7 +140,7 @@ def _nondeterministic(nondeterministic: Nondeterministic) -> Diagnostic:
 
 
 def _steps(program: Program, frames: Sequence[Frame], span: Span) -> tuple[TraceStep, ...]:
-    """A step a frame: its time, what every actuator is sent, and what the sensors give."""
+    """Return a step per frame: its time, the commands of all actuators, and the sensors' values."""
     from colony.verify.contracts.table import reading, sent
 
     sensors = {s.name: s for s in program.robot.sensors}
@@ -153,11 +155,11 @@ def _steps(program: Program, frames: Sequence[Frame], span: Span) -> tuple[Trace
     return tuple(steps)
 
 
-# --- for other programs ----------------------------------------------------------------------------
+# --- for programs ----------------------------------------------------------------------------------
 
 
 def row(program: Program, report: Report) -> dict[str, object]:
-    """An object for JSON; its traces are as the prover's."""
+    """Return an object for JSON, with traces in the prover's form."""
     from colony.verify.contracts.breach import refutation
     from colony.verify.contracts.report import steps
 

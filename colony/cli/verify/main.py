@@ -1,4 +1,4 @@
-"""`colony verify`: contracts proved or refuted, and what can never act."""
+"""`colony verify`: contracts proved or refuted, and modules that can never act."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def command(
 
 
 def _check_names(names: Sequence[str], files: Sequence[Verified], context: click.Context) -> None:
-    """Refuse a name that no contract has; not where a file has errors, which may be why."""
+    """Refuse the name of an unknown contract, unless a file has errors, which may explain it."""
     if any(one.program is None for one in files):
         return
     known = {c.name for one in files if one.program for c in one.program.contracts}

@@ -1,4 +1,4 @@
-"""How `colony verify` tells what it found: text as it comes, or JSON or SARIF in the end."""
+"""The output of `colony verify`: text during the work, or JSON or SARIF at the end."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def show(one: Verified) -> None:
-    """A line for each contract with the run that refutes it, and on standard error what was found."""
+    """Print a line per contract with any refuting run, and the diagnostics on standard error."""
     if one.program is None:
         if is_unreadable(one.found):
             say(one_line(one.found[0]))
@@ -54,7 +54,7 @@ def _left_open(one: Verified) -> str:
 
 
 def close(done: Sequence[Verified], format_: Format, interrupted: bool = False) -> None:
-    """What comes last: a summary as text, or all of it as JSON or SARIF."""
+    """Print the end of the output: a summary as text, or everything as JSON or SARIF."""
     match format_:
         case "text":
             _summary(done, interrupted)
@@ -108,7 +108,7 @@ def _sarif(done: Sequence[Verified]) -> str:
 
 
 def _traces(one: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
-    """The frames that lead to each finding of a file."""
+    """Return the frames that lead to each finding of a file."""
     from colony.cli.sarif import TraceStep
     from colony.cli.verify import examples
     from colony.verify.contracts.report import finding, told_frames

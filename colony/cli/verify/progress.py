@@ -1,4 +1,4 @@
-"""What `colony verify` is at, on a terminal; nothing elsewhere."""
+"""The progress of `colony verify` on a terminal; nothing elsewhere."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from typing import Protocol
 
 
 class Tell(Protocol):
-    """Says how far the work is: how many of how many things are done, and what is done now."""
+    """A function that reports progress: finished items, all items, and the current one."""
 
-    def __call__(self, done: int, of: int, now: str) -> None: ...
+    def __call__(self, done: int, of: int, now: str) -> None:
+        """Report that `done` of `of` items are finished, and that `now` is the current one."""
+        ...
 
 
 @contextmanager
 def progress() -> Iterator[Tell]:
-    """While it lasts, a bar on standard error where that is a terminal; it is taken away in the end."""
+    """Show a bar inside the `with` if standard error is a terminal; it is removed at the end."""
     if not sys.stderr.isatty():
         yield lambda done, of, now: None
         return

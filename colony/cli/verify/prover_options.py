@@ -1,4 +1,4 @@
-"""The options that say how hard a prover shall try."""
+"""The options that limit the prover's effort."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _Command = TypeVar("_Command", bound=Callable[..., object])
 
 
 def depth_option(longer: str) -> Callable[[_Command], _Command]:
-    """`--depth`; `longer` names the runs that may be longer than it."""
+    """Return the option `--depth`; `longer` names the runs that may be longer than it."""
     return click.option(
         "--depth",
         type=click.IntRange(0, 64),
@@ -25,7 +25,7 @@ def depth_option(longer: str) -> Callable[[_Command], _Command]:
 
 
 def timeout_option(default: float, each: str = "") -> Callable[[_Command], _Command]:
-    """`--timeout`, in seconds; `each` says for what each it is where there are several."""
+    """Return the option `--timeout`, in seconds; `each` names the items that it applies to one by one."""
     steps = "counted in steps of the prover, so that results are the same everywhere."
     return click.option(
         "--timeout",
@@ -38,13 +38,13 @@ def timeout_option(default: float, each: str = "") -> Callable[[_Command], _Comm
 
 
 class ProverSeconds(click.FloatRange):
-    """Seconds of at most 11 days, above 0 unless `none` says that no time at all is allowed, too."""
+    """A parameter type for at most 11 days in seconds, above 0 unless `none` allows 0."""
 
     def __init__(self, *, none: bool = False) -> None:
         super().__init__(min=0, max=_MOST, min_open=not none)
 
     def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """The number; what is no number at all (`nan`), and neither below nor above any, is refused too."""
+        """Return the number; refuse `nan`, which no range excludes."""
         seconds = float(super().convert(cast(float, value), param, ctx))
         if math.isnan(seconds):
             self.fail(f"{value} is not in the range {self._describe_range()}", param, ctx)

@@ -1,4 +1,4 @@
-"""Counterexamples written into behavior files, as tests after everything else."""
+"""Counterexamples appended to behavior files as tests."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def check_writable(file: str) -> None:
-    """Refuse, before the work is done, a file that could not be replaced after it; exits with 2."""
+    """Refuse a file that cannot be replaced, before the work begins; exit with 2."""
     path = Path(file)
     if not os.access(path, os.W_OK):
         cannot_write(path, "Permission denied (--write-test appends to it)")
@@ -27,9 +27,9 @@ def check_writable(file: str) -> None:
 
 
 def append_tests(file: str, program: Program, refuted: Sequence[Refuted]) -> None:
-    """Append a `test` block for each refuted contract, and say so; exits with 2 where it cannot be written.
+    """Append a `test` block for each refuted contract, and report it; exit with 2 if that fails.
 
-    The file is replaced as a whole. A test that stands there already is not written again.
+    The file is replaced atomically. A test that it contains already is not written again.
     """
     path = Path(file)
     before = _bytes(path)
@@ -59,7 +59,7 @@ class _Test(NamedTuple):
 
 
 def _new_test(program: Program, result: Refuted, titles: set[str], text: str) -> _Test | None:
-    """The test under the first title that is free, or under which it stands in `text`."""
+    """Return the test under the first free title, or under the title that it has in `text`."""
     from colony.verify.contracts.example_block import example_block, title
 
     number = 1
@@ -81,7 +81,7 @@ def _bytes(path: Path) -> bytes:
 
 
 def _append(path: Path, before: bytes, blocks: Sequence[str]) -> None:
-    """Write the file anew, with its own kind of line breaks."""
+    """Append blocks to the file, with its own kind of line breaks."""
     added = "".join(f"\n{block}" for block in blocks)
     if before and not before.endswith(b"\n"):
         added = f"\n{added}"

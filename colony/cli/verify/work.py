@@ -1,4 +1,4 @@
-"""What `colony verify` does to a file: contracts, then what can never act, then drawn traces."""
+"""The work of `colony verify` on a file: contracts, then modules that can never act, then drawn traces."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
     from colony.verify.testing.differential import Report
 
 _FOR_LINTS = 2
-"""How much longer than for a contract all questions about what can never act may take."""
+"""Time limit of all questions about modules that can never act, in multiples of a contract's."""
 
 
 @dataclass(slots=True, frozen=False)
 class Verified:
-    """What is known of a file so far. Mutable: it grows while the file is worked on."""
+    """The results for a file so far. Mutable: it grows during the work on the file."""
 
     file: str
     program: Program | None
     found: list[Diagnostic]
     results: list[Result] = field(default_factory=list)
     report: Report | None = None
-    left_open: int = 0  # questions about what can never act
+    left_open: int = 0  # questions about modules that can never act
     writes_tests: bool = False
 
     @property
     def offered(self) -> str | None:
-        """The file to which hints offer to add tests; None where that is done anyway."""
+        """The file that hints offer to add tests to; None if they are added anyway."""
         return None if self.writes_tests else self.file
 
     @property
@@ -49,7 +49,7 @@ class Verified:
 
     @property
     def bug(self) -> str | None:
-        """What executors disagree about, if they do."""
+        """The executors' disagreement, None if there is none."""
         if self.report is None:
             return None
         from colony.cli.verify.examples import bug
@@ -58,12 +58,12 @@ class Verified:
 
     @property
     def known(self) -> frozenset[str]:
-        """Their names."""
+        """The names of the refuted contracts."""
         return frozenset(r.contract.name for r in self.refuted)
 
 
 def load(file: str, *, write_test: bool) -> Verified:
-    """Check a file: what is wrong with it is found, and without a program nothing else can be."""
+    """Check a file and record its errors; without a program nothing else is verified."""
     checked = check_to_run(file)
     if checked.program is None:
         return Verified(file, None, list(checked.diagnostics))
@@ -72,7 +72,7 @@ def load(file: str, *, write_test: bool) -> Verified:
 
 @dataclass(slots=True, frozen=True, kw_only=True)
 class Work:
-    """What was asked for."""
+    """The requested work."""
 
     names: tuple[str, ...]
     depth: int
@@ -82,7 +82,7 @@ class Work:
     faults: bool
 
     def on(self, one: Verified, tell: Tell) -> None:
-        """Do all of it to a file."""
+        """Do all of the work on a file."""
         if one.program is None:
             return
         self._contracts(one, one.program, tell)
@@ -123,7 +123,7 @@ class Work:
             asked = tuple(c for c in program.contracts if c.name in self.names)
             program = replace(program, contracts=asked)
         try:
-            with redirect_stdout(sys.stderr):  # for what modules in Python print
+            with redirect_stdout(sys.stderr):  # for prints of Python modules
                 for one.report in reports(program, self.examples, self.seed, faults=self.faults):
                     tell(one.report.drawn, self.examples, "drawn traces")
         except Failure as failure:

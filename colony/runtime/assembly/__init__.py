@@ -1,0 +1,1 @@
+"""The assembly of a robot from its parts: one loop, nodes in virtual time, or processes."""

@@ -1,10 +1,10 @@
-"""One robot with its program, its servers and its scripts in one loop, for runs by the thousand.
+"""A robot with its program, its servers and its scripts in one loop, for runs by the thousand.
 
 The loop consists of the parts of the real servers (`runtime/servers`), without messages, connections or a
-store. A frame is what it is among the real servers in virtual time (`virtual.py`), in one fixed order: the
-servers publish; the network decides on that, its commands are carried out; cameras grab when it is time;
-scripts go on whose time has come; the world moves on to the next frame. So what a script sets in a frame the
-network reads in the next one, and what the network sets, too.
+store. A frame is the same as among the real servers in virtual time (`virtual.py`), in one fixed order: the
+servers publish; the network decides and its commands are carried out; cameras grab when due; scripts that are
+due resume; the world advances to the next frame. The network therefore reads what a script, or the network
+itself, sets in a frame in the next one.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from colony.runtime.store.store import Journal, MemoryStore
 from colony.runtime.transport.virtual import VirtualClock
 
 Watch = Callable[[Frame, Outcome], None]
-"""A function that is called with every frame and its outcome, both in base units, before anything moves."""
+"""A function that takes every frame and its outcome, both in base units, before anything moves."""
 
 
 class _Forgetful(Journal):
-    """A journal of what nobody will ever load."""
+    """A journal that keeps nothing, because nothing will load it."""
 
     def __init__(self) -> None:
         super().__init__(MemoryStore())
@@ -56,10 +56,10 @@ class _Forgetful(Journal):
 
 
 class LocalData(LocalServer):
-    """DServer's variables and semaphores, called in this process. Mutable: those.
+    """The variables and semaphores of DServer, called in this process. Mutable: both.
 
     Args:
-        reads: the variables that frames have, which the network reads.
+        reads: the variables in frames, which the network reads.
     """
 
     def __init__(self, reads: Iterable[str] = ()) -> None:
@@ -87,28 +87,28 @@ class LocalCamera(LocalServer):
         super().__init__(address, camera.methods, camera.answers)
 
     def do(self, asked: Asked, ask: Ask[Any], now_ns: int) -> Any:
-        """Return the result of a call; a lock that it gave back takes effect at once."""
+        """Return the result of a call; a lock that it released takes effect at once."""
         result = super().do(asked, ask, now_ns)
         self.tend(now_ns)
         return result
 
 
 class Loop:
-    """Mutable: the servers and scripts, the network's memory, the time.
+    """A robot in one loop. Mutable: the servers and scripts, the network's memory, the time.
 
     Args:
         robot: the sensors and actuators, as declared.
         executor: decides frames in base units (`ir.program.robot_in_base_units`).
-        drivers: the devices; they tell time by `clock`.
-        scripts: by name, in the order in which they run in a moment.
-        clock: the time, which the loop moves on.
-        advance: called at the end of each frame, with the clock at the next one: lets the world catch up.
-        seed: of `Runtime.random`.
-        variables: of DServer, held as fresh as each frame, in declared units.
-        watch: is shown every frame.
+        drivers: the devices; they read time from `clock`.
+        scripts: the scripts by name, in their order within a moment.
+        clock: the time, which the loop advances.
+        advance: called at the end of each frame, with the clock at the next one, to advance the world.
+        seed: the seed of `Runtime.random`.
+        variables: DServer's variables, kept as fresh as each frame, in declared units.
+        watch: takes every frame and its outcome.
 
     Raises:
-        Failure: a sensor or an actuator is bound to what no server has.
+        Failure: a sensor or an actuator is bound to something that no server has.
     """
 
     def __init__(
@@ -162,10 +162,10 @@ class Loop:
         return self._clock.now_ns
 
     def frame(self) -> None:
-        """Run one frame, and go on to the beginning of the next.
+        """Run one frame, and advance to the beginning of the next.
 
         Raises:
-            ScriptFailed: a script raised.
+            ScriptFailed: a script raised an exception.
         """
         now_ns = self._clock.now_ns
         frame = Frame(now_ns, self._readings(now_ns))

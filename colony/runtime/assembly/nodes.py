@@ -1,5 +1,8 @@
-"""The nodes that a compiled program needs, whatever robot they run on: its clients, the announcers of its
-modules in Python, and the observer. Each process builds the nodes that run in it."""
+"""The nodes that a compiled program needs on any robot.
+
+They are its clients, the announcers of its Python modules, and the observer. Each process builds the nodes
+that run in it.
+"""
 
 from __future__ import annotations
 
@@ -22,11 +25,12 @@ from colony.runtime.protocol.bindings import Bindings, SensorBinding
 def build_clients(
     compiled: Compiled, bindings: Bindings, clients: Iterable[ClientKey], run: str
 ) -> tuple[ClientNode, ...]:
-    """Build the clients of one process, by actuator and module: one node per group of clients that read the
-    same servers and modules in Python and have the same `on_loss`.
+    """Build the clients of one process, given by actuator and module.
+
+    Clients that read the same servers and Python modules and have the same `on_loss` share one node.
 
     Raises:
-        KeyError: there is no such client.
+        KeyError: the program has no such client.
     """
     degrading = {a.name for a in compiled.robot.actuators if a.on_loss == "degrade"}
     here = tuple(clients)
@@ -42,7 +46,7 @@ def build_clients(
 
 
 class _Inputs(NamedTuple):
-    """What a client waits for in each frame."""
+    """The inputs that a client waits for in each frame."""
 
     servers: frozenset[str]
     python_modules: tuple[str, ...]
@@ -65,11 +69,11 @@ def _client_node(
 
 
 def build_announcer(compiled: Compiled, bindings: Bindings, module: str, run: str) -> Announcer:
-    """Build the node that runs a module in Python, and tells its answers.
+    """Build the node that runs a Python module and announces its answers.
 
     Raises:
-        KeyError: there is no such module.
-        Failure: it cannot be imported or built.
+        KeyError: the program has no such module.
+        Failure: the module cannot be imported or built.
     """
     executor = ModuleExecutor(compiled, module)
     keep = frames_kept(compiled.frame_ns)
@@ -85,7 +89,7 @@ def build_observer(
     *,
     requests: bool = False,
 ) -> Observer:
-    """Build the node that sees every frame; with `requests`, also what the clients asked for."""
+    """Build the node that sees every frame and, with `requests`, the clients' requests."""
     actuators, modules, keep = compiled.robot.actuators, compiled.announced, frames_kept(compiled.frame_ns)
     degrading = (a.name for a in actuators if a.on_loss == "degrade")
     return Observer(

@@ -1,7 +1,7 @@
-"""Which clients of a program share a process, and what the processes of a program are called.
+"""The assignment of a program's clients to processes, and the names of the processes.
 
-No two names are equal, whatever actuators and modules are called: that of the shared process has one part,
-that of a client two, that of a module in Python three.
+All names are different, whatever the names of actuators and modules: the name of the shared process has one
+part, that of a client two, that of a Python module three.
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ SHARED = "clients"
 
 
 class ClientProcess(NamedTuple):
-    """The clients of one process. `shared` tells that it is the one for all clients that do not run apart: of
-    a program with a single client, too."""
+    """The clients of one process.
+
+    `shared` is True for the process of all clients that do not run apart, even of a single one.
+    """
 
     clients: tuple[ClientKey, ...]
     shared: bool
@@ -33,9 +35,9 @@ class ClientProcess(NamedTuple):
 def client_processes(compiled: Compiled, *, isolate: bool) -> tuple[ClientProcess, ...]:
     """Return the processes of the clients of a program.
 
-    All clients share one, because modules written in the language can neither crash nor hang; modules in
-    Python run elsewhere. Clients of an actuator with `on_loss degrade` run apart, so that losing one does not
-    lose the others. With `isolate`, all do.
+    Modules written in the language can neither crash nor hang, and Python modules run elsewhere, so all
+    clients share one process. Clients of an actuator with `on_loss degrade` run apart, so that losing one
+    does not lose the others. With `isolate`, all clients run apart.
     """
     apart = {a.name for a in compiled.robot.actuators if isolate or a.on_loss == "degrade"}
     keys = [(actuator, module) for actuator, module, _ in compiled.clients]
@@ -47,5 +49,5 @@ def client_processes(compiled: Compiled, *, isolate: bool) -> tuple[ClientProces
 
 
 def announcer_process(module: str) -> str:
-    """Return the name of the process of a module in Python: the address of its announcer."""
+    """Return the name of a Python module's process: the address of its announcer."""
     return activity(DSERVER.name, module)

@@ -4,7 +4,7 @@
     session = VirtualSession(compiled, drivers, clock=clock, seed=1)
     session.run(60_000_000_000)
 
-Whatever ends a run, be it an exception, the robot is stopped and the sinks are closed.
+However a run ends, even by an exception, the robot is stopped and the sinks are closed.
 """
 
 from __future__ import annotations
@@ -42,35 +42,38 @@ RUN = "run"
 """The name of a run in virtual time."""
 
 Builders = Mapping[str, Callable[[], Node]]
-"""Nodes by their addresses, each with how to build it, and build it again."""
+"""Functions that build nodes, by address; called again for a restart."""
 
 Servers = Callable[[Deployment, int], Builders]
-"""Gives the servers of a robot, for what is deployed, and for the number of frames that they keep."""
+"""A function that returns the builders of a robot's servers.
+
+It takes the deployment and the number of frames that the servers keep.
+"""
 
 
 class VirtualRobot:
     """The nodes of one run, joined by a transport in virtual time. Mutable: everything below it.
 
-    `transport` with `kill`, `freeze`, `restart` and `revive` does to a process what may happen to one;
-    `transport.at` does it at a time. What a store keeps survives, as it would on a disk.
+    `kill`, `freeze`, `restart` and `revive` do to a process what may happen to a real one; `transport.at`
+    does so at a given time. Data in a store survives, as it would on a disk.
 
     Args:
-        compiled: what is run.
-        bindings: where its sensors and actuators are.
-        servers: all servers but the Clock.
-        clock: the time, which the transport moves on.
-        seed: of `Runtime.random`.
-        sinks: who takes the frames.
-        ticking: whether there is a Clock; without one, whoever drives the robot injects ticks.
-        order_seed: of the order in which messages of one moment arrive; no result depends on it.
+        compiled: the program to run.
+        bindings: the servers of its sensors and actuators.
+        servers: returns the builders of all servers but the Clock.
+        clock: the time, which the transport advances.
+        seed: the seed of `Runtime.random`.
+        sinks: take the frames.
+        ticking: True to run a Clock; without one, the caller injects ticks.
+        order_seed: the seed of the order in which messages of one moment arrive; no result depends on it.
         link: faults of the transport.
-        requests: whether frames come with what the clients asked for.
-        nodes: who else takes part, such as camera servers and scripts; started last, in this order, and never
-            again: `restart` and `revive` are for the processes of `processes`.
-        isolate: whether each client runs in its own process.
+        requests: True to add the clients' requests to frames.
+        nodes: additional nodes, such as camera servers and scripts; started last, in this order, and never
+            restarted: `restart` and `revive` are for the processes of `processes`.
+        isolate: True to run each client in its own process.
 
     Raises:
-        Failure: a module in Python cannot be imported or built.
+        Failure: a Python module cannot be imported or built.
     """
 
     def __init__(
@@ -93,7 +96,7 @@ class VirtualRobot:
         self.deployed = deployed = deployment(compiled, bindings, run=RUN, seed=seed)
         built = servers(deployed, keep)
         builders: dict[str, Callable[[], Node | tuple[Node, ...]]] = {}
-        if ticking:  # the Clock comes first: whoever says that it is ready is to be heard
+        if ticking:  # the Clock comes first, so that it hears every server that reports ready
             builders[CLOCK] = lambda: Clock(servers=tuple(built), keep=keep, deployment=deployed)
         builders.update(built)
         for process in client_processes(compiled, isolate=isolate):
@@ -112,7 +115,7 @@ class VirtualRobot:
 
     @property
     def processes(self) -> tuple[str, ...]:
-        """The names of the processes that can be started again: the address of the node, where it has one."""
+        """The names of the restartable processes: the address of the node, if it has one."""
         return tuple(self._builders)
 
     def start(self) -> None:
@@ -121,17 +124,17 @@ class VirtualRobot:
             self.transport.add(node)
 
     def kill(self, process: str) -> None:
-        """Kill a process as SIGKILL would; one that does not live stays dead."""
+        """Kill a process as SIGKILL would; a dead process stays dead."""
         for address in self._living(process):
             self.transport.kill(address)
 
     def freeze(self, process: str) -> None:
-        """Stop a process as SIGSTOP would, if it lives."""
+        """Stop a process as SIGSTOP would, if it is alive."""
         for address in self._living(process):
             self.transport.freeze(address)
 
     def revive(self, process: str) -> None:
-        """Let a frozen process go on, and start a new one in the place of one that was killed."""
+        """Resume a frozen process, or restart a dead one."""
         living = self._living(process)
         for address in living:
             self.transport.thaw(address)
@@ -139,7 +142,7 @@ class VirtualRobot:
             self.restart(process)
 
     def restart(self, process: str) -> None:
-        """Put a new process in the place of one, which is killed if it still lives; not of the observer."""
+        """Replace a process by a new one, killing it if it is still alive; not for the observer."""
         self.kill(process)
         for node in self._build(process):
             self.transport.add(node)
@@ -156,16 +159,24 @@ class VirtualRobot:
 
 
 class VirtualSession(VirtualRobot):
-    """One robot with the servers that every robot has, and one run of it.
+    """A robot with the servers that every robot has, and one run of it.
 
     Args:
-        drivers: the devices; they tell time by `clock`.
-        variables: DServer's, held as they are (see `DServer`), in declared units.
-        others: as of `VirtualRobot`.
+        compiled: the program to run.
+        drivers: the devices; they read time from `clock`.
+        clock: as in `VirtualRobot`.
+        seed: as in `VirtualRobot`.
+        variables: DServer's variables, which it holds (see `DServer`), in declared units.
+        sinks: as in `VirtualRobot`.
+        order_seed: as in `VirtualRobot`.
+        link: as in `VirtualRobot`.
+        requests: as in `VirtualRobot`.
+        nodes: as in `VirtualRobot`.
+        isolate: as in `VirtualRobot`.
 
     Raises:
-        Failure: a sensor or an actuator is bound to what no server has, or a module in Python cannot be
-            imported or built.
+        Failure: a sensor or an actuator is bound to something that no server has, or a Python module cannot
+            be imported or built.
     """
 
     def __init__(
@@ -211,7 +222,7 @@ class VirtualSession(VirtualRobot):
         self._closed = False
 
     def add(self, sink: Sink) -> None:
-        """Add one more sink, before `run`."""
+        """Add a sink, before `run`."""
         self.observer.add(sink)
 
     def run(
@@ -221,9 +232,9 @@ class VirtualSession(VirtualRobot):
         stop: Callable[[], bool] = lambda: False,
         pace: Callable[[int], None] | None = None,
     ) -> bool:
-        """Run the frames from 0 up to, and not with, `duration_ns`, once; False when `stop` ended it.
+        """Run the frames from 0 up to but without `duration_ns`, once; return False if `stop` ended it.
 
-        `stop` is asked, and `pace` is told the time, before every moment in which something happens.
+        `stop` is checked, and `pace` is called with the time, before every moment in which something happens.
         """
         try:
             self.start()

@@ -1,4 +1,4 @@
-"""Connections to servers, for programs that await answers; they do the very same asks.
+"""Connections to servers for asyncio programs; they use the same asks as the blocking ones.
 
 async with connect("RServer", robot="rome", priority=5) as base:
     await base.do(robot.go(200))
@@ -34,8 +34,10 @@ T = TypeVar("T")
 
 
 class Connection:
-    """A channel between this program and one server, for tasks of one event loop. Mutable: what is on its
-    way. Made by `connect` and `Session.connect`."""
+    """A channel between this program and one server, for the tasks of one event loop.
+
+    Mutable: the calls on their way. Created by `connect` and `Session.connect`.
+    """
 
     def __init__(self, hub: Hub, server: str, *, name: str, priority: int, timeout_s: float) -> None:
         self.server = server
@@ -46,10 +48,10 @@ class Connection:
         self._wire = hub.wire(server, name=name, priority=priority, notify=self._notify)
 
     async def do(self, ask: Ask[T], *, timeout_s: float | None = None) -> T:
-        """Have the server do something, and wait for the result.
+        """Make a call to the server, and wait for the result.
 
         Raises:
-            CallRefused: the server does not do it; its `code` and message say why.
+            CallRefused: the server refuses; `code` and message give the reason.
             ConnectionLost: the server went away in the meantime, and the call must not be repeated blindly.
             TimedOut: no answer came in `timeout_s`, by default that of the connection, or of the call.
         """
@@ -65,7 +67,7 @@ class Connection:
             self._wire.forget(pending)
 
     async def keep(self, ask: Ask[T]) -> T:
-        """Make a call now, and again whenever the connection was reopened: a watch, a subscription."""
+        """Make a call now, and again whenever the connection is reopened: a watch, a subscription."""
         result = await self.do(ask)
         self._wire.keep(ask)
         return result
@@ -77,7 +79,7 @@ class Connection:
 
     @property
     def openings(self) -> int:
-        """Times that the connection was opened; above 1, it was lost in between, with what it held there."""
+        """The number of times the connection was opened; above 1, its state at the server was lost."""
         return self._wire.openings
 
     async def open(self) -> None:
@@ -115,7 +117,7 @@ class Connection:
         self._soon(put)
 
     def _soon(self, work: Callable[[], None]) -> None:
-        """From a thread of the network into the loop; nothing where that has ended."""
+        """Run `work` in the event loop, from a network thread; do nothing if the loop has ended."""
         with suppress(RuntimeError):
             self._loop.call_soon_threadsafe(work)
 
@@ -139,8 +141,8 @@ class Session:
         """Join the processes of a robot, until the end of the `async with`.
 
         Raises:
-            ServerNotFound: there is no such robot on this machine.
-            NotReached: the gateway cannot be reached, or refuses.
+            ServerNotFound: this machine has no such robot.
+            NotReached: the gateway cannot be reached, or refuses the login.
         """
         hub = await asyncio.to_thread(
             Hub.open, robot, gateway=gateway, credentials=credentials, environment=environment
@@ -179,7 +181,7 @@ async def connect(
 ) -> AsyncIterator[Connection]:
     """Connect to a server of a robot until the end of the `async with`.
 
-    Args and errors are those of `connection.connect`.
+    Arguments and errors are those of `connection.connect`.
     """
     opened = Session.open(robot, gateway=gateway, credentials=credentials, environment=environment)
     async with (

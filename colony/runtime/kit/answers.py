@@ -1,4 +1,4 @@
-"""The outcome of a call, as the program that made it gets it, whatever carried it."""
+"""The outcome of a call as its program receives it, independent of the transport."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ TIMEOUT_S = 5.0
 
 
 def waiting_time(ask: Ask[Any], asked_s: float | None, usual_s: float) -> float:
-    """Return the seconds to wait for an answer: as asked, else as usual, or longer if the call needs it.
+    """Return the seconds to wait for an answer: `asked_s`, else `usual_s` or longer if the call needs it.
 
     Raises:
-        TypeError: this is nothing that can be asked.
+        TypeError: `ask` is not an ask.
     """
     if not isinstance(ask, Ask):
         hint = ": call it" if callable(ask) else ""
@@ -37,7 +37,7 @@ def read_result(server: str, ask: Ask[T], outcome: Outcome) -> T:
     """Return the result of a call.
 
     Raises:
-        CallRefused, ConnectionLost: there is none.
+        CallRefused, ConnectionLost: the call has no result.
     """
     if isinstance(outcome, ConnectionProblem):
         raise outcome

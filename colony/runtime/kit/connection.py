@@ -38,7 +38,7 @@ from colony.runtime.transport.live.robot_time import time_of
 T = TypeVar("T")
 
 STARTING_S = 2.0
-"""Seconds to wait for a server that is not there yet and may be about to start."""
+"""Seconds to wait for a server that is not up yet and may be about to start."""
 
 NOTICES_KEPT = 1024
 """The largest number of unread notices; beyond it the oldest are dropped."""
@@ -61,9 +61,9 @@ class Answer(Generic[T]):
         """Wait for the answer, and return the result.
 
         Raises:
-            CallRefused, ConnectionLost, TimedOut: there is none.
+            CallRefused, ConnectionLost, TimedOut: the call has no result.
         """
-        left_s = min(max(0.0, self._due - time.monotonic()), TIMEOUT_MAX)  # it may wait for ever
+        left_s = min(max(0.0, self._due - time.monotonic()), TIMEOUT_MAX)  # the timeout may be unlimited
         if self._outcome is None and not self._ready.acquire(timeout=left_s):
             self._wire.forget(self._pending)
             if self._outcome is None:
@@ -77,7 +77,7 @@ class Answer(Generic[T]):
 
 
 class Connection:
-    """A channel between this program and one server. Threads may share it. Mutable: what is on its way."""
+    """A channel between this program and one server. Threads may share it. Mutable: its open calls."""
 
     def __init__(self, hub: Hub, server: str, *, name: str, priority: int, timeout_s: float) -> None:
         """Open the connection; see `connect`."""
@@ -97,17 +97,17 @@ class Connection:
             raise
 
     def do(self, ask: Ask[T], *, timeout_s: float | None = None) -> T:
-        """Have the server do something, and wait for the result.
+        """Make a call to the server, and wait for the result.
 
         Raises:
-            CallRefused: the server does not do it; its `code` and message say why.
+            CallRefused: the server refuses; `code` and message give the reason.
             ConnectionLost: the server went away in the meantime, and the call must not be repeated blindly.
             TimedOut: no answer came in `timeout_s`, by default that of the connection, or of the call.
         """
         return self._answer(ask, timeout_s).result()
 
     def send(self, ask: Ask[T], *, timeout_s: float | None = None) -> Answer[T]:
-        """Have the server do something, without waiting; `result` of the answer waits, and so does `recv`."""
+        """Make a call without waiting; the answer's `result` waits, and so does `recv`."""
         answer = self._answer(ask, timeout_s)
         self._sent.append(answer)
         return answer
@@ -116,7 +116,7 @@ class Connection:
         """Wait for the result of the oldest call that was sent and not yet received.
 
         Raises:
-            LookupError: there is none.
+            LookupError: no sent call is left to receive.
             CallRefused, ConnectionLost, TimedOut: as for `do`.
         """
         if not self._sent:
@@ -124,14 +124,16 @@ class Connection:
         return self._sent.popleft().result()
 
     def keep(self, ask: Ask[T]) -> T:
-        """Make a call now, and again whenever the connection was reopened: a watch, a subscription."""
+        """Make a call now, and again whenever the connection is reopened: a watch, a subscription."""
         result = self.do(ask)
         self._wire.keep(ask)
         return result
 
     def notices(self, *, timeout_s: float | None = None) -> Iterator[Notice]:
-        """Yield the notices that the server sends because of a `watch` or the like; end when none came for
-        `timeout_s`."""
+        """Yield the notices that the server sends because of a `watch` or the like.
+
+        The iterator ends when no notice came for `timeout_s`.
+        """
         while True:
             try:
                 self._noticed.get(timeout=timeout_s)
@@ -142,22 +144,24 @@ class Connection:
 
     @property
     def openings(self) -> int:
-        """Times that the connection was opened; above 1, it was lost in between, with what it held there."""
+        """The number of times the connection was opened; above 1, its state at the server was lost."""
         return self._wire.openings
 
     def close(self) -> None:
-        """Close the connection; closing twice does nothing."""
+        """Close the connection. Idempotent."""
         self._holds.close()
 
     def and_close(self, holds: ExitStack) -> None:
-        """Close these too, after the connection."""
+        """Close `holds` too, after the connection."""
         holds.push(self._holds)
         self._holds = holds
 
     def __enter__(self) -> Connection:
+        """Return the connection."""
         return self
 
     def __exit__(self, *raised: object) -> None:
+        """Close the connection."""
         self.close()
 
     def _answer(self, ask: Ask[T], timeout_s: float | None) -> Answer[T]:
@@ -203,11 +207,11 @@ class Session:
         credentials: Credentials | None = None,
         environment: Mapping[str, str] = os.environ,
     ) -> Session:
-        """Join the processes of a robot: of this machine, or behind a gateway (`tls/HOST:PORT`).
+        """Join the processes of a robot, on this machine or behind a gateway (`tls/HOST:PORT`).
 
         Raises:
-            ServerNotFound: there is no such robot on this machine.
-            NotReached: the gateway cannot be reached, or refuses.
+            ServerNotFound: this machine has no such robot.
+            NotReached: the gateway cannot be reached, or refuses the login.
         """
         return cls(Hub.open(robot, gateway=gateway, credentials=credentials, environment=environment))
 
@@ -234,13 +238,15 @@ class Session:
         return self._time()
 
     def close(self) -> None:
-        """Close all connections and leave; closing twice does nothing."""
+        """Close all connections and leave the network. Idempotent."""
         self.hub.close()
 
     def __enter__(self) -> Session:
+        """Return the session."""
         return self
 
     def __exit__(self, *raised: object) -> None:
+        """Close the session."""
         self.close()
 
 
@@ -258,15 +264,19 @@ def connect(
     """Open a connection to a server of a robot.
 
     Args:
+        server: the name of the server.
+        robot: the name of the robot.
         name: the name of the connection, for people; by default that of the program.
-        priority: the server's order of calls that wait; higher goes first.
+        priority: the server's order of waiting calls; higher goes first.
         timeout_s: the longest time to wait for an answer.
-        gateway, credentials: those of a robot on another machine; see `Session.open`.
+        gateway: the address of a gateway, for a robot on another machine; see `Session.open`.
+        credentials: the user's credentials at the gateway.
+        environment: names the run directory of this machine's robots.
 
     Raises:
-        ServerNotFound: nobody answers under these names.
-        CallRefused: the server does not take the connection.
-        NotReached: the gateway cannot be reached, or refuses.
+        ServerNotFound: no server answers under these names.
+        CallRefused: the server does not accept the connection.
+        NotReached: the gateway cannot be reached, or refuses the login.
     """
     with ExitStack() as holds:
         session = Session.open(robot, gateway=gateway, credentials=credentials, environment=environment)
@@ -277,14 +287,16 @@ def connect(
 
 
 def opening_times(timeout_s: float) -> tuple[float, ...]:
-    """Return the seconds to wait for a server to open: first while it may be about to start, and then, if
-    it is up, the rest."""
+    """Return the two waiting times in seconds for a server to open the connection.
+
+    The first is for a server that may be about to start; the second, the rest, is for a server that is up.
+    """
     first = min(timeout_s, STARTING_S)
     return (first, timeout_s - first)
 
 
 def timed_out(wire: Wire, ask: Ask[Any], timeout_s: float) -> TimedOut:
-    """Return the error for a call that had no answer in time."""
+    """Return the error for a call without an answer in time."""
     text = f"{wire.server} did not answer `{ask.method}` in {timeout_s:g} s"
     if not wire.is_open:
         text += "; the connection was lost, and could not be opened again yet"

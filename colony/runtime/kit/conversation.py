@@ -1,11 +1,12 @@
-"""The client's end of a connection as logic without input and output: messages and times in, effects out.
+"""The client's end of a connection as pure logic: messages and times in, effects out.
 
-A connection is opened under an id of its own. When the server says that it does not know it (it was started
-anew, or did not hear of us for the lease), or dies, the connection is opened again under the same id, and its
-calls are numbered on: a server that notes what it did (DServer) knows a call that it did before it died.
-Calls that may be repeated are then made again, each with its number; the others fail with `ConnectionLost`. A
-call that got no answer, or was refused with the code "flood", is sent again with the same number, after
-longer and longer pauses: it is done once. An emergency stop does not wait until the connection is open.
+A connection is opened under an id of its own. When the server goes away, or reports that it does not know the
+connection (because it restarted, or heard nothing from the client for the lease), the client reopens it under
+the same id and continues the numbering of its calls: a server that records its work (DServer) recognizes a
+call that it completed before it went away. Repeatable calls are then made again, each with its number; the
+others fail with `ConnectionLost`. A call without an answer, or refused with the code "flood", is sent again
+with the same number after increasing pauses, and is executed once. An emergency stop does not wait for the
+connection to open.
 """
 
 from __future__ import annotations
@@ -24,18 +25,18 @@ from colony.runtime.protocol.codec import LARGEST
 from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
 
 ALIVE_NS = 150_000_000
-"""After so long without sending anything a sign of life is due. Asked every 100 ms, it is never late."""
+"""Nanoseconds without sending after which a sign of life is due. Checked every 100 ms, it is never late."""
 
 AGAIN_NS = 250_000_000
-"""After so long without an answer a call is sent again; then after twice as long, and so on."""
+"""Nanoseconds without an answer after which a call is first sent again; each further pause doubles."""
 
 AGAIN_MOST_NS = 2_000_000_000
 
 LARGEST_ARGUMENTS = LARGEST - 1024
-"""Bytes of arguments that fit into a message, with all else."""
+"""Bytes of arguments that fit into a message along with everything else."""
 
 Outcome = msgspec.Raw | ConnectionProblem
-"""The result of a call in msgpack, or why there is none."""
+"""The result of a call in msgpack, or the reason why there is none."""
 
 
 @dataclass(frozen=False, slots=True, eq=False)
@@ -43,8 +44,8 @@ class Pending:
     """A call that has no answer yet; `resolve` is called once, with its outcome.
 
     Raises:
-        TypeError: the arguments cannot be put into bytes.
-        CallRefused: they are too large.
+        TypeError: the arguments cannot be encoded.
+        CallRefused: the arguments are too large.
     """
 
     ask: Ask[Any]
@@ -55,6 +56,7 @@ class Pending:
     again_ns: int = AGAIN_NS
 
     def __post_init__(self) -> None:
+        """Encode the arguments and check their size."""
         self.arguments = msgspec.msgpack.encode(self.ask.arguments)
         if len(self.arguments) > LARGEST_ARGUMENTS:
             found = f"the arguments are {len(self.arguments)} bytes; expected at most {LARGEST_ARGUMENTS}"
@@ -68,20 +70,20 @@ class Begin(NamedTuple):
 
 
 class Transmit(NamedTuple):
-    """Effect: send this to the server."""
+    """Effect: send a message to the server."""
 
     message: Call | Alive
 
 
 class Resolve(NamedTuple):
-    """Effect: a call has this outcome."""
+    """Effect: report the outcome of a call."""
 
     pending: Pending
     outcome: Outcome
 
 
 class Tell(NamedTuple):
-    """Effect: the server sent a notice."""
+    """Effect: pass on a notice of the server."""
 
     notice: Notice
 
@@ -90,6 +92,8 @@ Effect = Begin | Transmit | Resolve | Tell
 
 
 class State(Enum):
+    """The state of a connection."""
+
     OPENING = "opening"
     OPEN = "open"
     CLOSED = "closed"
@@ -100,12 +104,12 @@ class Conversation:
     """The client's half of a connection. Mutable: its state and the calls on their way.
 
     Args:
-        server: its name.
-        user: who we are.
-        ids: gives a new id every time.
-        name: what the connection goes by, for people.
-        priority: of all its calls.
-        least: the right under which goes what any right allows: one that the user has.
+        server: the name of the server.
+        user: the user of this process.
+        ids: returns a new id every time.
+        name: the name of the connection, for people.
+        priority: the priority of all its calls.
+        least: a right of the user, for messages that any right allows.
     """
 
     server: str
@@ -148,7 +152,7 @@ class Conversation:
                 yield Resolve(pending, ConnectionLost(f"the connection to {self.server} was closed"))
 
     def keep(self, ask: Ask[Any]) -> None:
-        """Make this call again whenever the connection was reopened."""
+        """Make this call again whenever the connection is reopened."""
         self._kept.append(ask)
 
     def forget(self, pending: Pending) -> None:
@@ -159,18 +163,18 @@ class Conversation:
             self._unsent.remove(pending)
 
     def again(self, pending: Pending, now_ns: int) -> Iterator[Effect]:
-        """Send a call once more that has no answer yet, before its time."""
+        """Send a call without an answer again, before its time."""
         if pending.call is not None and pending.call.number in self._sent:
             yield self._transmit(pending, now_ns)
 
     def take(self, message: Reply | Notice, now_ns: int) -> Iterator[Effect]:
-        """Handle a reply of the server; ignore one to an older connection."""
+        """Handle a reply or a notice of the server; ignore one to an older connection."""
         if message.connection != self.connection or self.state is State.CLOSED:
             return
         if isinstance(message, Notice):
             yield Tell(message)
         elif message.problem is not None and message.problem.code == "closed":
-            if self.state is State.OPEN:  # else it answers what was said before we knew
+            if self.state is State.OPEN:  # else the reply answers an earlier message
                 yield from self.lose(now_ns)
         elif message.number == 0:
             self.complaint = "" if message.problem is None else message.problem.message
@@ -207,7 +211,7 @@ class Conversation:
             yield self._transmit(self._opening, now_ns)
 
     def tend(self, now_ns: int) -> Iterator[Effect]:
-        """Send again what was not answered, and a sign of life if one is due; to be called often."""
+        """Resend unanswered calls, and send a sign of life if one is due; to be called often."""
         if self.state is State.CLOSED:
             return
         waiting = tuple(self._sent.values())
@@ -221,7 +225,7 @@ class Conversation:
             yield self._alive(now_ns)
 
     def close(self, now_ns: int) -> Iterator[Effect]:
-        """Close the connection: tell the server, and fail the calls that wait."""
+        """Close the connection: notify the server, and fail the waiting calls."""
         if self.state is State.OPEN:
             ask = Ask("close", Nothing(), None, self.least)
             yield self._transmit(Pending(ask, _ignore), now_ns)
@@ -232,13 +236,13 @@ class Conversation:
         self._sent.clear()
         self._unsent.clear()
 
-    # --- inside --------------------------------------------------------------------------------------
+    # --- internals -----------------------------------------------------------------------------------
 
     def _answer(self, reply: Reply, now_ns: int) -> Iterator[Effect]:
         outcome: Outcome = reply.result
         if reply.problem is not None and reply.problem.code == "flood":
             self.complaint = reply.problem.message
-            return  # it was not done, and is sent again in a while
+            return  # the call was not executed, and is sent again later
         if reply.problem is not None:
             outcome = CallRefused(reply.problem.code, reply.problem.message)
         opening = self._opening
@@ -267,7 +271,7 @@ class Conversation:
             yield self._transmit(pending, now_ns)
 
     def _sort(self, lost: ConnectionLost) -> Iterator[Effect]:
-        """Calls on their way fail, unless they may be repeated."""
+        """Fail the calls on their way, except repeatable ones."""
         for number, pending in tuple(self._sent.items()):
             if not pending.ask.repeatable:
                 del self._sent[number]
@@ -296,9 +300,9 @@ class Conversation:
 
 
 def _urgent(pending: Pending) -> bool:
-    """Return whether a call is sent before the connection is open."""
+    """Return True if a call is sent before the connection is open."""
     return pending.ask.method == EMERGENCY_STOP
 
 
 def _ignore(outcome: Outcome) -> None:
-    """Nobody waits for it."""
+    """Ignore an outcome."""

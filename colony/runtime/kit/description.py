@@ -1,5 +1,7 @@
-"""The description that a server gives of itself, so that programs can be bound to it:
-`sensor level: number from Battery.level`."""
+"""A server's description of itself, so that programs can bind to it.
+
+An example of such a binding: `sensor level: number from Battery.level`.
+"""
 
 from __future__ import annotations
 
@@ -46,10 +48,10 @@ def describe() -> Ask[Description]:
 
 
 def server_spec(description: Description) -> ServerSpec:
-    """Return the server as `bind` takes it.
+    """Return the server in the form that `bind` takes.
 
     Raises:
-        ValueError: a unit is none, or not a base unit: fields are in mm, s and deg.
+        ValueError: a unit is invalid, or not a base unit; fields are in mm, s and deg.
     """
     fields = tuple(FieldSpec(f.name, field_type(f), f.meaning) for f in description.fields)
     return ServerSpec(description.server, fields=fields)
@@ -59,7 +61,7 @@ def field_type(field: FieldDescription) -> Type:
     """Return the type of a field.
 
     Raises:
-        ValueError: the unit is none, or not a base unit.
+        ValueError: the unit is invalid, or not a base unit.
     """
     element: Scalar = BOOL
     if field.kind == "number":

@@ -1,10 +1,10 @@
-"""The emergency stop of a whole robot: sent at once to every server of actuators, and kept by the Clock.
+"""The emergency stop of a whole robot: sent to every actuator server at once, and kept by the Clock.
 
     with Session.open("rome") as session, StopButton(session) as button:
         report = button.press()
         assert report.kept
 
-A button has its connections open before it is pressed; pressing it costs one message to each server.
+A button opens its connections before it is pressed; pressing it costs one message to each server.
 """
 
 from __future__ import annotations
@@ -23,14 +23,16 @@ from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.place import Local
 
 AGAIN_S = 0.03
-"""Seconds after which a stop without an acknowledgement is sent again: on its way it may be dropped where
-there is no room. Servers know it again."""
+"""Seconds after which a stop without an acknowledgement is sent again.
+
+A link without room may drop it on its way. Servers recognize a repeated stop.
+"""
 
 PATIENCE_S = 2.0
-"""Seconds to wait for the acknowledgements."""
+"""Seconds to wait for acknowledgements."""
 
 SERVERS = (CLOCK, *emergency.ACTUATOR_SERVERS)
-"""The servers that take an emergency stop."""
+"""The servers that accept an emergency stop."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +44,7 @@ class Pressed:
 
     @property
     def kept(self) -> bool:
-        """True if the Clock keeps the stop and every server of actuators that is up has acknowledged it."""
+        """True if the Clock keeps the stop and every actuator server that is up has acknowledged it."""
         return CLOCK in self.acknowledged and not self.problems
 
 
@@ -64,7 +66,7 @@ class StopButton:
             wire.open(lambda _: None)
 
     def press(self) -> Pressed:
-        """Stop the robot, and wait until every server of actuators that is up has acknowledged it.
+        """Stop the robot, and wait until every actuator server that is up has acknowledged it.
 
         Raises:
             CallRefused: this user may not stop the robot.
@@ -114,18 +116,20 @@ class StopButton:
         return [server for server in missing if server in there]
 
     def _running(self) -> Iterable[str]:
-        """The servers that have a process on this machine, frozen ones too; unknown from another machine."""
+        """Return the servers with a process on this machine, even a frozen one; none from another machine."""
         place = self._session.hub.network.place
         return place.directory.running() if isinstance(place, Local) else ()
 
     def close(self) -> None:
-        """End the connections; closing twice does nothing."""
+        """Close the connections. Idempotent."""
         wires, self._wires = self._wires, {}
         for wire in wires.values():
             self._session.hub.release(wire)
 
     def __enter__(self) -> StopButton:
+        """Return the button."""
         return self
 
     def __exit__(self, *raised: object) -> None:
+        """Close the connections."""
         self.close()

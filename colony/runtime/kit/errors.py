@@ -30,6 +30,6 @@ class TimedOut(ConnectionProblem):
 class ConnectionLost(ConnectionProblem):
     """The connection ended before the answer came; the call may or may not have been done.
 
-    The kit opens the connection anew by itself. What the old one held at the server (a lock, a place in a
-    queue) is lost.
+    The kit reopens the connection by itself. The state that it had at the server (a lock, a place in a queue)
+    is lost.
     """

@@ -1,5 +1,7 @@
-"""Resources that all connections of a process with a robot share: the network, the thread that keeps the
-connections alive, and the knowledge of which servers are up."""
+"""Resources that all connections of a process with a robot share.
+
+They are the network session, the thread that keeps the connections alive, and the presence of servers.
+"""
 
 from __future__ import annotations
 
@@ -32,11 +34,14 @@ from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirec
 from colony.runtime.transport.live.security import check_credentials, rights
 
 LOGIN_S = 2.0
-"""Seconds in which a gateway has to answer which rights a user has."""
+"""Timeout in seconds for a gateway to report a user's rights."""
 
 BUCKETS = 256
-"""Key expressions on which the processes of one user subscribe to replies. Each process draws one, for all of
-its connections: zenoh keeps some memory for every key that was ever declared, for as long as a link lives."""
+"""Number of key expressions on which the processes of one user subscribe to replies.
+
+Each process draws one for all of its connections: zenoh keeps some memory for every key that was ever
+declared, for the life of a link.
+"""
 
 TEND_S = 0.1
 """Seconds between two rounds of signs of life and repeated calls."""
@@ -46,8 +51,10 @@ class Hub:
     """The network session of a process, and the connections over it. Mutable. Threads may share it."""
 
     def __init__(self, network: ZenohSession, *, rights: tuple[Right, ...] = keys.RIGHTS) -> None:
-        """For a network that is open already and stays so. `rights` are what is asked for: others than those
-        that the user has are of no avail. See `on` and `open`."""
+        """Use an open network that the caller owns; see also `on` and `open`.
+
+        `rights` are those that connections request; rights that the user does not have are of no use.
+        """
         self.network = network
         self._rights = rights
         self._wires: set[Wire] = set()
@@ -68,10 +75,10 @@ class Hub:
 
     @classmethod
     def on(cls, network: ZenohSession) -> Hub:
-        """Return a hub on a network that is open already and stays open, with the user's rights.
+        """Return a hub on an open network that the caller owns, with the user's rights.
 
         Raises:
-            NotReached: the gateway does not let the user in.
+            NotReached: the gateway does not admit the user.
         """
         return cls(network, rights=_rights(network))
 
@@ -84,11 +91,11 @@ class Hub:
         credentials: Credentials | None = None,
         environment: Mapping[str, str] = os.environ,
     ) -> Hub:
-        """Join the processes of a robot: of this machine, or behind a gateway (`tls/HOST:PORT`).
+        """Join the processes of a robot, on this machine or behind a gateway (`tls/HOST:PORT`).
 
         Raises:
-            ServerNotFound: there is no such robot on this machine.
-            NotReached: the gateway cannot be reached, or refuses.
+            ServerNotFound: this machine has no such robot.
+            NotReached: the gateway cannot be reached, or refuses the login.
             SecurityError: the address is not one for TLS, or the credentials cannot be used.
         """
         place: Place
@@ -116,10 +123,10 @@ class Hub:
         notify: Callable[[Notice], None],
         rights: tuple[Right, ...] | None = None,
     ) -> Wire:
-        """Return a conversation with a server, not opened yet; give it to `release` in the end.
+        """Return a conversation with a server, not opened yet; pass it to `release` at the end.
 
         Raises:
-            TypeError: the name or the priority could not be sent.
+            TypeError: the name or the priority cannot be sent.
         """
         if not isinstance(name, str):
             raise TypeError(f"the name of a connection is {name!r}; expected text")
@@ -162,17 +169,17 @@ class Hub:
         return ServerNotFound(text)
 
     def close(self) -> None:
-        """Close all connections and leave; closing twice does nothing."""
+        """Close all connections and leave the network. Idempotent."""
         with self._lock:
             wires, self._wires = self._wires, set()
         for wire in wires:
             wire.close()
         self._holds.close()
 
-    # --- inside --------------------------------------------------------------------------------------
+    # --- internals -----------------------------------------------------------------------------------
 
     def _tend(self) -> None:
-        """The thread that keeps connections alive. It never waits for room to send."""
+        """Keep connections alive, in a thread of its own. It never waits for room to send."""
         due = time.monotonic() + TEND_S
         while True:
             try:
@@ -193,7 +200,7 @@ class Hub:
     def _replied(self, sample: zenoh.Sample) -> None:
         """Hand a reply or notice to its wire; it may be for another process of this user.
 
-        Called in a thread of the network.
+        Called in a network thread.
         """
         try:
             message = codec.decode(sample.payload.to_bytes())
@@ -203,7 +210,7 @@ class Hub:
             wire.take(message)
 
     def _presence(self, address: str, present: bool) -> None:
-        """In a thread of the network: a node came or went."""
+        """Handle a node that came or went, in a network thread."""
         for wire in self._all():
             if wire.server == address:
                 self._deferred.put(partial(wire.presence, present))
@@ -214,9 +221,9 @@ class Hub:
 
 
 def _rights(network: ZenohSession) -> tuple[Right, ...]:
-    """What this user may: of this machine everything, elsewhere what the gateway says.
+    """Return this user's rights: all on this machine, elsewhere those that the gateway reports.
 
-    Whatever the user may, asking the gateway who one is goes under each right; so all are tried.
+    The gateway answers `whoami` under any right that the user has, so every right is tried.
     """
     place = network.place
     if isinstance(place, Local):
@@ -244,11 +251,11 @@ def _rights(network: ZenohSession) -> tuple[Right, ...]:
 
 
 def _ignore(anything: object) -> None:
-    """Nobody wants to know."""
+    """Ignore the argument."""
 
 
 def _nested(inner: ExitStack, outer: ExitStack) -> ExitStack:
-    """Both, the inner one closed first."""
+    """Return a stack that closes both, the inner one first."""
     outer.push(inner)
     return outer
 
@@ -265,7 +272,7 @@ def _expect_folder(place: Local) -> None:
 
 
 def _running_beside(directory: RobotDirectory) -> tuple[str, ...]:
-    """The robots of this user on this machine of which something runs."""
+    """Return this user's robots on this machine that have a running process."""
     folder = RunDirectory(directory.path.parent)
     return tuple(name for name in folder.robots() if RobotDirectory(folder.path / name, name).running())
 

@@ -1,4 +1,4 @@
-"""What can be seen of a robot from outside: which servers are up, who is connected, how its run stands."""
+"""The state of a robot as seen from outside: its servers, their connections, and its run."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ T = TypeVar("T")
 
 
 class ServerState(msgspec.Struct, frozen=True, kw_only=True):
-    """A server by name. `state`: it answers, or is "down" (not there), or "silent" (there, without a word).
+    """The state of one server.
 
-    `process` is known on the robot's own machine. `connections` are who is connected, `full` the limits that
-    are reached.
+    `state` is "up", "down" (absent) or "silent" (present without an answer). `process` is known on the
+    robot's own machine. `connections` are its clients, `full` the limits that are reached.
     """
 
     server: str
@@ -44,7 +44,7 @@ class ServerState(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RobotState(msgspec.Struct, frozen=True, kw_only=True):
-    """A robot. `run`, `arbitration` and `who` are as their servers tell, None where these do not answer."""
+    """The state of a robot. `run`, `arbitration` and `who` are None if their servers do not answer."""
 
     robot: str
     servers: tuple[ServerState, ...]
@@ -54,12 +54,12 @@ class RobotState(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def as_json(states: Sequence[RobotState]) -> str:
-    """An array of them, for programs."""
+    """Return the states as a JSON array, for programs."""
     return msgspec.json.format(msgspec.json.encode(states), indent=2).decode()
 
 
 def state_of(session: Session, place: Place) -> RobotState:
-    """Ask everyone, all at once; who does not answer soon is told of as silent."""
+    """Ask all servers in parallel; those that do not answer soon are reported as silent."""
     processes = dict(place.directory.running()) if isinstance(place, Local) else {}
     there = {address for address in session.servers() if "/" not in address} - {OBSERVER}
     names = sorted({*ALWAYS, *there, *processes} - {OBSERVER}, key=_order)
@@ -84,12 +84,12 @@ _MORE: dict[str, Callable[[], Ask[Any]]] = {
     RSERVER.name: arbitration,
     LEADER: run_status,
 }
-"""What else some servers are asked."""
+"""Additional calls to some servers."""
 
 
 def _ask(session: Session, name: str, there: bool, process: int | None) -> tuple[ServerState, object]:
     if not there:
-        # what has a process and no node, as the plant, is no server that could be asked
+        # a process without a node, such as the plant, is not a server and cannot be asked
         state = "down" if process is None or name in ALWAYS else "up"
         return ServerState(server=name, state=state, process=process), None
     try:

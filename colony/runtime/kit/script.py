@@ -1,5 +1,7 @@
-"""A client as a generator of what it asks of servers: the same program over live connections, among the nodes
-of a run in virtual time, and inside one process at the speed of a simulation.
+"""A client as a generator of its calls to servers.
+
+The same script runs over live connections, among the nodes of a run in virtual time, and inside one process
+at the speed of a simulation.
 
     def beacon() -> Script:
         yield from do("DServer", data.create_semaphore("$Lit", 0))
@@ -8,8 +10,9 @@ of a run in virtual time, and inside one process at the speed of a simulation.
             where = yield from do("RServer", robot.position())
             yield from do("DServer", data.set("LastSeen", (now_ns, where.x, where.y)))
 
-A script has no threads, no clock and no sockets; its runner does what it yields and sends back the answer. A
-call that is refused, or lost, is raised in it as the kit's connections raise it (`kit/errors.py`).
+A script has no threads, no clock and no sockets; its runner performs each step that it yields and sends back
+the answer. A call that is refused or lost raises the same exception in the script as the kit's connections do
+(`kit/errors.py`).
 """
 
 from __future__ import annotations
@@ -23,14 +26,14 @@ T = TypeVar("T")
 
 
 class Do(NamedTuple):
-    """A step: make this call to a server. It gives the result of the call."""
+    """A step: make a call to a server. Its answer is the result of the call."""
 
     server: str
     ask: Ask[Any]
 
 
 class Sleep(NamedTuple):
-    """A step: wait. It gives the robot's time then, in nanoseconds."""
+    """A step: wait. Its answer is the robot's time afterwards, in nanoseconds."""
 
     seconds: float
 
@@ -44,13 +47,13 @@ def do(server: str, ask: Ask[T]) -> Generator[Step, Any, T]:
     """Make a call to a server, and wait for the result.
 
     Raises:
-        CallRefused, ConnectionLost, TimedOut: there is none.
+        CallRefused, ConnectionLost, TimedOut: the call has no result.
     """
     answer: T = yield Do(server, ask)
     return answer
 
 
 def sleep(seconds: float) -> Generator[Step, Any, int]:
-    """Wait, and return the robot's time then, in nanoseconds. 0 seconds ask for the time."""
+    """Wait, and return the robot's time afterwards in nanoseconds; 0 seconds only return the time."""
     now_ns: int = yield Sleep(seconds)
     return now_ns

@@ -1,4 +1,4 @@
-"""A script (`script.py`) over live connections: the very same program beside a robot's processes.
+"""A script (`script.py`) over live connections, beside a robot's processes.
 
 with Session.open("rome") as rome:
     run_script(rome, planner(plan), name="planner")
@@ -30,17 +30,17 @@ def run_script(
 ) -> bool:
     """Run a script. Return True at its end, False if `stop` was set before.
 
-    A connection to a server is opened when the script first asks something of it, and all are closed in the
-    end, whatever that is. What goes wrong with a call is raised in the script; what the script does not catch
-    is raised here.
+    A connection to a server opens with the script's first call to it, and all connections are closed in any
+    case at the end. A failed call raises its error in the script; an error that the script does not catch is
+    raised here.
 
     Args:
-        session: what this process has with the robot.
+        session: this process's session with the robot.
         script: a generator that has not begun.
-        name: what its connections go by.
-        priority: of its connections.
-        stop: ends the script, also while it waits for an answer.
-        timeout_s: for how long answers are waited for where a call says nothing else.
+        name: the name of its connections, for people.
+        priority: the priority of its connections.
+        stop: ends the script, even while it waits for an answer.
+        timeout_s: seconds to wait for an answer, unless the call needs longer.
     """
     ended = stop if stop is not None else Event()
     with ExitStack() as holds:
@@ -78,7 +78,7 @@ def run_script(
 
 @contextmanager
 def _closed_by(stop: Event, connections: Mapping[str, Connection]) -> Iterator[None]:
-    """While it lasts, `stop` closes the connections: who waits for an answer waits no more."""
+    """Close the connections when `stop` is set, which ends any wait for an answer."""
     done = Event()
 
     def watch() -> None:
@@ -86,7 +86,7 @@ def _closed_by(stop: Event, connections: Mapping[str, Connection]) -> Iterator[N
             if stop.wait(_CHECK_INTERVAL_S):
                 for connection in tuple(connections.values()):
                     connection.close()
-                done.wait(_CHECK_INTERVAL_S)  # one that was being opened is to be closed, too
+                done.wait(_CHECK_INTERVAL_S)  # also close a connection that was just being opened
 
     watcher = Thread(target=watch, daemon=True, name="script's end")
     watcher.start()

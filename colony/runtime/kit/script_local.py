@@ -1,8 +1,8 @@
-"""Scripts (`script.py`) that call the methods of servers in the same process, each moment in one fixed order.
+"""Scripts (`script.py`) that call the methods of servers in the same process, in one fixed order.
 
 A call goes to the server's own method, without messages, connections or a store, and is answered at once. A
-script that sleeps goes on in the first frame at or after the time that it asked for; one that waits for a
-semaphore, in the very moment in which somebody signals it, behind those that are ready already.
+sleeping script resumes in the first frame at or after its time. A script that waits for a semaphore resumes
+in the moment in which the semaphore is signaled, behind the scripts that are ready already.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from colony.runtime.protocol.calls import LATER, Asked, Handler, Method, Refused
 from colony.runtime.protocol.connections import Caller
 
 STEPS_IN_A_MOMENT = 20_000
-"""A script that does more than this without any time passing does not end by itself."""
+"""The largest number of steps of a script within one moment; beyond it the script counts as endless."""
 
 
 class ScriptFailed(Exception):
@@ -41,8 +41,8 @@ class LocalServer:
 
     Args:
         address: its name.
-        methods: its methods; there are no others.
-        answers: results, or refusals, of calls that said `LATER`; the scripts' runner empties the list.
+        methods: all of its methods.
+        answers: results, or refusals, of calls that returned `LATER`; the scripts' runner empties the list.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class LocalServer:
         self.handlers: Mapping[str, Handler] = {one.name: one.handler for one in methods}
 
     def do(self, asked: Asked, ask: Ask[Any], now_ns: int) -> Any:
-        """Return the result of a call, `LATER` if the call has to wait.
+        """Return the result of a call, or `LATER` if the call has to wait.
 
         Raises:
             Refused: the server refuses the call.
@@ -89,11 +89,11 @@ class _Running:
 
 
 class LocalScripts:
-    """Runs scripts in this process. Mutable: where each is.
+    """The scripts of this process. Mutable: the progress of each.
 
     Args:
-        scripts: by name, in the order in which they are run in a moment.
-        servers: whom they may ask.
+        scripts: the scripts by name, in their order within a moment.
+        servers: the servers that they may call.
     """
 
     def __init__(self, scripts: Mapping[str, Script], servers: Iterable[LocalServer]) -> None:
@@ -110,14 +110,14 @@ class LocalScripts:
         self._slept = 0
 
     def ended(self, name: str) -> bool:
-        """Return True if a script has come to its end."""
+        """Return True if a script has reached its end."""
         return self._all[name].ended
 
     def run(self, now_ns: int) -> None:
         """Resume the scripts that are due, until all sleep, wait or have ended.
 
         Raises:
-            ScriptFailed: one raised.
+            ScriptFailed: a script raised an exception.
         """
         sleeping, ready = self._sleeping, self._ready
         while sleeping and sleeping[0][0] <= now_ns:
@@ -134,7 +134,7 @@ class LocalScripts:
             running.script.close()
 
     def _collect(self) -> None:
-        """Let the scripts go on that waited and have their answer."""
+        """Resume the waiting scripts whose answers have arrived."""
         if not self._waiting:
             return
         for server in self._servers.values():

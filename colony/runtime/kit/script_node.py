@@ -1,4 +1,4 @@
-"""A script (`script.py`) as a node: the very same program among the servers of a run in virtual time."""
+"""A script (`script.py`) as a node among the servers of a run in virtual time."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ USER = "scripts"
 
 
 class ScriptNode:
-    """Runs a script, with a connection to each of its servers. Mutable: where the script is.
+    """A node that runs a script, with a connection to each of its servers. Mutable: the script's progress.
 
     Args:
-        name: what the script, and each of its connections, goes by.
+        name: the name of the script and of each of its connections.
         script: a generator that has not begun.
-        servers: whom it may ask.
-        priority: of its connections.
-        delay_ns: how long after its start it begins: servers look at the world at the beginning of a frame,
-            and who comes a moment later knows what they saw.
+        servers: the servers that it may call.
+        priority: the priority of its connections.
+        delay_ns: delay from the node's start to the script's. Servers observe the world at the beginning of a
+            frame, so a script that starts a moment later knows what they observed.
     """
 
     def __init__(
@@ -65,6 +65,7 @@ class ScriptNode:
         self._tend_ns = 0
 
     def start(self, now_ns: int) -> Iterator[Effect]:
+        """Open the connections and schedule the script's start."""
         for server, talk in self._talks.items():
             yield from self._say(server, talk.open(_ignore, now_ns), now_ns)
         self._wake_ns = now_ns + self._delay_ns
@@ -73,6 +74,7 @@ class ScriptNode:
         yield WakeAt(self._tend_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        """Handle a reply or an alarm, and resume the script."""
         match message:
             case Reply() | Notice():
                 for server, talk in self._talks.items():
@@ -90,7 +92,7 @@ class ScriptNode:
     # --- the script ------------------------------------------------------------------------------------
 
     def _go_on(self, now_ns: int) -> Iterator[Effect]:
-        """Let the script go on for as long as there is something for it."""
+        """Resume the script for as long as it has an answer or its time has come."""
         while not self.ended:
             if self._wake_ns is not None and now_ns >= self._wake_ns:
                 begun, self._begun, self._wake_ns = self._begun, True, None
@@ -172,4 +174,4 @@ class ScriptNode:
 
 
 def _ignore(outcome: Outcome) -> None:
-    """Nobody waits for it."""
+    """Ignore an outcome."""

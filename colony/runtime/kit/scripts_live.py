@@ -1,4 +1,4 @@
-"""Several scripts side by side over live connections, one of which leads: when it ends, all of them do.
+"""Several scripts in parallel over live connections; when the leading one ends, all of them do.
 
 with LiveScripts(session, {"clerk": clerk(), "planner": planner(plan)}, leader="planner") as scripts:
     scripts.wait()
@@ -17,13 +17,13 @@ from colony.runtime.kit.script_live import run_script
 
 
 class LiveScripts:
-    """Scripts, each in a thread with connections of its own. Mutable: how far they are.
+    """Scripts, each in a thread with connections of its own. Mutable: their progress.
 
     Args:
         session: this process's session with the robot.
         scripts: generators that have not begun, by name.
-        leader: the script whose end ends all of them. A failure of any script does, too: they depend on each
-            other.
+        leader: the script whose end ends all of them. The failure of any script ends them too, because they
+            depend on each other.
     """
 
     def __init__(self, session: Session, scripts: Mapping[str, Script], *, leader: str) -> None:
@@ -48,27 +48,29 @@ class LiveScripts:
         return self._stop.wait(timeout_s)
 
     def close(self) -> None:
-        """End all scripts; closing twice does nothing.
+        """End all scripts. Idempotent.
 
-        Then `done` is True if the leader came to its end, and `problem` is the first error, "" for none.
+        Then `done` is True if the leader reached its end, and `problem` is the first error, "" for none.
         """
         self._stop.set()
         for thread in self._threads:
             thread.join()
 
     def __enter__(self) -> LiveScripts:
+        """Start all scripts."""
         for thread in self._threads:
             thread.start()
         return self
 
     def __exit__(self, *raised: object) -> None:
+        """End all scripts."""
         self.close()
 
     def _run(self, name: str, script: Script) -> None:
         try:
             ended = run_script(self._session, script, name=name, stop=self._stop)
         except Exception as problem:
-            # What is lost because all are ended is no news, and neither is what follows from a first failure.
+            # Errors that follow from the common end, or from a first failure, are not reported.
             self._fail(name, problem)
         else:
             if ended and name == self._leader:

@@ -37,7 +37,7 @@ class Server:
     """A server under a name, on the robot's own machine. Mutable: the state of its loop."""
 
     def __init__(self, name: str, network: ZenohSession, place: Local, report: Report) -> None:
-        """See `open`."""
+        """Create the server of an open session; see `open`."""
         self.name = name
         self._network = network
         self._time = local_time(place)
@@ -54,10 +54,10 @@ class Server:
         environment: Mapping[str, str] = os.environ,
         report: Report = _to_stderr,
     ) -> Server:
-        """Announce a server; it answers in `mainloop`. `report` is called with each error that it survives.
+        """Announce a server; it answers in `mainloop`. `report` takes each error that the server survives.
 
         Raises:
-            AlreadyRunning: there is one of this name.
+            AlreadyRunning: the robot already has a server of this name.
             RunDirectoryError: the robot's folder cannot be used.
         """
         place = local(robot, environment)
@@ -83,11 +83,13 @@ class Server:
             self._host.stop()
 
     def close(self) -> None:
-        """Withdraw the server's name; closing twice does nothing."""
+        """Withdraw the server's name. Idempotent."""
         self._network.close()
 
     def __enter__(self) -> Server:
+        """Return the server."""
         return self
 
     def __exit__(self, *raised: object) -> None:
+        """Close the server."""
         self.close()

@@ -1,4 +1,4 @@
-"""A server that a user wrote with the kit, as a node: it takes calls, and publishes fields each frame."""
+"""A server written with the kit, as a node: it takes calls, and publishes fields each frame."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ def field(
     boolean: bool = False,
     meaning: str = "",
 ) -> Field:
-    """Return a line of a server's table of fields: numbers in a base unit (mm, s, deg, or plain), or bools.
+    """Return a field for a server: numbers in a base unit (mm, s, deg, or plain), or bools.
 
     Raises:
-        ValueError: the unit is none, or not a base unit.
+        ValueError: the unit is invalid, or not a base unit.
     """
     described = FieldDescription(
         name=name, kind="bool" if boolean else "number", unit=unit, size=size, meaning=meaning
@@ -67,7 +67,7 @@ def method(
     right: Right = "command",
     largest: int = calls.ARGUMENT_BYTES,
 ) -> Method:
-    """Return a line of a server's table of methods. `handler` returns the result, or raises `Refused`.
+    """Return a method for a server. `handler` returns the result, or raises `Refused`.
 
     Calls with more than `largest` bytes of arguments, in msgpack, are refused with the code "size".
     """
@@ -81,7 +81,8 @@ def method(
 class Service(QuietNode):
     """A server of a user's methods and fields. Mutable: its connections, and the frames that it published.
 
-    What a handler or a field raises is reported, and is the answer, or "no value"; the server lives on.
+    An exception of a handler or a field is reported; the call is refused, or the field has no value, and the
+    server keeps running.
     """
 
     def __init__(self, name: str, methods: Iterable[Method], fields: Iterable[Field], report: Report) -> None:
@@ -104,6 +105,7 @@ class Service(QuietNode):
         self.listens = (*self._desk.listens, *(self._publisher.listens if self._fields else ()))
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
+        """Publish the fields on a tick or a fetch, and answer calls."""
         if isinstance(message, (Tick, Fetch)):
             self._now_ns = now_ns
             for effect in self._publisher.handle(message):
@@ -138,6 +140,6 @@ class Service(QuietNode):
 
 
 def _answered(effect: Effect) -> Iterator[Effect]:
-    """Tell the Clock of a frame, which knows this server only by what programs read."""
+    """Yield the frame's acknowledgement to the Clock, which otherwise sees only fields that programs read."""
     if isinstance(effect, Send) and isinstance(effect.message, ServerFrame):
         yield Send(topics.ANSWERS, msgspec.structs.replace(effect.message, fields={}))

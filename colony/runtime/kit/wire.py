@@ -1,7 +1,7 @@
-"""A conversation joined to the network: what both the connections that wait and those that await have.
+"""A conversation over the network, shared by the blocking and the asyncio connections.
 
-The threads of the network and of the users meet here under one lock, which is never held while something is
-sent: a send may have to wait, and what it waits for may have to get past the lock.
+Network threads and user threads meet here under one lock, which is never held during a send: a send may wait
+for room, and the thread that makes room may need the lock.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class _Publisher:
 
 
 class Wire:
-    """Carries one conversation over the network. Mutable: the conversation and its publishers."""
+    """A conversation over the network. Mutable: the conversation and its publishers."""
 
     def __init__(
         self,
@@ -72,8 +72,19 @@ class Wire:
         notify: Callable[[Notice], None],
         defer: Callable[[Deferred], None],
     ) -> None:
-        """`begin` gets the connection whose replies have to be handed to `take` from now on; `defer` takes
-        work that must not be done in a thread of the network, for another thread to do soon."""
+        """Create a conversation that is not open yet.
+
+        Args:
+            network: the session to send with.
+            server: the name of the server.
+            name: the name of the connection, for people.
+            priority: the priority of all its calls.
+            rights: the user's rights.
+            ids: returns a new id every time.
+            begin: takes the connection whose replies have to be passed to `take` from now on.
+            notify: takes the server's notices.
+            defer: takes work that must not be done in a network thread, for another thread to do soon.
+        """
         self.server = server
         self.network = network
         self._rights = rights
@@ -92,7 +103,7 @@ class Wire:
         )
         self._publishers: dict[tuple[str, bool], _Publisher] = {}
 
-    # --- for those who use it ------------------------------------------------------------------------
+    # --- for connections -----------------------------------------------------------------------------
 
     def open(self, resolve: Callable[[Outcome], None]) -> None:
         """Open the connection; `resolve` is called with the outcome."""
@@ -104,7 +115,7 @@ class Wire:
         """Make a call; `resolve` is called with its outcome, from any thread.
 
         Raises:
-            CallRefused: this user may not.
+            CallRefused: the user does not have the right to this call.
         """
         if ask.right != "read" and ask.right not in self._rights:
             raise CallRefused("right", self._not_allowed(ask))
@@ -115,7 +126,7 @@ class Wire:
         return pending
 
     def again(self, pending: Pending) -> None:
-        """Send a call once more that has no answer yet."""
+        """Send a call without an answer again."""
         with self._lock:
             effects = list(self._talk.again(pending, monotonic()))
         self._carry_out(effects, patient=False)
@@ -126,12 +137,12 @@ class Wire:
             self._talk.forget(pending)
 
     def keep(self, ask: Ask[Any]) -> None:
-        """Make this call again whenever the connection was reopened."""
+        """Make this call again whenever the connection is reopened."""
         with self._lock:
             self._talk.keep(ask)
 
     def close(self) -> None:
-        """Tell the server, and leave."""
+        """Notify the server, and close."""
         with self._lock:
             effects = list(self._talk.close(monotonic()))
         self._carry_out(effects)
@@ -144,7 +155,7 @@ class Wire:
 
     @property
     def openings(self) -> int:
-        """Times that the connection was opened; above 1, it was lost in between."""
+        """The number of times the connection was opened; above 1, it was lost in between."""
         return self._talk.openings
 
     @property
@@ -152,22 +163,22 @@ class Wire:
         """True if, as far as is known, the server has this connection."""
         return self._talk.state is State.OPEN
 
-    # --- for the session -----------------------------------------------------------------------------
+    # --- for the hub ---------------------------------------------------------------------------------
 
     def tend(self) -> None:
-        """Send again what is due; called every 100 ms."""
+        """Resend calls that are due; called every 100 ms."""
         with self._lock:
             effects = list(self._talk.tend(monotonic()))
         self._carry_out(effects, patient=False)
 
     def presence(self, present: bool) -> None:
-        """Handle that the server appeared on the network, or went away."""
+        """Handle the server's appearance on the network, or its loss."""
         with self._lock:
             talk = self._talk
             effects = list(talk.appeared(monotonic()) if present else talk.vanished())
         self._carry_out(effects, patient=False)
 
-    # --- inside --------------------------------------------------------------------------------------
+    # --- internals -----------------------------------------------------------------------------------
 
     def _carry_out(self, effects: Iterable[Effect], *, patient: bool = True) -> None:
         for effect in effects:
@@ -187,7 +198,7 @@ class Wire:
             publisher.release()
 
     def take(self, message: Reply | Notice) -> None:
-        """Handle a reply of the server, in a thread of the network."""
+        """Handle a reply of the server, in a network thread."""
         with self._lock:
             effects = list(self._talk.take(message, monotonic()))
         at_once = [e for e in effects if isinstance(e, (Resolve, Tell))]
@@ -197,11 +208,11 @@ class Wire:
         self._carry_out(at_once)
 
     def _send(self, message: Call | Alive, patient: bool) -> None:
-        """Send; who is not patient would rather lose the message than wait for room."""
+        """Send a message; if not `patient`, drop it rather than wait for room."""
         network, topic = self.network, topics.calls(self.server)
         key = keys.sending(network.robot, topic, message, user=network.user, least=self._least)
         publisher = self._publishers.get((key, patient))
-        with suppress(zenoh.ZError):  # this id is given up already: what was to be sent has no meaning
+        with suppress(zenoh.ZError):  # the id is released already, so the message is obsolete
             if publisher is None:
                 made = publish(self.network.session, key, haste=haste_of(message), patient=patient)
                 publisher = self._publishers[key, patient] = _Publisher(made)

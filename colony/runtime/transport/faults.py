@@ -1,4 +1,4 @@
-"""Faults of a network, drawn from a seed: messages that come late, twice, out of order, or not at all."""
+"""Network faults drawn from a seed: messages that are late, duplicated, reordered or lost."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from colony.runtime.transport.virtual import Delay
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rates:
-    """How likely each fault is for a message, and by how much it is late at most.
+    """The probability of each fault per message, and the largest delays.
 
-    A late one comes after those of later frames; one out of order after others of its moment.
+    A late message arrives after messages of later frames; a reordered one after others of its moment.
     """
 
     lost: float = 0.02
@@ -28,7 +28,7 @@ class Rates:
 class Faults:
     """A link with faults. Mutable: its random state.
 
-    `spares` are messages that always arrive at once, given sender, receiver and the message itself.
+    Messages for which `spares(sender, receiver, message)` is true always arrive at once.
     """
 
     def __init__(
@@ -43,6 +43,7 @@ class Faults:
         self._spares = spares
 
     def __call__(self, sender: str, receiver: str, message: Message) -> Delay:
+        """Draw the fate of a message, as a `Link` returns it."""
         if self._spares(sender, receiver, message):
             return 0
         rates, drawn = self._rates, self._random()

@@ -1,9 +1,9 @@
 """A transport within one process and in virtual time, with a seeded scheduler.
 
-The very same nodes that a network joins are joined here by a queue. Messages due at the same moment are
-delivered in an order drawn from the seed, so that a run never shows just one of the orders that a network
-could bring about, and yet can be repeated. A `Link` delays, drops and doubles messages where a test wants
-faults (`faults.py`), and nodes are killed, frozen and started anew at any moment.
+The nodes that a network connects are connected here by a queue. Messages due at the same moment are delivered
+in an order drawn from the seed, so that a run is not limited to one of the orders that a network could
+produce, and yet can be repeated. A `Link` delays, drops and duplicates messages where a test wants faults
+(`faults.py`). Nodes can be killed, frozen and restarted at any moment.
 """
 
 from __future__ import annotations
@@ -17,24 +17,25 @@ from colony.runtime.protocol.messages import Effect, Message, Node, Send, Settli
 
 
 class VirtualClock:
-    """The present of a virtual run, in nanoseconds. Mutable: only its transport moves it."""
+    """The present of a virtual run, in nanoseconds. Mutable: only its transport advances it."""
 
     def __init__(self, now_ns: int = 0) -> None:
         self.now_ns = now_ns
 
     def __call__(self) -> int:
+        """Return the present in nanoseconds."""
         return self.now_ns
 
 
 Delay = int | None | tuple[int, ...]
-"""By how many nanoseconds a message is late; None: it is lost; several: so many copies arrive."""
+"""Delay of a message in nanoseconds; None if it is lost; a tuple has one delay per copy."""
 
 Link = Callable[[str, str, Message], Delay]
-"""From sender to receiver (addresses): what becomes of a message."""
+"""A function that returns the delay of a message from a sender to a receiver (addresses)."""
 
 
 def perfect(sender: str, receiver: str, message: Message) -> Delay:
-    """Every message arrives, at once."""
+    """Deliver every message at once."""
     return 0
 
 
@@ -50,11 +51,11 @@ class _Delivery(NamedTuple):
 
 
 OUTSIDE = "outside"
-"""The sender of what tests put in."""
+"""The sender of messages that tests inject."""
 
 
 class VirtualTransport:
-    """Delivers what nodes send to those that listen. Mutable: the queue, and who lives."""
+    """A transport of the nodes' messages to their listeners. Mutable: the queue, and the live nodes."""
 
     def __init__(self, clock: VirtualClock, *, seed: int, link: Link = perfect) -> None:
         self._clock = clock
@@ -69,13 +70,13 @@ class VirtualTransport:
 
     @property
     def addresses(self) -> tuple[str, ...]:
-        """Of the nodes that live, in the order in which they were started."""
+        """The addresses of the live nodes, in the order in which they were started."""
         return tuple(self._nodes)
 
     # --- nodes -----------------------------------------------------------------------------------------
 
     def add(self, node: Node) -> None:
-        """Start a node. One of the same address takes the place of one that was killed."""
+        """Start a node; it may reuse the address of a killed node."""
         address = node.address
         if address in self._nodes:
             raise ValueError(f"there are two nodes with the address {address}")
@@ -87,7 +88,7 @@ class VirtualTransport:
         self._carry_out(address, node.start(self._clock.now_ns))
 
     def kill(self, address: str) -> Node:
-        """Take a node away without a word, as a crash would; what was on its way to it is lost."""
+        """Remove a node without notice, as a crash would; messages on their way to it are lost."""
         node = self._nodes.pop(address)
         self._settling.pop(address, None)
         self._frozen.pop(address, None)
@@ -98,24 +99,24 @@ class VirtualTransport:
         return node
 
     def freeze(self, address: str) -> None:
-        """Stop a node as SIGSTOP would: what is sent to it waits."""
+        """Stop a node as SIGSTOP would: messages to it wait."""
         if address not in self._nodes:
             raise KeyError(address)
         self._frozen.setdefault(address, [])
 
     def thaw(self, address: str) -> None:
-        """Let a frozen node go on: what waited arrives now, in the order in which it came."""
+        """Resume a frozen node: the waiting messages arrive now, in the order in which they came."""
         for message in self._frozen.pop(address, ()):
             self._put(self._clock.now_ns, 0.0, address, message)
 
-    # --- what comes from outside -------------------------------------------------------------------------
+    # --- input from outside --------------------------------------------------------------------------------
 
     def inject(self, topic: str, message: Message) -> None:
-        """Deliver this to every node that listens to `topic`, now; also what no node sends (`Malformed`)."""
+        """Deliver a message to every listener of `topic`, now; also one that no node sends (`Malformed`)."""
         self._send(OUTSIDE, topic, message)
 
     def at(self, t_ns: int, action: Action) -> None:
-        """Do something to the nodes at `t_ns`, before any message of that moment."""
+        """Run an action at `t_ns`, before any message of that moment."""
         self._put(max(t_ns, self._clock.now_ns), -1.0, "", action)
 
     # --- time --------------------------------------------------------------------------------------------
@@ -127,10 +128,10 @@ class VirtualTransport:
         stop: Callable[[], bool] = lambda: False,
         pace: Callable[[int], None] | None = None,
     ) -> bool:
-        """Deliver everything that is due before `t_ns`, which is then the present.
+        """Deliver everything that is due before `t_ns`, and advance the present to it.
 
-        `pace` is called with each new present before anything happens in it (a run at wall-clock speed
-        sleeps there). Returns False when `stop` said so: only between moments, never in the middle of one.
+        `pace` is called with each new present before anything happens in it (a run at wall-clock speed sleeps
+        there). Return False if `stop` ended the run, which happens only between moments, never within one.
         """
         clock = self._clock
         while self._queue and self._queue[0].t_ns < t_ns:
@@ -166,7 +167,7 @@ class VirtualTransport:
 
     def _carry_out(self, sender: str, effects: Iterable[Effect]) -> None:
         if sender in self._settling:
-            effects = list(effects)  # all is handled before it settles, and settled before any of it leaves
+            effects = list(effects)  # settle after all messages are handled and before any effect is sent
             self._settling[sender].settle()
         now = self._clock.now_ns
         for effect in effects:

@@ -1,8 +1,8 @@
 """A process of a robot: `python -m colony.runtime.assembly.processes.child SPEC`.
 
-It runs until it is told to end by a signal, or its parent is gone, and then closes what it holds: a server
-of a base stops it. What is wrong with it is said on standard error, and told by the exit code. Servers of
-hardware have an entry of their own beside their drivers, which gives these to `main`.
+It runs until a signal ends it or its parent is gone, and then closes its resources: a base server stops the
+base. It reports errors on standard error and in its exit code. Hardware servers have an entry point of their
+own beside their drivers, which passes these to `main`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from colony.text.diagnostics import Failure
 
 
 class CannotBegin(Exception):
-    """What a process needs to begin is not there, or is no good; the message tells what and why."""
+    """A process cannot begin because an input is missing or invalid; the message says which and why."""
 
 
 def run(
@@ -47,13 +47,15 @@ def run(
     devices: Devices | None = None,
     ready: Callable[[], None] = lambda: None,
 ) -> None:
-    """Be what the spec says until it is time to end; `ready` is told when it has joined the others.
+    """Run the part that the spec describes until it is time to end.
+
+    `ready` is called once the process has joined the others.
 
     Raises:
-        LiveError: it cannot join the robot's processes; another process serves its name, for one.
-        CannotBegin: what it needs is not there, or is no good.
-        StoreError: it cannot keep what it has to, and must not go on.
-        Exception: whatever a node raised.
+        LiveError: it cannot join the robot's processes; for example, another process serves its name.
+        CannotBegin: an input is missing or invalid.
+        StoreError: it cannot store what it must, and has to end.
+        Exception: as raised by a node.
     """
     place = place_of(spec.place)
     try:
@@ -92,7 +94,7 @@ def _host(part: Part, place: Place, devices: Devices | None, holds: ExitStack) -
 
 
 def main(devices: Devices | None = None) -> None:
-    """The entry of a process that a supervisor starts."""
+    """Run a process that a supervisor started."""
     drop_what_cannot_be_printed()
     ending = Ending()
     with on_signals(ending):

@@ -1,9 +1,9 @@
-"""The processes that a supervisor started: watched, started again when they die, ended in order.
+"""The child processes of a supervisor: monitored, restarted, and ended in order.
 
-Each is started afresh (never forked from a process that has a session open), in a process group of its own,
-so that Ctrl-C at a terminal reaches the supervisor alone, which then ends the others in their order. What is
-left of a group when its process has ended is killed. What a process prints goes to a file of its own, and the
-last lines of that are shown when it dies.
+Each is started from scratch (never forked from a process with an open session), in a process group of its
+own, so that Ctrl-C at a terminal reaches only the supervisor, which then ends the others in their order. When
+a process has ended, the rest of its group is killed. The output of a process goes to a file of its own, and
+the last lines of that are shown when it dies.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from colony.runtime.transport.live.network import THREADS
 TAIL_BYTES = 4096
 TAIL_LINES = 8
 LOG_BYTES = 16 * 1024 * 1024
-"""A log that has grown larger is emptied."""
+"""Size in bytes beyond which a log is emptied."""
 
 POLL_S = 0.005
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A process to start: `module` is run with `arguments`, and what it prints goes into the file `log`.
+    """A process to start: `module` is run with `arguments`, and its output goes into the file `log`.
 
     Attributes:
-        wave: when it is ended: processes of wave 0 first, the next ones when these are gone.
+        wave: the shutdown wave: processes of wave 0 end first, the next ones when these are gone.
         essential: True if the run ends when the process is given up.
         one_thread: True if all of zenoh's tasks run on one thread.
         clients: addresses of the clients that run in the process.
@@ -56,10 +56,10 @@ class Job:
 
 
 class Death(NamedTuple):
-    """The end of a process that was not asked to end.
+    """The unexpected end of a process.
 
-    `said` are the last lines that it printed. `pause_s` is the time until it is started again; None: it is
-    given up. `final`: its exit code says that it was started wrongly.
+    `said` are the last lines of its output. `pause_s` is the time until its restart; None if it is given up.
+    `final` is True if its exit code reports a wrong start.
     """
 
     job: Job
@@ -79,10 +79,10 @@ class _Child:
 
 
 class Children:
-    """Mutable: which processes live.
+    """The child processes of a supervisor. Mutable: the live processes.
 
     Args:
-        clock: nanoseconds that never go back.
+        clock: a monotonic clock in nanoseconds.
     """
 
     def __init__(self, *, clock: Callable[[], int] = time.monotonic_ns) -> None:
@@ -93,8 +93,8 @@ class Children:
         """Start a process.
 
         Raises:
-            ValueError: there is one of this name already.
-            OSError: it could not be started.
+            ValueError: another process has this name.
+            OSError: the process could not be started.
         """
         if job.name in self._children:
             raise ValueError(f"two processes are called {job.name}")
@@ -104,27 +104,27 @@ class Children:
         self._spawn(child)
 
     def poll(self) -> tuple[Death, ...]:
-        """Return the deaths since the last call, and start processes again whose time has come."""
+        """Return the deaths since the last call, and restart processes that are due."""
         return tuple(death for child in self._children.values() for death in self._look(child))
 
     def pid(self, name: str) -> int | None:
-        """Return the id of a process that lives."""
+        """Return the id of a live process, None for any other."""
         child = self._children.get(name)
         return child.process.pid if child is not None and child.process is not None else None
 
     def pids(self) -> dict[str, int]:
-        """Return the ids of the processes that live, by name; from any thread."""
+        """Return the ids of the live processes by name; may be called from any thread."""
         found = ((child.job.name, child.process) for child in tuple(self._children.values()))
         return {name: process.pid for name, process in found if process is not None}
 
     def restarts(self) -> int:
-        """Return how often a process was started again."""
+        """Return the number of restarts."""
         return sum(child.restarts.total for child in self._children.values())
 
     def stop(self, patience_s: float) -> tuple[str, ...]:
-        """End all of them, wave by wave; return the names of those that had to be killed.
+        """End all processes, wave by wave; return the names of those that had to be killed.
 
-        Where this is interrupted, those that live still are told to end, and end by themselves.
+        If interrupted, it sends SIGTERM to the remaining processes, which then end by themselves.
         """
         killed: list[str] = []
         try:
@@ -195,9 +195,9 @@ class Children:
 def _ended(process: subprocess.Popen[bytes], wanted: int = os.WEXITED | os.WNOHANG) -> int | None:
     """Return the exit code of a process that has ended, None if it has not.
 
-    What it forked is killed: until it is waited for, its group cannot be that of any other process.
+    Its forked processes are killed first: until it is reaped, no other group can have its id.
     """
-    with suppress(ChildProcessError):  # nobody waits for anything where SIGCHLD is ignored
+    with suppress(ChildProcessError):  # nothing can be waited for if SIGCHLD is ignored
         if os.waitid(os.P_PID, process.pid, wanted | os.WNOWAIT) is None:
             return None
     kill_group(process.pid)
@@ -205,7 +205,7 @@ def _ended(process: subprocess.Popen[bytes], wanted: int = os.WEXITED | os.WNOHA
 
 
 def _forget(child: _Child) -> None:
-    """Close its standard input, at which it ends where it lives still."""
+    """Close the standard input of a process, which ends it if it is still alive."""
     process, child.process = child.process, None
     if process is not None:
         stdin: IO[bytes] | None = process.stdin
@@ -214,8 +214,7 @@ def _forget(child: _Child) -> None:
 
 
 def _log(path: Path) -> IO[bytes]:
-    """Open the file of what a process prints; where it cannot be made, because the disk is full for one,
-    what it prints is dropped."""
+    """Open the log of a process; if it cannot be created, as on a full disk, output is dropped."""
     try:
         return open(path, "ab", opener=_private)
     except OSError:
@@ -223,7 +222,7 @@ def _log(path: Path) -> IO[bytes]:
 
 
 def _limit(path: Path) -> None:
-    """Empty the log of a process that prints without end; what it prints next is kept again."""
+    """Empty the log of a process that prints without end; its next output is kept again."""
     with suppress(OSError):
         if path.stat().st_size > LOG_BYTES:
             os.truncate(path, 0)
@@ -240,20 +239,26 @@ ONE_THREAD = (
     + ", ".join(f"{part}: (handover: app)" for part in ("net", "acc", "tx", "rx"))
     + ")"
 )
-"""Threads of zenoh in processes of clients and of modules in Python, as `ZENOH_RUNTIME` gives them: one for
-all of its tasks. A process that handles one message at a time gains nothing from more, and each costs
-switches (measured, with direct hosts: a third of a frame's time). That thread must not wait for room at a
-link, which it would have to make itself: see `live/host.py`."""
+"""Threads of zenoh in processes of clients and of Python modules, in the format of `ZENOH_RUNTIME`.
+
+One thread runs all of zenoh's tasks. A process that handles one message at a time gains nothing from more
+threads, and each costs switches (measured, with direct hosts: a third of a frame's time). That thread must
+not wait for room at a link, because it would have to make that room itself: see `live/host.py`.
+"""
 
 ONE_ARENA = "1"
-"""Number of heaps of the C library, as `MALLOC_ARENA_MAX` says it. Threads that come and go with connections
-would get heaps of their own, whose free memory no other thread uses again (measured: 15 MB instead of 2 in a
-server that saw 178 clients die)."""
+"""Number of heaps of the C library, in the format of `MALLOC_ARENA_MAX`.
+
+Threads that come and go with connections would get heaps of their own, whose free memory no other thread uses
+again (measured: 15 MB instead of 2 in a server after the death of 178 clients).
+"""
 
 
 def _environment(*, one_thread: bool) -> dict[str, str]:
-    """Return the environment of a child: that of this process, with settings that it does not have yet, and
-    so that the child finds this package even if not installed."""
+    """Return the environment of a child: this process's, with defaults for missing settings.
+
+    The child finds this package even if it is not installed.
+    """
     root = str(Path(colony.__file__).parent.parent)
     threads = ONE_THREAD if one_thread else THREADS
     environment = {"MALLOC_ARENA_MAX": ONE_ARENA, "ZENOH_RUNTIME": threads, **os.environ}
@@ -273,7 +278,7 @@ def _cause(code: int) -> str:
 
 
 def last_lines(path: Path) -> tuple[str, ...]:
-    """The end of a file of text, a few lines at most; none where it cannot be read."""
+    """Return the last few lines of a text file; none if it cannot be read."""
     try:
         with open_regular(path) as file:
             file.seek(max(0, file.seek(0, os.SEEK_END) - TAIL_BYTES))
@@ -284,7 +289,7 @@ def last_lines(path: Path) -> tuple[str, ...]:
 
 
 def described(death: Death) -> str:
-    """Return a death in words: its cause, what happens next, and the last lines of the process."""
+    """Return a description of a death: its cause, what happens next, and the last lines of the process."""
     name, pause_s = death.job.name, death.pause_s
     if death.final and death.said:
         return f"{name}: {death.said[-1]}"

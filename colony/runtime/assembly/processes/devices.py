@@ -1,4 +1,4 @@
-"""How the process of a server comes to the driver of its hardware, whatever that is made of."""
+"""The factory of hardware drivers for server processes, independent of the hardware."""
 
 from __future__ import annotations
 
@@ -10,15 +10,19 @@ from colony.runtime.servers.drivers import BaseDriver, CameraDriver, ProximityDr
 
 
 class Devices(Protocol):
-    """Makes drivers, which give nanoseconds since `base_ns` of the machine's monotonic clock.
+    """A factory of drivers, whose times are nanoseconds since `base_ns` of the machine's monotonic clock.
 
-    What a driver holds is closed with `holds`.
+    The resources of a driver are closed with `holds`.
     """
 
-    def base(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> BaseDriver: ...
+    def base(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> BaseDriver:
+        """Return the driver of the base."""
+        ...
 
-    def proximity(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> ProximityDriver: ...
+    def proximity(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> ProximityDriver:
+        """Return the driver of the proximity sensors."""
+        ...
 
-    def camera(
-        self, device: Device, robot: str, camera: str, base_ns: int, holds: ExitStack
-    ) -> CameraDriver: ...
+    def camera(self, device: Device, robot: str, camera: str, base_ns: int, holds: ExitStack) -> CameraDriver:
+        """Return the driver of a camera."""
+        ...

@@ -1,7 +1,7 @@
-"""When a process of a robot has to end: it was told to by a signal, or its parent is gone.
+"""The end of a robot's process: on a signal, or when its parent is gone.
 
-The parent holds the other end of the standard input. However the parent ends, also by SIGKILL, the kernel
-closes that, and reading gives its end: so nothing is left behind of a run that was killed.
+The parent holds the other end of the standard input. However the parent ends, even by SIGKILL, the kernel
+closes that end, and reading reaches the end of file: a killed run leaves nothing behind.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 PATIENCE_S = 1.5
-"""For how long a process may close what it holds before it is ended the hard way."""
+"""Grace period in seconds to close resources before the process ends forcibly."""
 
 EXIT_FAILED = 1
-"""Exit code of a process that cannot go on: another one in its place may."""
+"""Exit code of a process that cannot go on; a restart may succeed."""
 
 EXIT_FINAL = 2
-"""Exit code of a process that was started wrongly: starting it again would not help."""
+"""Exit code of a process that was started wrongly; a restart would not help."""
 
 EXIT_HARD = 70
 """Exit code of a process that did not close in time."""
@@ -39,10 +39,10 @@ PARENT_GONE = "the process that started it is gone"
 
 
 class Ending:
-    """Tells when to end. Mutable: why, and what is to be done then.
+    """The decision to end a process. Mutable: the reason, and the action to take.
 
-    `note` may be called from any thread, and again; only the first reason counts. From then on the process
-    has `PATIENCE_S` to close what it holds, and ends in any case.
+    `note` may be called repeatedly and from any thread; only the first reason counts. From then on the
+    process has `PATIENCE_S` to close its resources, and ends in any case.
     """
 
     def __init__(self) -> None:
@@ -66,37 +66,38 @@ class Ending:
         os._exit(EXIT_HARD)
 
     def end_forked(self) -> None:
-        """Kill this process with all that it forked, if its parent is gone, which would do that otherwise."""
+        """Kill this process and all that it forked if its parent, which would do that otherwise, is gone."""
         if self.why == PARENT_GONE and os.getpgrp() == os.getpid():
             kill_group(os.getpid())
 
     def then(self, stop: Callable[[], None]) -> None:
-        """Call `stop` when it is time, at once if it is already."""
+        """Call `stop` when it is time to end, immediately if it is already."""
         self._then = stop
         if self.why is not None:
             stop()
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Whether the time has come, after waiting for it for so long at most."""
+        """Wait for the time to end, at most for `timeout_s`; return True if it has come."""
         return self._event.wait(timeout_s)
 
     def __bool__(self) -> bool:
+        """Return True once the process has to end."""
         return self.why is not None
 
 
 @contextmanager
 def on_signals(ending: Ending) -> Iterator[None]:
-    """While it lasts, end on SIGINT, SIGTERM and SIGHUP; to be used in the main thread.
+    """End on SIGINT, SIGTERM and SIGHUP for the duration of a `with`; only for the main thread.
 
-    A thread of its own is told of them, through a pipe: a handler in Python would wait for the main thread,
-    and could break in where that holds a lock which it needs.
+    A separate thread receives the signals through a pipe: a Python handler would wait for the main thread,
+    and could interrupt it while it holds a lock that the handler needs.
     """
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
 
     def watch() -> None:
         while number := os.read(reading, 1):
-            if number[0] in SIGNALS:  # the pipe is told of every signal that has a handler
+            if number[0] in SIGNALS:  # the pipe receives every signal that has a handler
                 ending.note(signal.Signals(number[0]).name)
         os.close(reading)
 
@@ -127,14 +128,16 @@ def on_death_of_parent(ending: Ending) -> None:
 
 
 def kill_group(leader: int) -> None:
-    """Kill all processes of a group, where there are any."""
+    """Kill all processes of a group, if there are any."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(leader, signal.SIGKILL)
 
 
 class _Log(io.FileIO):
-    """What a process prints into. What cannot be written, because the disk is full for one, is dropped:
-    nobody stops moving a robot over a line in a log."""
+    """The output stream of a process. Output that cannot be written, as on a full disk, is dropped.
+
+    A robot must not stop because of a line in a log.
+    """
 
     def write(self, data: Buffer, /) -> int:
         with suppress(OSError):
@@ -143,7 +146,7 @@ class _Log(io.FileIO):
 
 
 def drop_what_cannot_be_printed() -> None:
-    """Let nothing that this process prints, modules in Python included, fail from now on."""
+    """Make every print of this process safe from failure, including those of Python modules."""
     for name, descriptor in (("stdout", 1), ("stderr", 2)):
         log = cast(BinaryIO, _Log(descriptor, "wb", closefd=False))
         stream = io.TextIOWrapper(log, encoding="utf-8", errors="backslashreplace", write_through=True)
@@ -151,19 +154,19 @@ def drop_what_cannot_be_printed() -> None:
 
 
 def say(text: str) -> None:
-    """A line for whoever started the process; it goes into its log. Where that is full, it is dropped."""
+    """Print a line to standard error, the log of a child process; drop it if the log is full."""
     with suppress(OSError):
         print(text, file=sys.stderr, flush=True)
 
 
 def give_up(text: str, code: int = EXIT_FINAL) -> NoReturn:
-    """Say why the process ends, and end: it was started wrongly, unless another code says otherwise."""
+    """Print why the process ends, and exit; by default as started wrongly."""
     say(text)
     sys.exit(code)
 
 
 def give_up_without(problem: Exception) -> NoReturn:
-    """End for lack of memory, files or room, and say so in a line; raise anything else, which is a bug."""
+    """Exit with one line on a lack of memory, files or disk space; raise anything else, which is a bug."""
     if is_out_of_memory(problem):
         give_up("out of memory", EXIT_FAILED)
     if isinstance(problem, OSError):

@@ -1,5 +1,8 @@
-"""Variables of a DServer that runs already, held as an operator holds a lever: set again and again, so that
-they are fresh enough for sensors that read them. A DServer that is started with a run holds them itself."""
+"""Variables of a running DServer that a run holds by setting them repeatedly.
+
+They stay fresh enough for the sensors that read them, as if an operator held a lever. A DServer that is
+started with a run holds them itself.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ AGAIN_S = 0.1
 
 
 class Holding:
-    """Sets `values` until it is closed. Mutable: the thread that does."""
+    """A thread that sets `values` until it is closed. Mutable: the thread."""
 
     def __init__(self, session: Session, values: Mapping[str, Value]) -> None:
         self._session = session
@@ -26,7 +29,7 @@ class Holding:
         self._thread.start()
 
     def close(self) -> None:
-        """Let go; again is nothing."""
+        """Stop setting the values. Idempotent."""
         self._stop.set()
         self._thread.join()
 
@@ -38,4 +41,4 @@ class Holding:
                         connection.do(data.set_many(self._values))
                         self._stop.wait(AGAIN_S)
             except ConnectionProblem:
-                continue  # the server is on its way back
+                continue  # the server is restarting

@@ -1,4 +1,4 @@
-"""The processes that a robot, or a run on it, consists of, each with the file that tells it what to be."""
+"""The processes of a robot or of a run, each with the file that describes its part."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from colony.runtime.transport.live.place import Local, Place
 CHILD = "colony.runtime.assembly.processes.child"
 
 CLIENTS, SERVERS, HARDWARE = range(3)
-"""The order in which processes end: clients fall silent, servers stop the robot, its hardware goes last."""
+"""The order in which processes end: clients first, then servers, which stop the robot, then its hardware."""
 
 STORE = "DServer.sqlite"
 """The file of DServer's variables, in the folder of a robot's state."""
@@ -54,10 +54,10 @@ STOP = "Clock.stop"
 
 
 def fresh_folder(folder: Path) -> Path:
-    """Make an empty folder for this user alone, whose parent is one already.
+    """Create an empty folder for this user alone, in a parent that is private already.
 
     Raises:
-        OSError: it cannot be made.
+        OSError: the folder cannot be created.
     """
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(mode=0o700)
@@ -65,11 +65,12 @@ def fresh_folder(folder: Path) -> Path:
 
 
 def expect_room(folder: Path, processes: int) -> None:
-    """Check that the disk of the run directory has room for what so many processes write as they begin: each
-    claims its name, and may say something in its log.
+    """Check that the run directory's disk has room for the first writes of so many processes.
+
+    Each process claims its name, and may write to its log.
 
     Raises:
-        OSError: it has not.
+        OSError: the disk has too little room.
     """
     room = Reserve(folder / "room", processes * BEGINNING_BYTES)
     room.take()
@@ -77,7 +78,7 @@ def expect_room(folder: Path, processes: int) -> None:
 
 
 def keep_logs(folder: Path) -> None:
-    """Delete all files but the logs in a folder of processes that have ended, and logs that are empty."""
+    """Delete all files except non-empty logs in a folder of processes that have ended."""
     for path in folder.iterdir():
         if path.suffix != ".log" or not path.stat().st_size:
             path.unlink(missing_ok=True)
@@ -94,10 +95,11 @@ def server_parts(
     """Return the parts of all servers of a robot.
 
     Args:
-        state: the folder of what survives a server's death.
+        state: the folder of data that survives a server's death.
         device: the hardware.
-        cameras: names of servers, and of the cameras that they serve.
-        fsync, held: as in `DServerPart`.
+        cameras: pairs of a server's name and the name of its camera.
+        fsync: as in `DServerPart`.
+        held: as in `DServerPart`.
     """
     cameras = tuple(cameras)
     answering = (RSERVER.name, PSERVER.name, DSERVER.name, RUNTIME.name, *(server for server, _ in cameras))
@@ -111,7 +113,7 @@ def server_parts(
 
 
 def server_jobs(place: Local, parts: Iterable[Part], folder: Path, *, hardware: str) -> tuple[Job, ...]:
-    """Return the jobs of servers; `hardware` is the module that is run for those that need a driver."""
+    """Return the jobs of servers; `hardware` is the module to run for those that need a driver."""
     return tuple(job_of(place, part, folder, SERVERS, hardware=hardware) for part in parts)
 
 
@@ -142,12 +144,12 @@ def client_jobs(
 
 
 def job_of(place: Place, part: Part, folder: Path, wave: int, *, hardware: str = CHILD) -> Job:
-    """Write what a process has to know into `folder`, and return its job; what it prints goes there, too.
+    """Write the spec of a process into `folder`, and return its job; its log goes there, too.
 
     A run cannot do without its servers, its hardware and the process that clients share. It can do without a
-    client that runs apart, and without a module in Python: then frames are decided without them. Clients and
-    modules in Python need one thread of zenoh, as they handle one message at a time; servers go on receiving
-    while they handle one.
+    client that runs apart, and without a Python module: then frames are decided without them. Clients and
+    Python modules need one thread of zenoh, because they handle one message at a time; servers receive
+    further messages while they handle one.
     """
     name = name_of(part)
     spec = folder / f"{name.replace('/', '.')}.json"

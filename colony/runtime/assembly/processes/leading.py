@@ -1,7 +1,7 @@
-"""The leader's connections: it deploys the program at the Clock and at every server that takes part, and
-again wherever one of them was started anew. The run ends with these connections.
+"""The leader's connections: they deploy the program at the Clock and at every participating server.
 
-Each server has a thread of its own here, so that one that is missing holds up no other.
+A server that restarts gets the program again. The run ends with these connections. Each server has a thread
+of its own here, so that a missing server does not hold up the others.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from colony.runtime.library.clock import deploy
 from colony.runtime.protocol.deployment import Deployment
 
 PAUSE_S = 0.05
-"""Between two attempts to reach a server."""
+"""Seconds between two attempts to reach a server."""
 
 REFUSED_PAUSE_S = 0.5
-"""Until a server that leads another run is asked again: who led that may be about to be given up."""
+"""Seconds before asking a server in another run again, whose leader may be about to be given up."""
 
 BUSY_S = 3.0
-"""For how long a server may be in another run before this one is given up: longer than a lease."""
+"""Seconds that a server may be in another run before this one is given up; longer than a lease."""
 
 
 class Leading:
-    """Mutable: which servers the program is deployed at, and what stands in the way.
+    """The deployment of a program at its servers. Mutable: the servers that took it, and any refusal.
 
     Args:
-        session: what the process has with the robot; stays open.
-        deployment: what is to be run.
-        servers: where, by name.
-        report: told of what is awaited, from other threads.
+        session: the process's session with the robot; stays open.
+        deployment: the program to run.
+        servers: the names of the servers.
+        report: takes a sentence on each awaited server, from other threads.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Leading:
         return frozenset(self._deployed)
 
     def close(self) -> None:
-        """End the run; again is nothing."""
+        """End the run. Idempotent."""
         self._stop.set()
         for thread in self._threads:
             thread.join()
@@ -75,7 +75,7 @@ class Leading:
                 self._stop.wait()
 
     def _connected(self, server: str) -> Connection | None:
-        """A connection, as soon as the server is there."""
+        """Return a connection as soon as the server is up; None if it refuses or the run ends."""
         name = f"run of {self._deployment.program}"
         told = False
         while not self._stop.is_set():
@@ -94,7 +94,7 @@ class Leading:
         return None
 
     def _deploy(self, server: str, connection: Connection) -> bool:
-        """Deploy now and whenever the server comes back; whether it took it."""
+        """Deploy now and whenever the server comes back; return True if the server took the program."""
         waited_s = 0.0
         while not self._stop.is_set():
             try:

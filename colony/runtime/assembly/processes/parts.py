@@ -1,5 +1,7 @@
-"""From what a spec says to the nodes of a process. Each kind imports only what it needs: processes start
-soon."""
+"""The nodes of a process, built from its spec.
+
+Each kind of part imports only what it needs, so that processes start quickly.
+"""
 
 from __future__ import annotations
 
@@ -33,13 +35,15 @@ if TYPE_CHECKING:
 
 
 def serves(part: NodePart) -> bool:
-    """Whether others look for it by its name."""
+    """Return True if other processes look for the part by its name."""
     return not isinstance(part, (ClientsPart, AnnouncerPart))
 
 
 def is_nonblocking(part: NodePart) -> bool:
-    """Return True if the part's nodes handle every message without waiting for anything: for images, for
-    disks, or for code that a user wrote."""
+    """Return True if the part's nodes handle every message without blocking.
+
+    Images, disks and user code may block.
+    """
     match part:
         case ClockPart() | RServerPart() | PServerPart() | ClientsPart():
             return True
@@ -50,13 +54,13 @@ def is_nonblocking(part: NodePart) -> bool:
 
 
 def nodes_of(part: NodePart, place: Place, devices: Devices | None, holds: ExitStack) -> tuple[Node, ...]:
-    """The nodes that a part consists of; what they hold besides is closed with `holds`.
+    """Return the nodes of a part; their other resources are closed with `holds`.
 
     Raises:
-        Failure: the compiled program is damaged, or a module in Python cannot be imported or built.
-        StoreError: what DServer kept cannot be read.
+        Failure: the compiled program is damaged, or a Python module cannot be imported or built.
+        StoreError: DServer's stored data cannot be read.
         OSError: the program or its bindings cannot be read.
-        ValueError: the part needs hardware, or has to be on the robot's own machine, and this is not so.
+        ValueError: the part needs hardware or the robot's own machine, and has neither.
     """
     match part:
         case ClockPart(servers=servers, stop=stop):
@@ -117,7 +121,7 @@ def _dserver(part: DServerPart, place: Place) -> Node:
 
 
 def _store(part: DServerPart) -> Store:
-    """Open DServer's store; one that cannot even be made is made when its disk has room."""
+    """Open DServer's store; if a full disk prevents its creation, create it once there is room."""
     from colony.runtime.store.sqlite import SqliteStore
 
     path = Path(part.store)
@@ -139,7 +143,7 @@ def _clients(part: ClientsPart) -> tuple[Node, ...]:
 def _announcer(part: AnnouncerPart) -> Node:
     from colony.runtime.assembly.nodes import build_announcer
 
-    with suppress(OSError):  # elsewhere than on Linux there is no such file
+    with suppress(OSError):  # only Linux has this file
         Path("/proc/self/oom_score_adj").write_text("1000")
     sys.path += part.program.search
     return build_announcer(*_program(part.program), part.module, part.program.run)

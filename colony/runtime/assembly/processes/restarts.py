@@ -1,31 +1,31 @@
-"""When a process that died is started again: at once, then after longer and longer pauses, and not for ever.
+"""The restarts of a process: at once, then after increasing pauses, and finally not at all.
 
-A process that lived for a while starts with a clean slate: only deaths in quick succession count.
+Only deaths in quick succession count; a process that lived for a while starts with a clean slate.
 """
 
 from __future__ import annotations
 
 STEADY_NS = 5_000_000_000
-"""A process that lived for so long had begun well."""
+"""Lifetime in nanoseconds after which a process counts as started well."""
 
 PAUSE_NS = 250_000_000
-"""Before the second start in a row; it doubles from there."""
+"""Nanoseconds before the second restart in a row; each further pause doubles."""
 
 LONGEST_NS = 4_000_000_000
 
 QUICK_DEATHS = 6
-"""So many in a row, and it is given up."""
+"""Quick deaths in a row after which a process is given up."""
 
 
 class Restarts:
-    """Of one process. Mutable: how many quick deaths there were in a row."""
+    """The restarts of one process. Mutable: the number of quick deaths in a row."""
 
     def __init__(self) -> None:
         self.quick = 0
         self.total = 0
 
     def died(self, began_ns: int, now_ns: int) -> int | None:
-        """The time at which to start it again; None when it is given up."""
+        """Return the time of the restart; None if the process is given up."""
         self.quick = 1 if now_ns - began_ns >= STEADY_NS else self.quick + 1
         if self.quick >= QUICK_DEATHS:
             return None

@@ -1,8 +1,9 @@
-"""A run of a program by processes: the one that leads it, and those that it started and watches over.
+"""A run of a program by processes: the leader, and the processes that it starts and supervises.
 
-The leading process deploys the program, restarts who dies, sees every frame and hands it to sinks, and tells
-whoever asks how the run stands. When it is over, or the leader is told to stop, clients fall silent first,
-then servers stop the robot. Where the leader is killed instead, all that it started end by themselves.
+The leader deploys the program, restarts processes that die, sees every frame and passes it to sinks, and
+answers queries about the state of the run. When the run is over, or the leader is asked to stop, clients end
+first, then servers, which stop the robot. If the leader is killed instead, all processes that it started end
+by themselves.
 """
 
 from __future__ import annotations
@@ -27,31 +28,35 @@ from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.place import Local, Place
 
 LOOK_S = 0.05
-"""Seconds between two checks of the processes."""
+"""Seconds between two health checks of the processes."""
 
 ENDING_S = 2.5
-"""For how long those of a wave may take to end before they are killed: longer than they take on their own."""
+"""Grace period of a shutdown wave in seconds before its processes are killed.
+
+It is longer than the processes need to end on their own.
+"""
 
 BEGIN_S = 20.0
-"""A run that has not begun after this time is not going to."""
+"""Timeout in seconds for a run to begin."""
 
 
 class RunFailed(Exception):
-    """The run cannot begin or go on; the message, of one line or several, tells why."""
+    """The run cannot begin or go on; the message, of one line or several, gives the reason."""
 
 
 class LedRun:
-    """A run, from the moment in which its leader has joined the robot's processes. Mutable: everything.
+    """A run whose leader has joined the robot's processes. Mutable: everything.
 
     Args:
-        place: where the robot is.
-        deployed: what is run.
-        servers: those to deploy it at.
-        observer: sees the frames and gives them to `window`.
-        window: what of the run is of interest.
-        standings: how it stands, for who asks; one of the sinks of `window`.
-        report: told what happens, a line or several; also from other threads.
-        ended: called when all that it started has ended, while nobody else can lead a run of the robot yet.
+        place: the place of the robot.
+        deployed: the deployed program.
+        servers: the servers to deploy it at.
+        observer: sees the frames and passes them to `window`.
+        window: the part of the run that is of interest.
+        standings: the state of the run, for queries; one of the sinks of `window`.
+        report: takes a description of each event, of one line or several; also from other threads.
+        ended: called when all started processes have ended, before another process can lead a run of the
+            robot.
 
     Raises:
         AlreadyRunning: another run is led on this machine.
@@ -96,30 +101,30 @@ class LedRun:
             self._holds = holds.pop_all()
 
     def start(self, jobs: Iterable[Job]) -> None:
-        """Start processes, to be watched from now on.
+        """Start processes, and supervise them from now on.
 
         Raises:
-            OSError: one cannot be started.
+            OSError: a process cannot be started.
         """
         for job in jobs:
             self._children.start(job)
 
     def hold(self, values: Mapping[str, Value]) -> None:
-        """Hold these variables of a DServer that runs already, from `follow` on to the end of the run."""
+        """Hold these variables of a running DServer, from `follow` on to the end of the run."""
         self._held = values
 
     def pid(self, name: str) -> int | None:
-        """The id of a process that was started and lives."""
+        """Return the id of a started process, None if it is not alive."""
         return self._children.pid(name)
 
     def wait_for(
         self, ready: Callable[[], bool], stop: Callable[[], bool], *, what: str, most_s: float
     ) -> bool:
-        """Look after the processes until `ready` says so; False when `stop` ended it first.
+        """Supervise the processes until `ready()` is true; return False if `stop` ended the wait first.
 
         Raises:
-            RunFailed: it takes longer than `most_s` (the message says that it is `what`), or a process cannot
-                live.
+            RunFailed: it takes longer than `most_s` (the message names `what`), or a process that the run
+                needs was given up.
         """
         until = time.monotonic() + most_s
         while not ready():
@@ -133,12 +138,13 @@ class LedRun:
         return True
 
     def follow(self, stop: Callable[[], bool], *, meanwhile: Callable[[], object] = lambda: None) -> bool:
-        """Lead the run until its window is over; False when `stop` ended it. `meanwhile` is called all the
-        time.
+        """Lead the run until its window is over; return False if `stop` ended it.
+
+        `meanwhile` is called repeatedly.
 
         Raises:
-            RunFailed: it cannot begin or go on.
-            OSError: as raised by a sink: a recording cannot be written.
+            RunFailed: the run cannot begin or go on.
+            OSError: as raised by a sink, for example because a recording cannot be written.
         """
         self._holds.enter_context(collector_past_startup())
         session = Session(Hub(self._host.network))
@@ -162,7 +168,7 @@ class LedRun:
         return True
 
     def close(self) -> None:
-        """End the run: clients, servers, hardware, in this order, then what observed them; again is nothing.
+        """End the run: clients, servers, hardware, in this order, then their observer. Idempotent.
 
         Raises:
             Exception: as raised by a sink.
@@ -172,15 +178,17 @@ class LedRun:
         self._raise_failure()
 
     def __enter__(self) -> LedRun:
+        """Return the run."""
         return self
 
     def __exit__(self, *raised: object) -> None:
+        """End the run."""
         self.close()
 
-    # --- inside --------------------------------------------------------------------------------------
+    # --- internals -----------------------------------------------------------------------------------
 
     def _observe(self) -> None:
-        """The thread that sees the frames."""
+        """Run the observer, in a thread of its own."""
         try:
             self._host.run()
         except BaseException as failure:
@@ -211,13 +219,15 @@ class LedRun:
             self._report(text)
 
     def _cannot_do_without(self, job: Job) -> bool:
-        """Return True if the run ends when a process is given up: also one that never took part, whether it
-        had its last death before the frames began or a little later."""
+        """Return True if the run ends when a process is given up: if it is essential or never took part.
+
+        It does not matter whether its last death was before the frames began or a little later.
+        """
         took_part = self._window.begun and job.name in self._joined
         return job.essential or not took_part
 
     def _note_presence(self, address: str, present: bool) -> None:
-        """Note which nodes have joined the robot; called in a thread of the network."""
+        """Record the nodes that have joined the robot; called in a network thread."""
         self._joined.add(address)
 
     def _check(self, leading: Leading, *, late: bool) -> None:

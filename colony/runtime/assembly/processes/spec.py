@@ -1,6 +1,6 @@
-"""What a process of a robot is told when it is started: where the robot is, and which part of it to be.
+"""The spec of a robot's process: the place of the robot, and the part that the process runs.
 
-It is a small file of JSON in a folder of the user's alone. The compiled program, where one is needed, and its
+It is a small JSON file in a private folder of the user. The compiled program, if the part needs one, and its
 bindings are files beside it.
 """
 
@@ -20,11 +20,11 @@ from colony.runtime.transport.live.place import Credentials, Local, Place, Remot
 from colony.runtime.transport.live.run_directory import RobotDirectory
 
 SPEC_BYTES = 4 * 1024 * 1024
-"""Largest spec; it holds no more than a command line."""
+"""Size limit of a spec in bytes; it holds no more than a command line."""
 
 
 class Here(msgspec.Struct, frozen=True, kw_only=True, tag="here"):
-    """A robot of this machine, by its folder."""
+    """A robot of this machine, given by its folder."""
 
     robot: str
     folder: str
@@ -42,33 +42,35 @@ class There(msgspec.Struct, frozen=True, kw_only=True, tag="there"):
 
 
 class Device(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the hardware is that a server drives: the socket of the plant."""
+    """The place of the hardware that a server drives: the socket of the plant."""
 
     plant: str
 
 
 class ClockPart(msgspec.Struct, frozen=True, kw_only=True, tag="Clock"):
-    """The Clock, with the server `Runtime`; `servers` are expected to answer ticks, and the file `stop`
-    remembers an emergency stop."""
+    """The Clock, with the server `Runtime`.
+
+    `servers` are expected to answer ticks, and the file `stop` stores an emergency stop.
+    """
 
     servers: tuple[str, ...]
     stop: str
 
 
 class RServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="RServer"):
-    """The base."""
+    """The server of the base."""
 
     device: Device
 
 
 class PServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="PServer"):
-    """The sonars and infrared detectors."""
+    """The server of the sonars and infrared detectors."""
 
     device: Device
 
 
 class CServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="CServer"):
-    """The camera `camera`, under the name `server`."""
+    """The server of the camera `camera`, under the name `server`."""
 
     device: Device
     server: str
@@ -76,7 +78,7 @@ class CServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="CServer"):
 
 
 class DServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="DServer"):
-    """The variables and semaphores, kept in the file `store`; with `fsync` they outlive a loss of power.
+    """The server of variables and semaphores, kept in `store`; with `fsync` they survive a loss of power.
 
     `held` are variables that are as fresh as each frame, as if an operator kept setting them.
     """
@@ -87,14 +89,14 @@ class DServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="DServer"):
 
 
 class GatewayPart(msgspec.Struct, frozen=True, kw_only=True, tag="Gateway"):
-    """The way to the robot from other machines, listening at `listen`; `security` is the table of users."""
+    """The gateway for other machines, listening at `listen`; `security` is the table of users."""
 
     listen: str
     security: str
 
 
 class ProgramOfRun(msgspec.Struct, frozen=True, kw_only=True):
-    """The file of the compiled program of a run; modules in Python are looked for in `search`, too."""
+    """The file of a run's compiled program; `search` are additional folders of its Python modules."""
 
     run: str
     file: str
@@ -102,7 +104,7 @@ class ProgramOfRun(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ClientsPart(msgspec.Struct, frozen=True, kw_only=True, tag="clients"):
-    """One or several clients, by actuator and module, in the process that clients share or apart."""
+    """A process of clients, by actuator and module; `shared` is True in the process that clients share."""
 
     program: ProgramOfRun
     clients: tuple[tuple[str, str], ...]
@@ -110,7 +112,7 @@ class ClientsPart(msgspec.Struct, frozen=True, kw_only=True, tag="clients"):
 
 
 class AnnouncerPart(msgspec.Struct, frozen=True, kw_only=True, tag="announcer"):
-    """The process that tells the activity of `module`, which is written in Python."""
+    """The process that announces the activity of `module`, which is written in Python."""
 
     program: ProgramOfRun
     module: str
@@ -121,14 +123,14 @@ Part = NodePart | GatewayPart
 
 
 class Spec(msgspec.Struct, frozen=True, kw_only=True):
-    """All that a process is told."""
+    """The complete spec of a process."""
 
     place: Here | There
     part: Part
 
 
 def write_spec(path: Path, spec: msgspec.Struct) -> None:
-    """Write it for this user alone.
+    """Write a spec, readable by this user alone.
 
     Raises:
         OSError: it cannot be written.
@@ -137,7 +139,7 @@ def write_spec(path: Path, spec: msgspec.Struct) -> None:
 
 
 def write_private(path: Path, data: bytes) -> None:
-    """Write a file for this user alone, whole or not at all.
+    """Write a file for this user alone, atomically.
 
     Raises:
         OSError: it cannot be written.
@@ -150,32 +152,32 @@ def write_private(path: Path, data: bytes) -> None:
 
 
 def bindings_of(program: Path) -> Path:
-    """The file with the bindings of the compiled program in another file."""
+    """Return the path of the bindings of a compiled program."""
     return program.with_suffix(".bindings")
 
 
 def read_bindings(program: Path) -> Bindings:
-    """Read the bindings of the compiled program in a file.
+    """Read the bindings of a compiled program.
 
     Raises:
-        msgspec.DecodeError: they are none.
-        OSError: they cannot be read.
+        msgspec.DecodeError: the file contains no bindings.
+        OSError: it cannot be read.
     """
     return msgspec.json.decode(read_file(bindings_of(program), SPEC_BYTES), type=Bindings)
 
 
 def read_spec(path: Path) -> Spec:
-    """Read it.
+    """Read a spec.
 
     Raises:
-        msgspec.DecodeError: it is none.
+        msgspec.DecodeError: the file is not a spec.
         OSError: it cannot be read.
     """
     return msgspec.json.decode(read_file(path, SPEC_BYTES), type=Spec)
 
 
 def said_of(place: Place) -> Here | There:
-    """A place, as it stands in a spec."""
+    """Return a place in the form used by a spec."""
     match place:
         case Local(directory=directory):
             return Here(robot=directory.robot, folder=str(directory.path))
@@ -191,7 +193,7 @@ def said_of(place: Place) -> Here | There:
 
 
 def place_of(said: Here | There) -> Place:
-    """The place that a spec speaks of."""
+    """Return the place that a spec describes."""
     match said:
         case Here(robot=robot, folder=folder):
             return Local(RobotDirectory(Path(folder), robot))
@@ -206,8 +208,7 @@ def place_of(said: Here | There) -> Place:
 
 
 def name_of(part: Part) -> str:
-    """Return the name of a part's process: the address of its node, where it has one. No two parts of a robot
-    have the same."""
+    """Return the unique name of a part's process: the address of its node, if it has one."""
     match part:
         case ClockPart():
             return "Clock"

@@ -1,4 +1,4 @@
-"""What the leader of a run knows of it, and tells whoever asks: who is on time, late, lost; who drives."""
+"""The leader's knowledge of its run, for queries: clients on time, late or lost, and who drives."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class _Client:
 
 
 class Standings:
-    """A sink that counts, for every client, in how many frames it was on time. Mutable: the counts."""
+    """A sink that counts, for every client, the frames in which it was on time. Mutable: the counts."""
 
     def __init__(self, deployed: Deployment, *, file: str) -> None:
         self._deployed = deployed
@@ -38,10 +38,11 @@ class Standings:
         self._pids: Callable[[], Mapping[str, int]] = dict
 
     def watch(self, pids: Callable[[], Mapping[str, int]]) -> None:
-        """Ask `pids` which processes of the run live; it may be called in any thread."""
+        """Use `pids` to list the live processes of the run; it may be called in any thread."""
         self._pids = pids
 
     def take(self, log: FrameLog) -> None:
+        """Count the fates of the clients in a frame."""
         self._frames += 1
         self._k = log.tick.k
         self._restarts += log.restart
@@ -55,7 +56,7 @@ class Standings:
                     client.fates[client.standing] += 1
 
     def close(self) -> None:
-        """The counts stay."""
+        """Do nothing: the counts stay."""
 
     @property
     def frames(self) -> int:
@@ -63,15 +64,20 @@ class Standings:
         return self._frames
 
     def died(self, clients: Iterable[str], said: str, *, again: bool) -> None:
-        """Note that the process of these clients died, with these last words; `again`: it is started
-        again."""
+        """Record that the process of these clients died.
+
+        Args:
+            clients: the addresses of the clients.
+            said: the last words of the process.
+            again: True if it is restarted.
+        """
         for address in clients:
             client = self._clients[address]
             client.restarts += again
             client.last_error = said
 
     def status(self) -> RunStatus:
-        """Return how the run stands."""
+        """Return the state of the run."""
         return RunStatus(
             run=self._deployed.run,
             program=self._deployed.program,
@@ -99,7 +105,7 @@ class Standings:
 
 
 class LeaderServer(QuietNode):
-    """Answers `run` with the standings. Mutable: who is connected."""
+    """A server that answers `run` with the standings. Mutable: its connections."""
 
     address = LEADER
 
@@ -109,6 +115,7 @@ class LeaderServer(QuietNode):
         self.listens = self._desk.listens
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        """Answer a call."""
         return self._desk.handle(message, now_ns)
 
     def _run(self, asked: Asked, arguments: object, now_ns: int) -> RunStatus:

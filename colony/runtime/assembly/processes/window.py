@@ -1,4 +1,4 @@
-"""The part of a robot's life that a run is about: its first so many seconds, with times from 0."""
+"""The part of a robot's life that a run shows: its first seconds, with times from 0."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from colony.runtime.observe.observer import FrameLog, Sink
 
 
 class Window:
-    """A sink in front of others. Mutable: where it begins, and whether it is over.
+    """A sink in front of others. Mutable: its beginning, and whether it is over.
 
     Args:
-        length_ns: how much of the run it shows; None: all.
+        length_ns: the length of the run to show; None for all.
         frame_ns: the length of a frame.
         sinks: get the frames with times that begin with 0.
     """
@@ -31,10 +31,11 @@ class Window:
         self.news = threading.Event()
 
     def record(self, sink: Sink) -> None:
-        """One more, which gets the frames as they are, in the robot's own time; before the first one."""
+        """Add a sink that gets the frames in the robot's own time; call it before the first frame."""
         self._recordings.append(sink)
 
     def take(self, log: FrameLog) -> None:
+        """Pass a frame on to the sinks, if it is inside the window."""
         if self._shut:
             return
         first = self._begin_ns is None
@@ -55,27 +56,28 @@ class Window:
             self.news.set()
 
     def close(self) -> None:
+        """Close all sinks."""
         self._shut = True
-        with ExitStack() as closing:  # each is closed, even where closing another fails
+        with ExitStack() as closing:  # each is closed, even if closing another fails
             for sink in (*self._sinks, *self._recordings):
                 closing.callback(sink.close)
 
     def shut(self) -> None:
-        """What comes from now on is of no interest; from any thread."""
+        """Ignore all frames from now on. May be called from any thread."""
         self._shut = True
         self.news.set()
 
     @property
     def begun(self) -> bool:
-        """Whether a frame was shown."""
+        """True if a frame was shown."""
         return self._shown_ns > 0
 
     @property
     def over(self) -> bool:
-        """Whether all of it was shown, or nobody wants to see more."""
+        """True if the whole window was shown, or `shut` was called."""
         return self._shut
 
     @property
     def shown_ns(self) -> int:
-        """How much was shown, to the end of the last frame."""
+        """The length that was shown, to the end of the last frame."""
         return self._shown_ns

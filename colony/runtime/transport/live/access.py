@@ -1,8 +1,8 @@
-"""The table of users as zenoh's access control: which keys a user may send to and listen to.
+"""The table of users as zenoh access control: the keys that each user may send to and listen to.
 
-Everything is denied that is not allowed here. A user's name stands in the keys of all that users send, and of
-replies, and is tied here to the common name of the certificate, so nobody can send, or hear answers, as
-somebody else.
+Everything that is not allowed here is denied. The keys of replies, and of everything that users send, contain
+the user's name. This module ties the name to the common name of the certificate, so no user can send
+messages, or hear replies, under another name.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ EVERYTHING = (
 Rule = dict[str, Any]
 
 _HEARD_BY_READERS = ("Clock/ticks", "*/frames", "*/activity/*/frames", "verdicts")
-_SENT_BY_READERS = ("*/fetches/{user}",)  # no `**`, which would be any depth, and with it the calls of others
+_SENT_BY_READERS = ("*/fetches/{user}",)  # not `**`, which matches any depth and so the calls of other users
 _HEARD_BY_RUNNERS = ("*/recalled/**",)
 _SENT_BY_RUNNERS = (
     "*/requests/{user}",
@@ -40,7 +40,7 @@ _SENT_BY_RUNNERS = (
 
 
 def access_control(robot: str, security: Security) -> dict[str, Any]:
-    """The setting `access_control` of a gateway."""
+    """Return a gateway's setting `access_control`."""
     rules: list[Rule] = [_allow("here", EVERYTHING, ("ingress", "egress"), ("**",))]
     subjects: list[dict[str, Any]] = [{"id": "here", "link_protocols": ["unixsock-stream"]}]
     policies = [{"rules": ["here"], "subjects": ["here"]}]
@@ -60,7 +60,10 @@ def access_control(robot: str, security: Security) -> dict[str, Any]:
 
 
 def _rules(subject: str, robot: str, user: str, permissions: tuple[Permission, ...]) -> Iterator[Rule]:
-    """What one user may. Who sends has to be told of who listens, and who listens has to be sent to."""
+    """Yield the rules of one user.
+
+    A sender must learn of the subscribers to its keys, and a subscriber must be sent messages.
+    """
     prefix, allowed = keys.prefix(robot), rights(permissions)
     sends = [f"*/call/{right}/{user}/*" for right in allowed]
     hears = [f"*/reply/{user}/*"]
@@ -70,7 +73,8 @@ def _rules(subject: str, robot: str, user: str, permissions: tuple[Permission, .
     if "run" in permissions:
         sends += [key.format(user=user) for key in _SENT_BY_RUNNERS]
         hears += _HEARD_BY_RUNNERS
-        tokens = (keys.alive(robot, "*/*"), keys.alive(robot, "*/*/*"))  # of clients; a server's is shorter
+        # tokens of clients; a server's is shorter
+        tokens = (keys.alive(robot, "*/*"), keys.alive(robot, "*/*/*"))
         yield _allow(f"{subject}-is-there", ("liveliness_token",), ("ingress",), tokens)
     yield _allow(f"{subject}-sends", ("put",), ("ingress",), [prefix + key for key in sends])
     yield _allow(f"{subject}-listens", ("declare_subscriber",), ("ingress",), [prefix + key for key in hears])

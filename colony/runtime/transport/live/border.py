@@ -1,10 +1,10 @@
-"""The border of a process: the rates at which users of other machines may send.
+"""Limits on the rates at which users of other machines may send to a process.
 
-The keys of all messages from clients carry the user, and the gateway ties these keys to certificates. So a
-message is counted before it is decoded, for a fraction of what decoding costs. The processes of this machine,
-which all go by one user, are not counted: they would share one rate, and a program that calls without end is
-held back by the number of its calls that wait (`waiting.py`). Their messages under the right to stop are
-counted, by connection: the queue of these (`stop_lane.py`) has no limit for each connection.
+The keys of all messages from clients contain the user, and the gateway ties these keys to certificates. A
+message is therefore counted before it is decoded, at a fraction of the cost of decoding. Processes of this
+machine share one user and are not counted, because they would share one rate; the number of their waiting
+calls limits a program that calls without end (`waiting.py`). Their messages under the right to stop are
+counted by connection, because the queue of these messages (`stop_lane.py`) has no limit per connection.
 """
 
 from __future__ import annotations
@@ -16,29 +16,32 @@ from colony.runtime.protocol.topics import user_of
 from colony.runtime.transport.live.meter import Meter, Rate
 
 CALLS = Rate(per_s=2000.0, burst=1000.0)
-"""Calls and signs of life of one user at one server, other than under the right to stop. A program that waits
-for each answer makes fewer."""
+"""The rate of calls and signs of life of one user at one server, except under the right to stop.
+
+A program that waits for each answer makes fewer.
+"""
 
 STOPS = Rate(per_s=500.0, burst=100.0)
-"""Calls and signs of life of one user, or of one connection of this machine, under the right to stop. Further
-stops change nothing."""
+"""The rate of calls and signs of life under the right to stop, per user or local connection.
+
+Further stops change nothing.
+"""
 
 FETCHES = Rate(per_s=500.0, burst=500.0)
-"""Fetches of one user's programs: requests for frames that they missed."""
+"""The rate of fetches (requests for missed frames) of one user's programs."""
 
 PROGRAMS = Rate(per_s=20_000.0, burst=10_000.0)
-"""Messages of frames, other than fetches, from the clients that one user runs."""
+"""The rate of messages of frames, other than fetches, from one user's clients."""
 
 REFUSALS = Rate(per_s=20.0, burst=20.0)
-"""Calls of one user over the rate that are refused with the code `flood`; the others are dropped without a
-reply."""
+"""The rate of refusals (code `flood`) of one user's excess calls; further ones are dropped silently."""
 
 
 class Border:
-    """The rates at one server. Mutable: what is left of them. Threads may share it.
+    """The rate limits of one server. Mutable: the tokens left. Threads may share it.
 
     Args:
-        local_user: the user of this machine's processes, whose messages pass uncounted, except those under
+        local_user: the user of this machine's processes. Their messages are not counted, except those under
             the right to stop.
         monotonic: returns the time in nanoseconds.
     """
@@ -51,23 +54,25 @@ class Border:
         self._refusals = Meter(REFUSALS)
 
     def call(self, connection: str, size: int) -> bool:
-        """Count a call, or a sign of life, of `size` bytes; return whether it may come in."""
+        """Count a call, or a sign of life, of `size` bytes; return True if it is within the rate."""
         user = user_of(connection)
         return user == self._local or self._calls.take(user, size, self._now())
 
     def stop(self, connection: str, size: int) -> bool:
-        """Count a message of `size` bytes under the right to stop; return whether it may come in."""
+        """Count a message of `size` bytes under the right to stop; return True if it is within the rate."""
         user = user_of(connection)
         return self._stops.take(connection if user == self._local else user, size, self._now())
 
     def frame(self, kind: str, user: str, size: int, count: int = 1) -> bool:
-        """Count messages of a frame, such as those of kind "requests", of `size` bytes together; return
-        whether they may come in."""
+        """Count frame messages of one `kind`, such as "requests"; return True if they are within the rate.
+
+        `size` is the total of all `count` messages in bytes.
+        """
         if user == self._local:
             return True
         meter = self._fetches if kind == "fetches" else self._programs
         return meter.take(user, size, self._now(), count)
 
     def refusal(self, connection: str) -> bool:
-        """Count a call over the rate; return whether it gets a reply, rather than being dropped."""
+        """Count a call over the rate; return True if it gets a reply, False if it is dropped."""
         return self._refusals.take(user_of(connection), 0, self._now())

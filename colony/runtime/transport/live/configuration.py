@@ -1,12 +1,12 @@
-"""The configuration of zenoh for a process of a robot.
+"""The zenoh configuration of a robot's processes.
 
-On one machine every server listens on a unix socket in the robot's folder, and everyone connects to those
-that are known, present or not: a server that comes, or comes back, is found by trying again, and servers of
-other names by gossip. There is no scouting, no port, no shared memory.
+On one machine every server listens on a unix socket in the robot's folder, and every process connects to all
+known sockets, present or not. Retries find a server that starts or restarts; gossip finds servers with other
+names. There is no scouting, no port and no shared memory.
 
-No process dials an address that came over the network: processes of the robot can open links of unix sockets
+No process dials an address that came over the network: the robot's processes can open links over unix sockets
 only, and the gateway, the only process that strangers reach, takes no part in gossip. It needs none, because
-all others connect to it.
+all other processes connect to it.
 """
 
 from __future__ import annotations
@@ -31,35 +31,41 @@ LET_IN = [
     {"filters": [{"modes": ["peer"], "interfaces": ["none: a link of a unix socket"]}]},
     {"filters": [{"modes": ["client"]}]},
 ]
-"""Filters of the sessions that a gateway accepts: peers of this machine, and clients from anywhere. A peer
-that comes by a network interface is refused, because it would learn the ids of the robot's processes."""
+"""Filters of the sessions that a gateway accepts: peers of this machine, and clients from anywhere.
+
+A peer that arrives over a network interface is refused, because it would learn the ids of the robot's
+processes.
+"""
 
 LEASE_MS = 3000
-"""After this time without a sign of life zenoh gives up a link; it must outlast a long reception."""
+"""Milliseconds without a sign of life after which zenoh closes a link; longer than a long reception."""
 
 KNOWN = ("Clock", "RServer", "PServer", "DServer")
-"""The servers that a robot has; others are found by their sockets and by gossip."""
+"""The servers of every robot; other servers are found by their sockets and by gossip."""
 
 BLOCKED_US = 1_000_000
-"""After so long without room for a message that must not be dropped, its link is given up instead: its
-receiver is frozen, and who sends must not be for much longer."""
+"""Microseconds without room for a message that must not be dropped, after which its link is closed.
+
+The receiver is then frozen, and must not hold up the sender for longer.
+"""
 
 FRAMES_ROOM = 16
-"""Batches of 64 KiB that may wait on a link of a process for the messages of frames, allocated as they are
-needed. A direct host waits for no room, so the requests of as many clients as a program may have must find
-it."""
+"""Batches of 64 KiB that may wait on a process's link for the messages of frames, allocated on demand.
+
+A direct host does not wait for room, so the requests of a program's maximum number of clients must fit.
+"""
 
 LOGIN_MS = 3000
-"""For how long the other end of a link, a gateway for one, may take to let us in."""
+"""Timeout in milliseconds for the other end of a link, such as a gateway, to accept this process."""
 
 RETRY = {"period_init_ms": 20, "period_max_ms": 200, "period_increase_factor": 2}
-"""How often a socket is tried that is not there: one that comes back is found within the longest period."""
+"""Retry periods for missing sockets; a server that restarts is found within the longest period."""
 
 Settings = Mapping[str, object]
 
 
 def configuration(settings: Settings) -> zenoh.Config:
-    """The settings as zenoh takes them."""
+    """Return the settings as a zenoh configuration."""
     made = zenoh.Config()
     for key, value in settings.items():
         made.insert_json5(key, json.dumps(value))
@@ -67,10 +73,11 @@ def configuration(settings: Settings) -> zenoh.Config:
 
 
 def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
-    """Those of a process that serves under the names `listens` on this machine, or that only connects.
+    """Return the settings of a process that serves as `listens` on this machine, or that only connects.
 
     Raises:
-        ValueError: it would serve a robot of another machine: only the robot's own machine has its sockets.
+        ValueError: the process would serve a robot of another machine; only the robot's own machine has its
+            sockets.
     """
     room = {"transport/link/tx/queue/size/interactive_high": FRAMES_ROOM}
     match place:
@@ -104,8 +111,9 @@ def stop_settings(directory: RobotDirectory) -> Settings:
 def gateway_settings(directory: RobotDirectory, listen: str, security: Security) -> Settings:
     """Return the settings of a gateway that listens at `listen`, without its access control.
 
-    It connects to nobody: all processes of the robot connect to it. Two ends that dial each other after a
-    link broke can each take the other's link for the one that stands, and then neither dials again.
+    The gateway connects to no process: all processes of the robot connect to it. If two ends dialed each
+    other after a broken link, each could take the other's link for the surviving one, and neither would dial
+    again.
     """
     return _common("router", (*LOCAL_LINKS, *REMOTE_LINKS), gossip=False) | {
         "gateway": {"south": LET_IN},
@@ -124,7 +132,7 @@ def gateway_settings(directory: RobotDirectory, listen: str, security: Security)
 
 
 def _local(directory: RobotDirectory, listens: tuple[str, ...], names: set[str]) -> dict[str, object]:
-    """Return the settings to listen as `listens`, and to connect to all other `names`, present or not."""
+    """Return the settings to listen as `listens` and to connect to all other `names`, present or not."""
     return {
         "listen/endpoints": [directory.endpoint(name) for name in listens],
         "connect/endpoints": [directory.endpoint(name) for name in sorted(names.difference(listens))],

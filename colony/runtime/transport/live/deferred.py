@@ -1,12 +1,12 @@
 """Frames that a host handles together with its other messages.
 
-To wake a thread for a message costs more than to handle it. A node that can do without some frames until
-something else happens (`messages.Deferring`) is spared that: zenoh keeps these frames, in a ring per topic,
-and the host takes them whenever it handles a message or a node's alarm is due.
+Waking a thread for a message costs more than handling it. A node that can do without some frames until
+something else happens (`messages.Deferring`) avoids that cost: zenoh keeps these frames in one ring per
+topic, and the host takes them whenever it handles a message or a node's alarm is due.
 
-Only frames are kept this way, because a reader can ask again for one that its ring dropped. Other topics that
-may wait go through the inbox, which does not rouse the host for them: messages of users have to be counted as
-they arrive, and nobody can ask again for a verdict.
+Only frames are kept this way, because a reader can fetch a frame that its ring dropped. Other deferrable
+topics go through the inbox without waking the host: messages of users must be counted on arrival, and
+verdicts cannot be fetched again.
 """
 
 from __future__ import annotations
@@ -21,18 +21,16 @@ from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.waiting import Waiting, too_large
 
 DEFERRED_MOST = 128
-"""Deferred frames kept per topic. When the ring is full its oldest frame is dropped; a reader asks for it
-again."""
+"""Deferred frames kept per topic. A full ring drops its oldest frame; a reader fetches it again."""
 
 DEFERRED_BATCH = 8
-"""Frames of one topic that are taken before the frames of other topics and all other messages get their
-turn."""
+"""Frames taken from one topic before other topics and all other messages get their turn."""
 
 _Subscriber = zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]
 
 
 class DeferredFrames:
-    """The rings of a host. Mutable: the topics that it listens to, and the frames that wait."""
+    """The rings of a host. Mutable: the topics that it listens to, and the waiting frames."""
 
     def __init__(self, session: zenoh.Session, robot: str) -> None:
         self._session = session
@@ -47,7 +45,7 @@ class DeferredFrames:
         self._rings.append((topic, subscriber))
 
     def take(self) -> Iterator[Waiting]:
-        """Yield the frames that wait, `DEFERRED_BATCH` of each topic at most."""
+        """Yield the waiting frames, at most `DEFERRED_BATCH` of each topic."""
         for topic, subscriber in self._rings:
             for _ in range(DEFERRED_BATCH):
                 sample = subscriber.try_recv()

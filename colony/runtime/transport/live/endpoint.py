@@ -1,4 +1,4 @@
-"""Addresses of gateways: `tls/HOST:PORT`. Between machines nothing goes in the clear."""
+"""Gateway addresses: `tls/HOST:PORT`. Traffic between machines is always encrypted."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class Endpoint(NamedTuple):
 
 
 def parse_endpoint(text: str) -> Endpoint:
-    """Read `tls/HOST:PORT`; an IPv6 address stands in brackets.
+    """Parse `tls/HOST:PORT`; an IPv6 address is enclosed in brackets.
 
     Raises:
-        SecurityError: it is something else, or in the clear.
+        SecurityError: the text is anything else, or names an unencrypted protocol.
     """
     found = _TLS.fullmatch(text)
     if found is not None and int(found[3]) <= _LARGEST_PORT:

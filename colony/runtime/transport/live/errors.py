@@ -1,18 +1,18 @@
-"""What can go wrong between the processes of a robot that a person can mend; the message says how."""
+"""Errors between a robot's processes that a person can fix; each message says how."""
 
 from __future__ import annotations
 
 
 class LiveError(Exception):
-    """Something about the network of processes; the message is for people."""
+    """An error in the network of processes; the message is for people."""
 
 
 class RunDirectoryError(LiveError):
-    """The run directory cannot be used: not ours, open to others, or too long a path."""
+    """The run directory cannot be used: another user owns it, others can open it, or its path is too long."""
 
 
 class AlreadyRunning(LiveError):
-    """A process of this name serves the robot already."""
+    """Another process serves the robot under this name already."""
 
 
 class NotReached(LiveError):
@@ -20,8 +20,8 @@ class NotReached(LiveError):
 
 
 class GatewayFull(LiveError):
-    """The gateway's memory has reached its limit: its process has to restart, which ends its sessions."""
+    """The gateway's memory has reached its limit: its process must restart, which ends its sessions."""
 
 
 class SecurityError(LiveError):
-    """Certificates or the table of users are not as they must be."""
+    """The certificates or the table of users are invalid."""

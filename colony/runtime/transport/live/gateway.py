@@ -1,6 +1,6 @@
-"""The way to a robot from other machines: a process that joins the robot's sockets and listens with TLS.
+"""The gateway to a robot from other machines: it joins the robot's sockets and listens with TLS.
 
-It routes messages, and tells users what rights they have. Messages without the right never get past it.
+It routes messages and reports users their rights. It never passes on a message without the required right.
 """
 
 from __future__ import annotations
@@ -40,9 +40,11 @@ def whoami() -> Ask[Admitted]:
 
 
 GROWTH_BYTES = 64 * 1024 * 1024
-"""Bytes of resident memory by which a gateway may grow until it restarts; it begins with 45 MiB. Zenoh keeps
-1.3 KB for every key that a session declares, for as long as the session lives, without a limit; so do the
-robot's servers, for the keys that come through the gateway."""
+"""Bytes of resident memory by which a gateway may grow before it restarts; it starts at 45 MiB.
+
+Zenoh keeps 1.3 KB for every key that a session declares, for the life of the session and without a limit. So
+do the robot's servers, for keys that come through the gateway.
+"""
 
 LOOK_NS = 500_000_000
 """Nanoseconds between two checks of the gateway's memory."""
@@ -55,8 +57,9 @@ def resident_bytes() -> int:
 
 
 class GatewayNode(QuietNode):
-    """Answers `whoami`, and watches the memory. Users that are not in the table are those of this machine,
-    who have every right.
+    """A node that answers `whoami` and watches the gateway's memory.
+
+    Users that are not in the table are those of this machine; they have every right.
 
     Args:
         security: the table of users.
@@ -76,11 +79,13 @@ class GatewayNode(QuietNode):
         self.listens = self._desk.listens
 
     def start(self, now_ns: int) -> Iterable[Effect]:
+        """Record the initial memory and schedule the first check."""
         self._began_with = self._memory()
         self._look_ns = now_ns + LOOK_NS
         yield WakeAt(self._look_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        """Answer a call, and check the memory when a check is due."""
         yield from self._desk.handle(message, now_ns)
         if now_ns >= self._look_ns:
             self._look()
@@ -101,14 +106,15 @@ class GatewayNode(QuietNode):
 def open_gateway(
     place: Local, listen: str, security: Security, *, report: Report = lambda problem: None
 ) -> Host:
-    """A gateway to a robot of this machine, listening at `listen` (`tls/HOST:PORT`); it works from when it is
-    opened, and answers from when its `run` is called.
+    """Open a gateway to a robot of this machine that listens at `listen` (`tls/HOST:PORT`).
+
+    It routes messages as soon as it is open, and answers calls once its `run` is called.
 
     Raises:
-        SecurityError: `listen` is no address for TLS.
-        AlreadyRunning: there is a gateway to this robot.
+        SecurityError: `listen` is not a TLS address.
+        AlreadyRunning: the robot already has a gateway.
         RunDirectoryError: the robot's folder cannot be used.
-        NotReached: it cannot listen there.
+        NotReached: the gateway cannot listen there.
     """
     parse_endpoint(listen)
     allow_descriptors()

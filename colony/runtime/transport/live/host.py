@@ -1,26 +1,26 @@
-"""A process of the runtime over zenoh: it runs one or several nodes, the very same that run in virtual time.
+"""A process of the runtime over zenoh: it runs one or more nodes, the same that run in virtual time.
 
     with Host.open(place, [RServer(driver)], serves=True) as host:
         signal.signal(signal.SIGTERM, lambda *_: host.stop())
         host.run()
 
-A message is handled in one of three ways, and one thread at a time handles:
+One thread at a time handles messages, in one of three ways:
 
-- By the thread of `run`. The threads of the network put bytes into the inbox (`reception.py`, `inbox.py`).
-  The thread of `run` takes messages in their order (`waiting.py`), decodes them, gives them to the nodes,
-  lets these settle, and sends their effects. While it sends, which may have to wait for room, others may hand
+- By the thread of `run`. The network threads put bytes into the inbox (`reception.py`, `inbox.py`). The
+  thread of `run` takes messages in order (`waiting.py`), decodes them, passes them to the nodes, settles the
+  nodes, and sends their effects. While it sends, which may block for lack of room, other threads may hand
   messages to the nodes.
-- At once. In a `direct` host, for nodes that never block, the thread that receives a message hands it to the
-  nodes itself if nothing else waits or is being handled, which spares two switches between threads. Calls
-  that find others waiting go to the inbox, where the urgent ones overtake the others. Nothing that such a
-  host sends waits for room, in whichever thread: what finds none is dropped, and the receiver does without or
-  asks again. A server that is frozen costs its own clients their frames, and no others. Only the large
-  messages that must not be dropped wait, in a thread of their own (`sender.py`).
-- Deferred. Frames that all their readers can do without for now wait in rings (`deferred.py`), other messages
-  of this kind in the inbox, until another message or an alarm has the nodes handle something.
+- Immediately. In a `direct` host, for nodes that never block, the receiving thread hands a message to the
+  nodes itself if nothing else waits or is being handled. This saves two thread switches. Calls that find
+  others waiting go to the inbox, where urgent calls overtake the rest. Such a host never waits for room to
+  send, in any thread: a message without room is dropped, and the receiver does without it or asks again. A
+  frozen server therefore costs only its own clients their frames. Only large messages that must not be
+  dropped wait, in a thread of their own (`sender.py`).
+- Deferred. Frames that all their readers can do without for now wait in rings (`deferred.py`), and other
+  deferrable messages in the inbox, until another message or an alarm makes the nodes handle something.
 
-Emergency stops have a thread of their own (`stop_lane.py`). It takes over the nodes as soon as they have
-handled their present message, before everything that waits, and never waits for room to send its replies.
+Emergency stops have a thread of their own (`stop_lane.py`). It takes over the nodes as soon as they finish
+their current message, ahead of everything that waits, and never waits for room to send its replies.
 """
 
 from __future__ import annotations
@@ -60,14 +60,14 @@ from colony.runtime.transport.live.sender import Sender, may_wait
 from colony.runtime.transport.live.waiting import Waiting, WaitingRoom
 
 BATCH = 64
-"""How many messages are handled, at most, before nodes settle and their effects leave."""
+"""Messages handled, at most, before the nodes settle and their effects are sent."""
 
 NEVER_NS = 1 << 63
-"""A time that does not come."""
+"""A time that is never reached."""
 
 
 class Host:
-    """Mutable: what waits, who is to be woken when, and whether it is to stop."""
+    """A process's nodes on zenoh. Mutable: waiting messages, pending wakes, and whether it is stopping."""
 
     def __init__(
         self,
@@ -78,15 +78,16 @@ class Host:
         direct: bool = False,
         report: Report = lambda problem: None,
     ) -> None:
-        """For a network that is open already and stays so; `Host.open` opens one of its own.
+        """Run nodes on an open network that the caller owns; `Host.open` opens its own.
 
         Args:
+            network: the open session; closing the host leaves it open.
             nodes: all have different addresses.
-            time: the robot's, in nanoseconds.
-            direct: the thread that receives a message may hand it to the nodes, and no message waits for
-                room. Only for nodes that never block: nothing is received while they handle a message. Nodes
-                that have to settle do without.
-            report: told of what went wrong and is survived, from a thread that handles messages.
+            time: returns the robot's time in nanoseconds.
+            direct: let the receiving thread hand a message to the nodes, and never wait for room. Only for
+                nodes that never block: nothing is received while they handle a message. Ignored if a node has
+                to settle.
+            report: takes a sentence on each survived problem, in a thread that handles messages.
         """
         self._nodes = tuple(nodes)
         self._network = network
@@ -130,15 +131,15 @@ class Host:
         direct: bool = False,
         report: Report = lambda problem: None,
     ) -> Host:
-        """Join the robot's processes with these nodes; they begin in `run`.
+        """Join the robot's processes with these nodes; they start in `run`.
 
-        With `serves` it is the one process of this machine that has nodes of these addresses, and is found
-        under the socket of the first. `time` is the robot's, unless another is given.
+        With `serves`, this is the only process of the machine with nodes of these addresses, and others find
+        it under the socket of the first. `time` defaults to the robot's time.
 
         Raises:
             AlreadyRunning: one of the nodes runs already.
             RunDirectoryError: the robot's folder cannot be used.
-            NotReached: the gateway cannot be reached, or refuses, or no Clock ticks behind it.
+            NotReached: the gateway cannot be reached, refuses the login, or no Clock ticks behind it.
         """
         listens = tuple(node.address for node in nodes) if serves else ()
         with ExitStack() as holds:
@@ -151,11 +152,11 @@ class Host:
 
     @property
     def network(self) -> ZenohSession:
-        """What the process is part of, for connections besides its nodes."""
+        """The session of the process, for connections besides its nodes."""
         return self._network
 
     def run(self) -> None:
-        """Run the nodes until `stop`, or until one fails; in the end all are closed, whatever happens."""
+        """Run the nodes until `stop` is called or one fails; always close all of them at the end."""
         try:
             with ExitStack() as declared:
                 if self._patient_outbox is not None:
@@ -169,28 +170,30 @@ class Host:
                 while not self._stopping:
                     self._turn()
         finally:
-            self._handling.acquire()  # for good: from now on nobody hands the nodes anything
+            self._handling.acquire()  # never released: nothing reaches the nodes from now on
             close_all(self._nodes)
         if self._failure is not None:
             raise self._failure
 
     def stop(self) -> None:
-        """End `run` soon; from any thread, or from a signal handler."""
+        """Make `run` return soon. May be called from any thread or from a signal handler."""
         self._stopping = True
         self._inbox.rouse()
 
     def and_close(self, holds: ExitStack) -> None:
-        """Close these too, when the host is closed."""
+        """Close `holds` when the host is closed."""
         self._holds.push(holds)
 
     def close(self) -> None:
-        """Leave the network; again is nothing."""
+        """Leave the network. Idempotent."""
         self._holds.close()
 
     def __enter__(self) -> Host:
+        """Return the host."""
         return self
 
     def __exit__(self, *raised: object) -> None:
+        """Close the host."""
         self.close()
 
     # --- the thread of `run` -------------------------------------------------------------------------
@@ -200,10 +203,10 @@ class Host:
             defers = all(isinstance(node, Deferring) and topic in node.deferred for node in nodes)
             self._reception.listen(topic, declared, defers=defers)
         if self._learned is not None and topics.TICKS in self._listeners:
-            self._learned.stop_listening()  # `_read` tells it of ticks: each is decoded once
+            self._learned.stop_listening()  # `_read` passes ticks on, so each is decoded once
 
     def _announce(self, declared: ExitStack) -> None:
-        """Tell that the nodes are there, once they can hear."""
+        """Announce the nodes, once they can receive."""
         for node in self._nodes:
             key = keys.alive(self._network.robot, node.address)
             declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
@@ -216,7 +219,7 @@ class Host:
         return self._note_wakes(effects)
 
     def _turn(self) -> None:
-        """Handle what is due and what waits; sleep where there is nothing."""
+        """Handle everything due or waiting; sleep if there is nothing."""
         self._calm.wait()
         with self._handling:
             sends: list[Send] = []
@@ -230,7 +233,10 @@ class Host:
             self._inbox.sleep(self._until_wake_s())
 
     def _handle_batch(self, sends: list[Send]) -> bool:
-        """Handle what is due; whether there was anything. What is to be sent is added to `sends`."""
+        """Handle one batch; return True if anything was handled.
+
+        The messages to send are appended to `sends`.
+        """
         effects: list[_Due] = []
         handled = self._take_deferred(effects) | self._wake(effects)
         for _ in range(BATCH if self._settling else 1):
@@ -248,7 +254,7 @@ class Host:
             settling.settle()
 
     def _wake(self, effects: list[_Due]) -> bool:
-        """Wake who is due; whether somebody was."""
+        """Wake the nodes whose alarms are due; return True if there were any."""
         now, woken = self._time(), False
         while self._wakes and self._wakes[0][0] <= now:
             node = heapq.heappop(self._wakes)[2]
@@ -270,10 +276,10 @@ class Host:
     def _send(self, sends: list[Send]) -> None:
         self._outbox.send_all(sends, self._time())
 
-    # --- the thread that handles, whichever it is ----------------------------------------------------
+    # --- the handling thread, whichever it is ---------------------------------------------------------
 
     def _take_deferred(self, effects: list[_Due]) -> bool:
-        """Handle frames that may wait until others are handled; whether there were any."""
+        """Handle deferred frames; return True if there were any."""
         handled, frames = False, self._deferred.take()
         while self._calm.is_set() and (waiting := next(frames, None)) is not None:
             self._deliver(waiting.topic, self._read(waiting), effects)
@@ -301,7 +307,7 @@ class Host:
                 effects.extend((node, effect) for effect in node.handle(message, now))
 
     def _note_wakes(self, effects: list[_Due]) -> list[Send]:
-        """Note when nodes are to be woken; gives what is to be sent."""
+        """Schedule the wakes among the effects; return the messages to send."""
         sends: list[Send] = []
         for node, effect in effects:
             if isinstance(effect, Send):
@@ -312,8 +318,10 @@ class Host:
         return sends
 
     def _send_directly(self, sends: list[Send]) -> list[Send]:
-        """Send without waiting for room if the host is direct, and return what is left to send: nothing then,
-        else all."""
+        """Send without waiting for room if the host is direct; return the messages left to send.
+
+        A direct host leaves none; another host leaves all.
+        """
         if self._sender is None:
             return sends
         if large := [send for send in sends if may_wait(send)]:
@@ -323,16 +331,16 @@ class Host:
         return []
 
     def _fail(self, failure: BaseException) -> None:
-        """End `run` with what a thread raised."""
+        """End `run` with an exception that a thread raised."""
         self._failure = failure
         self.stop()
 
     # --- the threads of the network ------------------------------------------------------------------
 
     def _at_once(self, topic: str, message: bytes | Call) -> bool:
-        """Handle a message in this thread, and what waits because of it; False if it must wait."""
+        """Handle a message in this thread, and everything it leaves waiting; return False if it must wait."""
         if not self._calm.is_set() or not self._handling.acquire(blocking=False):
-            return False  # somebody is handling, perhaps this very thread: a node hears another of its host
+            return False  # the nodes are busy, perhaps in this very thread: a node hears another of its host
         try:
             if self._stopping or not self._inbox.claim():
                 return False
@@ -359,14 +367,14 @@ class Host:
     # --- the thread of emergency stops ---------------------------------------------------------------
 
     def _stop_nodes(self, topic: str, message: Call) -> None:
-        """Hand the nodes an emergency stop, before anything that waits."""
+        """Hand the nodes an emergency stop, ahead of everything that waits."""
         try:
             self._stop_outbox.send_all(self._stopped(topic, message), self._time())
         except BaseException as failure:
             self._fail(failure)
 
     def _stopped(self, topic: str, message: Call) -> list[Send]:
-        """Give what the nodes have to say to it. Nobody else takes the nodes meanwhile."""
+        """Return the nodes' replies to a stop. No other thread uses the nodes meanwhile."""
         self._calm.clear()
         try:
             with self._handling:
@@ -378,8 +386,8 @@ class Host:
                 return self._note_wakes(effects)
         finally:
             self._calm.set()
-            self._inbox.rouse()  # a node may want to be woken earlier now
+            self._inbox.rouse()  # a node may have set an earlier alarm
 
 
 _Due = tuple[Node, Effect]
-"""An effect, and whose it is."""
+"""An effect, and the node that it belongs to."""

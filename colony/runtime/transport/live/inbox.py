@@ -1,4 +1,4 @@
-"""Where the receiving threads of the network put messages and the one thread of a host takes them out."""
+"""The queue between the receiving network threads and a host's own thread."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from colony.runtime.protocol.messages import Alive, Call, Malformed
 from colony.runtime.transport.live.waiting import GivenUp, Waiting, WaitingRoom
 
 LONGEST_SLEEP_S = 3600.0
-"""Whoever would sleep for longer is woken in between, for the system does not know times without end."""
+"""Longest single sleep in seconds, because the system has no unlimited timeout."""
 
 
 class Inbox:
-    """A waiting room for several threads. Mutable: what waits, and whether its taker sleeps.
+    """A waiting room for several threads. Mutable: the waiting messages, and whether the consumer sleeps.
 
-    Putting never blocks for longer than another thread needs to put: a receiving thread that stood still
-    would hold up all of the process's messages.
+    Putting a message blocks only while another thread puts one: a blocked receiving thread would hold up all
+    messages of the process.
     """
 
     def __init__(self, room: WaitingRoom) -> None:
@@ -27,8 +27,10 @@ class Inbox:
         self._asleep = False
 
     def frame(self, topic: str, data: bytes | Malformed, *, rouse: bool = True) -> None:
-        """Put a message that is no call. With `rouse` false its taker sleeps on, and is still asleep for the
-        next message: that one rouses it, and it takes both."""
+        """Put a message that is not a call.
+
+        If `rouse` is false, the consumer sleeps until the next message that wakes it, and then takes both.
+        """
         with self._lock:
             self._room.frame(topic, data)
             asleep = self._asleep and rouse
@@ -37,7 +39,7 @@ class Inbox:
             self._calls.put(None)
 
     def call(self, topic: str, connection: str, message: Call | Alive | Malformed, size: int) -> None:
-        """Put a call of a connection, a sign of life of it, or what would have been one of these."""
+        """Put a connection's call, its sign of life, or a malformed message in place of either."""
         with self._lock:
             self._room.call(topic, connection, message, size)
             asleep, self._asleep = self._asleep, False
@@ -45,11 +47,11 @@ class Inbox:
             self._calls.put(None)
 
     def crowded(self, connection: str) -> bool:
-        """Return whether as many calls of a connection wait as may wait: one more would be refused."""
+        """Return True if a connection has the maximum number of waiting calls: one more would be refused."""
         return self._room.crowded(connection)
 
     def refuse(self, topic: str, connection: str, number: int) -> None:
-        """Note a call that did not come in, so that the caller gets a refusal."""
+        """Record a call that was not accepted, so that the caller gets a refusal."""
         with self._lock:
             self._room.refuse(topic, connection, number)
             asleep, self._asleep = self._asleep, False
@@ -57,16 +59,16 @@ class Inbox:
             self._calls.put(None)
 
     def pop(self) -> Waiting | None:
-        """What is to be handled next, if anything waits."""
+        """Return the next message to handle, or None if nothing waits."""
         with self._lock:
             waiting = self._room.pop()
             self._asleep = waiting is None
             return waiting
 
     def claim(self) -> bool:
-        """For one that would handle a message without putting it here first: whether nothing waits.
+        """Return True if nothing waits, so the calling thread may handle a message without queueing it.
 
-        Nobody is woken then by what comes, until a `pop` gives nothing.
+        From then on, arriving messages wake no thread until a `pop` returns None.
         """
         with self._lock:
             if not self._room.empty:
@@ -76,21 +78,21 @@ class Inbox:
 
     @property
     def gave_up(self) -> bool:
-        """Whether calls were given up of which the callers are to be told."""
+        """True if callers of dropped calls are still to be notified."""
         return self._room.gave_up
 
     def given_up(self) -> tuple[GivenUp, ...]:
-        """The calls that were given up since the last time."""
+        """Return the calls that were dropped since the last call of this method."""
         with self._lock:
             return tuple(self._room.given_up())
 
     def sleep(self, timeout_s: float | None) -> None:
-        """After `pop` gave nothing: until something comes, `rouse` is called, or the time is over."""
+        """Sleep, after `pop` returned None, until a message, a `rouse`, or the timeout."""
         if timeout_s is not None:
             timeout_s = min(timeout_s, LONGEST_SLEEP_S)
         with suppress(Empty):
             self._calls.get(timeout=timeout_s)
 
     def rouse(self) -> None:
-        """End the sleep, or the next one. May be called in a signal handler."""
+        """End the current or the next sleep. May be called in a signal handler."""
         self._calls.put(None)

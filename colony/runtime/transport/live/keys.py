@@ -1,14 +1,14 @@
-"""Topics as keys of zenoh, and what a key says of the message on it.
+"""Topics as zenoh keys, and what a key reveals about its message.
 
-    Clock/ticks                    colony/rome/Clock/ticks
-    RServer/reply/ada/7            colony/rome/RServer/reply/ada/7
-    RServer/call                   colony/rome/RServer/call/<right>/ada/7
-    RServer/fetches                colony/rome/RServer/fetches/ada
+    Clock/ticks                 colony/rome/Clock/ticks
+    RServer/reply/ada/7         colony/rome/RServer/reply/ada/7
+    RServer/call                colony/rome/RServer/call/<right>/ada/7
+    RServer/fetches             colony/rome/RServer/fetches/ada
 
-The key of a call carries its right and its connection, and the keys of all other messages from clients carry
-the user, because keys are what access control can tie to users. What the message itself says of these must be
-the same. For the same reason each topic takes only its own kinds of messages: a user who may only fetch
-frames must not be able to send a call there.
+The key of a call contains its right and its connection, and the keys of all other messages from clients
+contain the user, because access control can tie only keys to users. The message itself must agree with its
+key. For the same reason each topic accepts only its own kinds of messages: a user who may only fetch frames
+must not be able to send a call there.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _KINDS: dict[str, tuple[type, ...]] = {
     "verdicts": (Verdict,),
     "reply": (Reply, Notice),
 }
-"""What comes on topics, by what stands second in them (or alone)."""
+"""The message types accepted on a topic, by the topic's second part (or its only one)."""
 
 
 _OF_USERS = frozenset({"fetches", "requests", "announcements", "checkpoints", "ready", "restarts"})
@@ -62,35 +62,35 @@ _OF_USERS = frozenset({"fetches", "requests", "announcements", "checkpoints", "r
 
 
 class CallKey(NamedTuple):
-    """What the key of a call says."""
+    """The right and the connection in the key of a call."""
 
     right: Right
     connection: str
 
 
 def prefix(robot: str) -> str:
-    """What the keys of a robot begin with."""
+    """Return the prefix of a robot's keys."""
     return f"colony/{robot}/"
 
 
 def takes_calls(topic: str) -> bool:
-    """Whether a topic is one of calls."""
+    """Return True if a topic carries calls."""
     return topic.endswith(_CALL)
 
 
 def is_of_frames(topic: str) -> bool:
-    """Return True if a topic is one of frames, which can be asked for again."""
+    """Return True if a topic carries frames, which can be fetched again."""
     return topic.endswith("/frames")
 
 
 def kind_of_users(topic: str) -> str | None:
-    """Return the kind of messages on a topic if clients send them with their user in the key, else None."""
+    """Return the kind of messages on a topic if their keys contain the user, else None."""
     _, _, kind = topic.partition("/")
     return kind if kind in _OF_USERS else None
 
 
 def listening(robot: str, topic: str) -> str:
-    """The key expression on which a topic is listened to."""
+    """Return the key expression to subscribe to for a topic."""
     if takes_calls(topic):
         return f"colony/{robot}/{topic}/*/*/*"
     return f"colony/{robot}/{topic}" + ("/*" if kind_of_users(topic) else "")
@@ -104,7 +104,7 @@ def listening_to_calls(robot: str, topic: str, right: Right) -> str:
 def sending(robot: str, topic: str, message: Wire, *, user: str, least: Right = "read") -> str:
     """Return the key on which `user` sends a message to a topic.
 
-    A sign of life goes under `least`, which may be any right of its sender.
+    A sign of life uses the right `least`, which may be any right of its sender.
     """
     match message:
         case Call(right=right, connection=connection):
@@ -116,18 +116,20 @@ def sending(robot: str, topic: str, message: Wire, *, user: str, least: Right = 
 
 
 def replies_to_process(robot: str, user: str, bucket: str) -> str:
-    """Return the key expression of the replies to all connections of a process: their ids begin with
-    `bucket`."""
+    """Return the key expression of the replies to all connections of a process.
+
+    The ids of these connections begin with `bucket`.
+    """
     return f"colony/{robot}/*/reply/{user}/{bucket}-$*"
 
 
 def alive(robot: str, address: str) -> str:
-    """The key of the token that a node is there."""
+    """Return the key of a node's liveliness token."""
     return f"colony/{robot}/alive/{address}"
 
 
 def call_key(key: str) -> CallKey | None:
-    """What the key of a call says; None where it is none."""
+    """Parse the key of a call; return None if it is not one."""
     parts = key.rsplit("/", 3)
     if len(parts) != 4:
         return None
@@ -138,10 +140,10 @@ def call_key(key: str) -> CallKey | None:
 
 
 def check_call(message: Sent, key: CallKey) -> Call | Alive:
-    """The message, where it may come on this key.
+    """Return the message if it is valid on this key.
 
     Raises:
-        NotAMessage: it is no call, another's, or claims another right.
+        NotAMessage: it is not a call or a sign of life, or claims another connection or right.
     """
     match message:
         case Call(right=right, connection=connection):
@@ -157,10 +159,10 @@ def check_call(message: Sent, key: CallKey) -> Call | Alive:
 
 
 def check_frame(message: Sent, topic: str) -> Sent:
-    """The message, where it may come on this topic, which is none of calls.
+    """Return the message if it is valid on this topic, which does not carry calls.
 
     Raises:
-        NotAMessage: it belongs elsewhere.
+        NotAMessage: it belongs on another topic.
     """
     parts = topic.split("/", 2)
     kinds = _KINDS.get(parts[min(1, len(parts) - 1)])

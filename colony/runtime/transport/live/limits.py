@@ -1,13 +1,13 @@
-"""The limits of the gateway: sizes, numbers and times of what passes between the robot and other machines.
+"""The gateway's limits: sizes, counts and timeouts of traffic between the robot and other machines.
 
-A gateway never waits for a receiver. It drops messages for which a busy server or a slow user leaves no room,
+A gateway never waits for a receiver. It drops messages for which a busy server or a slow user has no room,
 and the protocol sends them again (a call after 250 ms, with the same number; a frame at the next tick).
-Waiting would hold up everybody else, and zenoh closes a link on which it waited in vain. For the same reason
-users choose neither their priority nor what happens when there is no room: the key of a message decides.
+Waiting would hold up all other users, and zenoh closes a link after waiting in vain. For the same reason
+users choose neither their priority nor the policy when there is no room: the key of a message decides.
 
-Nothing here limits the rate of messages. Zenoh's `downsampling` allows no bursts: of calls that a user makes
-at once it would drop all but one, and drop them again when they are repeated, again at once. Servers count
-messages instead (`border.py`).
+Nothing here limits the rate of messages. Zenoh's `downsampling` allows no bursts: of simultaneous calls of
+one user it would drop all but one, and drop them again when they are retried, again simultaneously. Servers
+count messages instead (`border.py`).
 """
 
 from __future__ import annotations
@@ -31,11 +31,13 @@ SESSIONS = 200
 """Sessions of users and of the robot's own processes together; a server of the robot has two."""
 
 DESCRIPTORS = 8192
-"""Files that a gateway may have open, if the system allows it: many more than the connections that can wait
-for the timeout of their handshake."""
+"""Open files allowed to a gateway, as far as the system permits.
+
+This is far more than the connections that can wait for their handshake timeout.
+"""
 
 SMALL, MIDDLE = 1024, 257 * 1024
-"""Bytes of the largest message of the two kinds that are limited further; see `_sizes`."""
+"""Sizes in bytes of the largest message of the two further limited kinds; see `_sizes`."""
 
 _REMOTE = ["tls"]
 
@@ -63,12 +65,14 @@ _QUEUES = {
     "data_low": 2,
     "background": 2,
 }
-"""Batches of 64 KiB that may wait on each link, by priority, allocated as they are needed. Replies get a
-whole megabyte, because a message is dropped if one of its fragments finds no room."""
+"""Batches of 64 KiB that may wait on each link, by priority, allocated on demand.
+
+Replies get a whole megabyte, because a message is dropped if one of its fragments finds no room.
+"""
 
 
 def _sizes(robot: str) -> list[dict[str, Any]]:
-    """Limit the size of messages by their keys; where several keys match, the smallest limit counts."""
+    """Return the size limits of messages by key; where several keys match, the smallest limit counts."""
     small = ("*/call/stop/**", "*/fetches/**", "Clock/restarts/**")
     middle = ("*/call/read/**", "*/requests/**", "*/announcements/**", "Clock/ready/**")
     return [
@@ -90,7 +94,7 @@ def _size(robot: str, name: str, key_exprs: tuple[str, ...], limit: int) -> dict
 
 
 def _urgency(robot: str) -> list[dict[str, Any]]:
-    """Set priorities by key, of which the last that matches counts; no message waits for room."""
+    """Return the priorities by key; the last match counts, and no message waits for room."""
     frames = ("*/requests/**", "*/announcements/**", "Clock/ready/**", "Clock/restarts/**")
     calls = {"priority": "data", "congestion_control": "drop", "express": False}
     return [

@@ -12,14 +12,14 @@ from threading import Lock
 from typing import NamedTuple
 
 BYTES_A_TOKEN = 16_384
-"""Bytes of a message for which it costs one token more."""
+"""Bytes of a message that cost one extra token."""
 
 SENDERS = 1024
-"""Senders with a bucket. Beyond that, the sender that was silent for the longest time loses its bucket."""
+"""Senders with a bucket. Beyond that, the sender that was silent for longest loses its bucket."""
 
 
 class Rate(NamedTuple):
-    """Tokens gained a second, and the most that a sender may save up."""
+    """The tokens gained per second, and the most that a sender may save up."""
 
     per_s: float
     burst: float
@@ -32,7 +32,7 @@ class _Bucket:
 
 
 class Meter:
-    """Mutable: the tokens of each sender. Threads may share it."""
+    """A token bucket per sender. Mutable: the tokens of each sender. Threads may share it."""
 
     def __init__(self, rate: Rate) -> None:
         self._per_ns = rate.per_s / 1e9
@@ -41,8 +41,10 @@ class Meter:
         self._lock = Lock()
 
     def take(self, sender: str, size: int, now_ns: int, count: int = 1) -> bool:
-        """Pay for `count` messages of `size` bytes together at a monotonic time; False where the sender is
-        over its rate."""
+        """Pay for `count` messages of `size` bytes in total; return False if the sender is over its rate.
+
+        `now_ns` is a monotonic time.
+        """
         cost = count + size // BYTES_A_TOKEN
         with self._lock:
             bucket = self._bucket(sender, now_ns)
@@ -52,7 +54,7 @@ class Meter:
             return True
 
     def _bucket(self, sender: str, now_ns: int) -> _Bucket:
-        """The bucket of a sender, filled up to the present."""
+        """Return a sender's bucket, filled up to the present."""
         bucket = self._buckets.get(sender)
         if bucket is None:
             bucket = self._buckets[sender] = _Bucket(self._burst, now_ns)

@@ -1,4 +1,4 @@
-"""What robots, servers, users and connections may be called: a name is part of keys and of file names."""
+"""Valid names of robots, servers, users and connections: a name is part of keys and of file names."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ _USER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]*", re.ASCII)
 
 
 def check_name(what: str, name: str) -> str:
-    """`name`, where it can be that of a `what` (a robot, a server).
+    """Return `name` if it is a valid name of a `what` (a robot, a server).
 
     Raises:
-        ValueError: it cannot.
+        ValueError: the name is invalid.
     """
     return _check(what, name, _NAME, "letters, digits, `_`, `-` and `.`")
 
 
 def check_user(name: str) -> str:
-    """`name`, where it can be that of a user; a certificate's common name often has an `@`.
+    """Return `name` if it is a valid user name; a certificate's common name often contains an `@`.
 
     Raises:
-        ValueError: it cannot.
+        ValueError: the name is invalid.
     """
     return _check("user", name, _USER, "letters, digits, `_`, `-`, `.` and `@`")
 
@@ -40,7 +40,7 @@ def _check(what: str, name: str, pattern: re.Pattern[str], expected: str) -> str
 
 
 def local_user() -> str:
-    """The name of this process's user, as far as it can be that of a user of a robot."""
+    """Return the name of this process's user, or `uid<number>` if that is not a valid user name."""
     number = os.getuid()
     try:
         return check_user(pwd.getpwuid(number).pw_name)

@@ -1,4 +1,4 @@
-"""The session of zenoh that a process has with a robot; a server has a second one for emergency stops."""
+"""A process's zenoh session with a robot; a server has a second session for emergency stops."""
 
 from __future__ import annotations
 
@@ -19,28 +19,30 @@ from colony.runtime.transport.live.place import Local, Place, Remote
 from colony.runtime.transport.live.probe import why_not_reached
 
 THREADS = "(rx: (worker_threads: 2), acc: (handover: rx), tx: (worker_threads: 1), net: (handover: tx))"
-"""Threads of zenoh, as `ZENOH_RUNTIME` gives them, unless this is set already. Receiving and accepting share
-theirs: if they had separate threads, each message would wake two, one that notices it and one that reads it.
-Sending, and with it the signs of life, has a thread of its own: a server that is flooded with calls has to go
-on telling the others that it lives, or they give up their links to it."""
+"""Threads of zenoh, in the format of `ZENOH_RUNTIME`; a variable that is already set takes precedence.
+
+Receiving and accepting share their threads: with separate threads each message would wake two, one that
+notices it and one that reads it. Sending, which includes signs of life, has a thread of its own: a server
+that is flooded with calls must keep sending signs of life, or the others close their links to it.
+"""
 
 LINKING_S = 0.1
-"""After this time all sockets that are there have been tried."""
+"""Seconds after which all present sockets have been tried."""
 
 DESCRIPTORS = 32
-"""Descriptors that must be free where a session is opened: it takes 12 at most, and one for each process
-that it is linked with."""
+"""Descriptors that must be free to open a session: it takes up to 12, plus one per linked process."""
 
 Watcher = Callable[[str, bool], None]
-"""Told of the address of a node, and whether it is there."""
+"""A function that takes the address of a node, and True if the node is present."""
 
 
 class ZenohSession:
-    """Mutable: open or closed. Use it in a `with`: until it is closed, the process does not end.
+    """A process's session. Mutable: open or closed.
 
-    No process forks while it has one open. `stops` is the second session of a server, for emergency stops
-    from the gateway: on the link of the first session they would wait behind a flood of calls. It is None in
-    processes that only connect, and in the gateway.
+    Use it in a `with`: an open session keeps the process alive. No process forks while it has one open.
+    `stops` is the second session of a server, for emergency stops from the gateway: on the link of the first
+    session they would wait behind a flood of calls. It is None in processes that only connect, and in the
+    gateway.
     """
 
     def __init__(
@@ -61,13 +63,14 @@ class ZenohSession:
     def open(
         cls, place: Place, *, listens: tuple[str, ...] = (), settings: Settings | None = None
     ) -> ZenohSession:
-        """Join the robot's processes, on this machine as the servers named by `listens`, which are then found
-        under the socket of the first. `settings` take the place of the usual ones.
+        """Join the robot's processes, on this machine as the servers named by `listens`.
+
+        Other processes find these servers under the socket of the first. `settings` replace the usual ones.
 
         Raises:
             AlreadyRunning: one of `listens` runs already.
             RunDirectoryError: the robot's folder cannot be used.
-            NotReached: the gateway cannot be reached, or refuses.
+            NotReached: the gateway cannot be reached, or refuses the login.
         """
         with ExitStack() as holds:
             if isinstance(place, Local):
@@ -84,24 +87,25 @@ class ZenohSession:
 
     @property
     def robot(self) -> str:
+        """The name of the robot."""
         return self.place.robot
 
     @property
     def user(self) -> str:
-        """Who this process is to servers: the user of the certificate, else the one of this machine."""
+        """The identity of this process at servers: the certificate's user, else the user of this machine."""
         return self.place.credentials.user if isinstance(self.place, Remote) else local_user()
 
     def alive(self) -> tuple[str, ...]:
-        """The addresses of the nodes that are there now, as far as one has heard."""
+        """Return the addresses of the nodes known to be present."""
         time.sleep(max(0.0, self._opened + LINKING_S - time.monotonic()))
         return tuple(sorted(self._present))
 
     def watch(self, watcher: Watcher) -> None:
-        """Tell `watcher` of every node that comes or goes from now on, in a thread of the network."""
+        """Notify `watcher` of every node that comes or goes from now on, in a network thread."""
         self._watchers = (*self._watchers, watcher)
 
     def unwatch(self, watcher: Watcher) -> None:
-        """Tell it no more."""
+        """Stop notifying `watcher`."""
         self._watchers = tuple(w for w in self._watchers if w != watcher)
 
     def _presence(self, sample: zenoh.Sample) -> None:
@@ -115,13 +119,15 @@ class ZenohSession:
             watcher(address, present)
 
     def close(self) -> None:
-        """Leave; again is nothing."""
+        """Leave the network. Idempotent."""
         self._holds.close()
 
     def __enter__(self) -> ZenohSession:
+        """Return the session."""
         return self
 
     def __exit__(self, *raised: object) -> None:
+        """Close the session."""
         self.close()
 
 
@@ -133,7 +139,8 @@ def _open(place: Place, settings: Settings, holds: ExitStack) -> zenoh.Session:
     except zenoh.ZError as problem:
         raise NotReached(_why(place, settings, problem)) from None
     except BaseException as problem:
-        if type(problem).__name__ != "PanicException":  # of Rust: no Exception, and nowhere to be imported
+        # Rust's panic is not an Exception and cannot be imported
+        if type(problem).__name__ != "PanicException":
             raise
         raise NotReached(f"no session can be opened, for lack of memory or threads: {problem}") from None
     holds.callback(session.close)
@@ -142,8 +149,10 @@ def _open(place: Place, settings: Settings, holds: ExitStack) -> zenoh.Session:
 
 @contextmanager
 def _threads() -> Iterator[None]:
-    """Let zenoh have `THREADS`. It reads the variable when the first session is opened; processes that this
-    one starts do not inherit it."""
+    """Apply `THREADS` to zenoh, which reads the variable when the first session is opened.
+
+    Child processes do not inherit the variable.
+    """
     if "ZENOH_RUNTIME" in os.environ:
         yield
         return
@@ -155,17 +164,17 @@ def _threads() -> Iterator[None]:
 
 
 def _expect_descriptors() -> None:
-    """Check that a session can have the files that it needs: zenoh would not say so, but panic.
+    """Check that a session can open the files it needs: zenoh would panic without a message.
 
     Raises:
-        NotReached: it cannot.
+        NotReached: too few descriptors are free.
     """
     most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
     if most == resource.RLIM_INFINITY:
         return
     try:
         used = len(os.listdir("/proc/self/fd"))
-    except OSError as problem:  # this takes one, too; not every system has such a folder
+    except OSError as problem:  # listing takes a descriptor too, and not every system has this folder
         used = most if problem.errno == errno.EMFILE else 0
     if most - used < DESCRIPTORS:
         text = f"this process may have {most} files open, and has {used}; a session needs {DESCRIPTORS} more"
@@ -181,7 +190,7 @@ def _why(place: Place, settings: Settings, problem: zenoh.ZError) -> str:
 
 
 def local_time(place: Local) -> Callable[[], int]:
-    """The robot's time on its own machine: nanoseconds of the monotonic clock since its base.
+    """Return the robot's clock on its own machine: monotonic nanoseconds since the robot's base.
 
     Raises:
         RunDirectoryError: the robot's folder cannot be used.

@@ -1,12 +1,13 @@
-"""How messages leave a process: one declared publisher a key, so that a message without a listener costs next
-to nothing.
+"""A process's outgoing messages, with one declared publisher per key.
 
-Ticks, frames of servers and verdicts go to all readers, and are dropped for a reader whose link has no room,
-because a reader that is frozen must not hold up the server; whoever missed a frame asks for it again. Other
-messages wait for room if the outbox is patient; otherwise they are dropped, too, and their senders say the
-same again, or ask again: clients with the next frame, connections with the same call.
+A message without a listener therefore costs almost nothing.
 
-Messages of frames overtake checkpoints, calls and their answers, which may be whole images.
+Ticks, server frames and verdicts go to all readers, and are dropped for a reader whose link has no room,
+because a frozen reader must not hold up the server; a reader fetches the frames that it missed. Other
+messages wait for room if the outbox is patient. Otherwise they are dropped too, and their senders repeat
+them: clients with the next frame, connections with the same call.
+
+Messages of frames overtake checkpoints, calls and their replies, which may be whole images.
 """
 
 from __future__ import annotations
@@ -37,20 +38,20 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.transport.live import keys
 
 IDLE_NS = 10_000_000_000
-"""Nanoseconds without a message after which the publisher for a connection is given back."""
+"""Nanoseconds without a message after which a connection's publisher is released."""
 
 SMALL_BYTES = 1024
-"""Bytes of the largest checkpoint that travels in a batch."""
+"""Size in bytes of the largest checkpoint that travels in a batch."""
 
 PASSING_MOST = 256
-"""Publishers for connections at a time."""
+"""Publishers for connections that exist at the same time."""
 
 Report = Callable[[str], None]
-"""Told of something that went wrong and is survived, in a sentence."""
+"""A function that takes a sentence on each survived problem."""
 
 
 class Outbox:
-    """Mutable: the publishers, and when those for connections were used last."""
+    """The publishers of a process. Mutable: the publishers, and when those of connections were last used."""
 
     def __init__(
         self,
@@ -62,15 +63,15 @@ class Outbox:
         patient: bool = True,
         urgent: bool = False,
     ) -> None:
-        """An outbox for one thread at a time.
+        """Create an outbox for one thread at a time.
 
         Args:
             session: the session to send with.
-            robot: the robot whose processes are sent to.
+            robot: the robot whose processes receive the messages.
             report: takes a sentence on each message that cannot be sent.
             user: the user as whom clients send.
-            patient: whether messages that do not go to all readers wait for room rather than be dropped.
-            urgent: whether replies overtake all else; then none waits for room.
+            patient: True to make messages that do not go to all readers wait for room rather than be dropped.
+            urgent: True to let replies overtake all other messages; then no message waits for room.
         """
         self._session = session
         self._robot = robot
@@ -82,7 +83,7 @@ class Outbox:
         self._passing: dict[str, tuple[zenoh.Publisher, int]] = {}
 
     def send_all(self, sends: Iterable[Send], now_ns: int) -> None:
-        """Send messages: those that clients send to one server as batches, after all others."""
+        """Send messages: first the single ones, then those that clients send to one server, as batches."""
         batches: dict[str, list[Batched]] = {}
         for topic, message in sends:
             if isinstance(message, Batched) and not _is_large(message):
@@ -94,7 +95,7 @@ class Outbox:
                 self._send_together(topic, messages[i : i + MOST_IN_BATCH], now_ns)
 
     def send(self, topic: str, message: Sent, now_ns: int) -> None:
-        """Send a message; one that is too large is reported, and a reply then says so."""
+        """Send a message; report one that is too large, and replace a reply by one that says so."""
         try:
             data = codec.encode(message)
         except ValueError as problem:
@@ -122,12 +123,13 @@ class Outbox:
     def _put(self, topic: str, message: Wire, data: bytes, now_ns: int) -> None:
         try:
             self._publisher(topic, message, now_ns).put(data)
-        except zenoh.ZError as problem:  # a name that somebody gave cannot be part of a key
+        except zenoh.ZError as problem:  # a name given by a user cannot be part of a key
             self._report(f"to {topic}: {problem}")
 
     def _publisher(self, topic: str, message: Wire, now_ns: int) -> zenoh.Publisher:
         key = keys.sending(self._robot, topic, message, user=self._user)
-        first = message.messages[0] if isinstance(message, Batch) else message  # they are of one kind
+        # the messages of a batch are of one kind
+        first = message.messages[0] if isinstance(message, Batch) else message
         if isinstance(first, (Call, Alive, Reply, Notice, Checkpoint)):
             return self._passing_publisher(key, first, now_ns)
         publisher = self._lasting.get(topic)
@@ -143,11 +145,11 @@ class Outbox:
             self._tidy(now_ns)
             haste = Haste.STOP if self._urgent else haste_of(message)
             publisher = publish(self._session, key, haste=haste, patient=self._patient)
-        self._passing[key] = (publisher, now_ns)  # the last one, so that the first was idle for longest
+        self._passing[key] = (publisher, now_ns)  # reinserted last, so that the first was idle for longest
         return publisher
 
     def _tidy(self, now_ns: int) -> None:
-        """Give back what was not used for long, and what is too much."""
+        """Release publishers that are idle, and those beyond the limit."""
         while self._passing:
             key, (publisher, used_ns) = next(iter(self._passing.items()))
             if now_ns - used_ns <= IDLE_NS and len(self._passing) < PASSING_MOST:
@@ -157,7 +159,7 @@ class Outbox:
 
 
 class Haste(Enum):
-    """What overtakes what on a link: emergency stops all else, frames calls."""
+    """The priority of a message on a link: emergency stops overtake frames, frames overtake calls."""
 
     STOP = zenoh.Priority.REAL_TIME
     FRAMES = zenoh.Priority.INTERACTIVE_HIGH
@@ -165,14 +167,14 @@ class Haste(Enum):
 
 
 def haste_of(message: Sent) -> Haste:
-    """That of what passes between a connection and a server."""
+    """Return the priority of a message between a connection and a server."""
     return Haste.STOP if isinstance(message, Call) and message.right == "stop" else Haste.CALLS
 
 
 def publish(
     session: zenoh.Session, key: str, *, haste: Haste = Haste.CALLS, patient: bool = True
 ) -> zenoh.Publisher:
-    """A publisher that, if `patient`, waits for room rather than drop."""
+    """Declare a publisher that waits for room if `patient`, and drops messages otherwise."""
     block, drop = zenoh.CongestionControl.BLOCK, zenoh.CongestionControl.DROP
     return session.declare_publisher(
         key,
@@ -184,7 +186,7 @@ def publish(
 
 
 def _is_large(message: Batched) -> bool:
-    """Return True if a message is too large for a batch: not taking it along keeps the others small."""
+    """Return True if a message is too large for a batch: batches without it stay small."""
     return isinstance(message, Checkpoint) and len(message.memory) > SMALL_BYTES
 
 

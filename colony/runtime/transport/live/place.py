@@ -1,4 +1,4 @@
-"""Where a robot is, as a process sees it: on this machine, or behind a gateway on another one."""
+"""The place of a robot as seen by a process: on this machine, or behind a gateway on another one."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Credentials:
-    """Who somebody is to a gateway: the certificate of `user` and its private key (PEM files), and the
-    authority that signed the gateway's certificate."""
+    """The identity that a client shows to a gateway.
+
+    It consists of the certificate of `user`, its private key (PEM files), and the authority that signed the
+    gateway's certificate.
+    """
 
     user: str
     certificate: Path
@@ -22,12 +25,13 @@ class Credentials:
 
 @dataclass(frozen=True, slots=True)
 class Local:
-    """A robot of this machine, by its folder."""
+    """A robot of this machine, given by its folder."""
 
     directory: RobotDirectory
 
     @property
     def robot(self) -> str:
+        """The name of the robot."""
         return self.directory.robot
 
 
@@ -44,9 +48,9 @@ Place = Local | Remote
 
 
 def local(robot: str, environment: Mapping[str, str]) -> Local:
-    """A robot of this machine.
+    """Return the place of a robot of this machine.
 
     Raises:
-        RunDirectoryError: no robot can have this name.
+        RunDirectoryError: the name is not valid for a robot.
     """
     return Local(RunDirectory.find(environment).robot(robot))

@@ -1,5 +1,7 @@
-"""Why a gateway cannot be reached: zenoh only says that the time was over, so the steps are tried here one by
-one, with the TLS of the standard library."""
+"""A diagnosis of why a gateway cannot be reached.
+
+Zenoh reports only a timeout, so this module tries the steps one by one with the TLS of the standard library.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +13,11 @@ from colony.runtime.transport.live.place import Remote
 
 STEP_S = 2.0
 ALERT_S = 0.5
-"""For how long it is waited whether the gateway refuses our certificate after the handshake."""
+"""Seconds to wait after the handshake for the gateway to refuse this process's certificate."""
 
 
 def why_not_reached(place: Remote) -> str:
-    """In a sentence: nobody listens, it is no gateway, we refuse it, or it refuses us."""
+    """Return one sentence: no listener, not a gateway, an untrusted gateway, or a refused login."""
     host, port = parse_endpoint(place.endpoint)
     who = place.credentials
     try:
@@ -41,7 +43,8 @@ def _why_no_login(plain: socket.socket, host: str, place: Remote) -> str:
     with context.wrap_socket(plain, server_hostname=host) as secured:
         secured.settimeout(ALERT_S)
         try:
-            closed = secured.recv(1) == b""  # in TLS 1.3 the verdict on our certificate comes after
+            # TLS 1.3 sends the verdict on our certificate after the handshake
+            closed = secured.recv(1) == b""
         except TimeoutError:
             closed = False
         except (ssl.SSLError, ConnectionError) as problem:

@@ -1,7 +1,6 @@
-"""What the threads of the network do with a message: count it, check its size, put it where it is handled.
+"""The work of the network threads on a message: count it, check its size, and queue it for handling.
 
-Handlers run in zenoh's threads, which must not wait: a thread that stands still receives nothing for the
-whole process.
+Handlers run in zenoh's threads, which must not block: a blocked thread stops reception for the whole process.
 """
 
 from __future__ import annotations
@@ -25,7 +24,10 @@ from colony.runtime.transport.live.waiting import too_large
 Handler = Callable[[zenoh.Sample], None]
 
 AtOnce = Callable[[str, bytes | Call], bool]
-"""Handles a message in the thread that received it; False if the message must go to the inbox."""
+"""A function that handles a message in the receiving thread.
+
+It returns False if the message must go to the inbox.
+"""
 
 
 class Reception:
@@ -33,8 +35,8 @@ class Reception:
 
     Args:
         network: the session that messages come from.
-        inbox: where messages wait for the host's own thread.
-        deferred: where frames wait that are handled together with other messages.
+        inbox: the queue of the host's own thread.
+        deferred: the rings of frames that are handled together with other messages.
         at_once: tried before the inbox, except for deferred messages; None in hosts that are not direct.
         stop: handles an emergency stop, in a thread of its own.
     """
@@ -56,7 +58,7 @@ class Reception:
         self._border = Border(local_user())
 
     def listen(self, topic: str, declared: ExitStack, *, defers: bool) -> None:
-        """Receive the messages of a topic until `declared` is closed; with `defers` they rouse nobody."""
+        """Receive the messages of a topic until `declared` is closed; with `defers`, they wake no thread."""
         robot = self._network.robot
         if keys.takes_calls(topic):
             for right in keys.RIGHTS:
@@ -70,7 +72,7 @@ class Reception:
             self._subscribe(keys.listening(robot, topic), self._frame_handler(topic, defers), declared)
 
     def _listen_to_stops(self, topic: str, declared: ExitStack) -> None:
-        """Have a lane for what comes under the right to stop, over both sessions where there are two."""
+        """Open a lane for messages under the right to stop, over both sessions if there are two."""
         lane = StopLane(self._stop, self._inbox.call)
         declared.callback(lane.close)
         key = keys.listening_to_calls(self._network.robot, topic, "stop")
@@ -87,7 +89,7 @@ class Reception:
         declared.callback(session.declare_subscriber(key, callback).undeclare)
 
     def _frame_handler(self, topic: str, defers: bool) -> Handler:
-        """Return the handler of a topic whose messages are no calls."""
+        """Return the handler of a topic that does not carry calls."""
         frame, border = self._inbox.frame, self._border
         kind, at_once = keys.kind_of_users(topic), None if defers else self._at_once
 
@@ -98,7 +100,7 @@ class Reception:
             if kind is not None:
                 user = str(sample.key_expr).rpartition("/")[2]
                 if not border.frame(kind, user, size, codec.count(data)):
-                    return  # without a reply: a reader asks again for a frame that it missed
+                    return  # no reply: a reader fetches a missed frame again
             if size > LARGEST:
                 frame(topic, too_large(topic, None, size))
             elif at_once is None or not at_once(topic, data):
@@ -114,7 +116,7 @@ class Reception:
             key = keys.call_key(str(sample.key_expr))
             size = len(payload)
             if key is None:
-                return  # a key without a connection leaves nobody to reply to
+                return  # a key without a connection names no receiver of a reply
             if inbox.crowded(key.connection) or not border.call(key.connection, size):
                 if border.refusal(key.connection) and size <= LARGEST:
                     self._refuse(topic, key, payload.to_bytes())
@@ -134,7 +136,7 @@ class Reception:
         return take
 
     def _refuse(self, topic: str, key: keys.CallKey, data: bytes) -> None:
-        """Have a call refused with the code "flood"; bytes that are no call get no reply."""
+        """Refuse a call with the code "flood"; malformed bytes get no reply."""
         with suppress(NotAMessage):
             message = keys.check_call(codec.decode(data), key)
             number = message.number if isinstance(message, Call) else 0
@@ -142,8 +144,10 @@ class Reception:
 
 
 def _stop_handler(topic: str, lane: StopLane, border: Border, *, twice: bool) -> Handler:
-    """Return the handler of messages of one session under the right to stop. `twice`: another session brings
-    the same, and what is no emergency stop is left to that one."""
+    """Return the handler of one session's messages under the right to stop.
+
+    With `twice`, another session receives the same messages and handles all but the emergency stops.
+    """
 
     def take(sample: zenoh.Sample) -> None:
         payload = sample.payload

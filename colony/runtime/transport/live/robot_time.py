@@ -1,8 +1,8 @@
 """The robot's time on another machine, learned from the ticks of its Clock.
 
-A tick tells the time at which it was due, and arrives later: by how much is unknown, but never less than
-nothing. So of all differences between the tick's time and the arrival, the greatest is the nearest to the
-truth. Clocks of two machines drift apart, so an old difference loses worth by `DRIFT`.
+A tick contains the time at which it was due, and arrives later by an unknown delay that is never negative.
+The greatest difference between a tick's time and its arrival is therefore the most accurate. The clocks of
+two machines drift apart, so an old difference loses value by `DRIFT`.
 """
 
 from __future__ import annotations
@@ -22,19 +22,20 @@ from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.place import Local
 
 DRIFT = 1e-4
-"""Seconds by which two clocks differ after a second, at most."""
+"""Largest drift between two clocks, in seconds per second."""
 
 FIRST_TICK_S = 5.0
 
 
 class LearnedTime:
-    """Mutable: the best difference so far.
+    """A clock learned from ticks. Mutable: the best difference so far.
 
     Args:
         monotonic: this machine's clock in nanoseconds.
 
     Attributes:
-        stop_listening: ends its own subscription to ticks, in a process that calls `heard` with each of them.
+        stop_listening: ends the clock's own subscription to ticks, in a process that calls `heard` for each
+            tick.
     """
 
     def __init__(self, monotonic: Callable[[], int] = time.monotonic_ns) -> None:
@@ -45,11 +46,11 @@ class LearnedTime:
 
     @property
     def known(self) -> bool:
-        """Whether a tick was heard."""
+        """True once a tick was heard."""
         return self._best is not None
 
     def heard(self, t_ns: int) -> None:
-        """A tick that was due at `t_ns` has just arrived."""
+        """Take the arrival, now, of a tick that was due at `t_ns`."""
         now = self._monotonic()
         found = t_ns - now
         if self._best is not None:
@@ -59,28 +60,28 @@ class LearnedTime:
         self._best = (found, now)
 
     def __call__(self) -> int:
-        """The robot's time; it never goes back. 0 before the first tick."""
+        """Return the robot's time in nanoseconds. It never goes back, and is 0 before the first tick."""
         if self._best is not None:
             self._last_ns = max(self._last_ns, self._monotonic() + self._best[0])
         return self._last_ns
 
 
 def time_of(network: ZenohSession) -> Callable[[], int]:
-    """The robot's time in nanoseconds: that of this machine where the robot is on it, else as it is learned.
+    """Return the robot's clock in nanoseconds: this machine's if the robot is local, else a learned one.
 
     Raises:
         RunDirectoryError: the robot's folder cannot be used.
-        NotReached: no tick came.
+        NotReached: no tick arrived.
     """
     place = network.place
     return local_time(place) if isinstance(place, Local) else learned_time(network)
 
 
 def learned_time(network: ZenohSession, *, timeout_s: float = FIRST_TICK_S) -> LearnedTime:
-    """The time of a robot of another machine, once a tick was heard; it goes on learning.
+    """Return the clock of a robot of another machine after its first tick; it keeps learning.
 
     Raises:
-        NotReached: no tick came.
+        NotReached: no tick arrived within the timeout.
     """
     learned, first = LearnedTime(), Event()
 

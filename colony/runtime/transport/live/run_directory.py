@@ -1,10 +1,10 @@
-"""Where the processes of the robots of one machine find each other: a folder of the user, with one a robot.
+"""The folder in which the processes of one machine's robots find each other, one subfolder per robot.
 
     <run directory>/<robot>/RServer.sock     the socket on which RServer listens
     <run directory>/<robot>/RServer.claim    locked by the process that serves it, with its process id
-    <run directory>/<robot>/base             where the robot's time begins
+    <run directory>/<robot>/base             the base of the robot's time
 
-Whoever may open the sockets may do everything with the robot, so nobody but the owner gets into the folder.
+A process that can open the sockets has full control of the robot, so only the owner may enter the folder.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from colony.runtime.transport.live.names import check_name
 CHOOSE = "set COLONY_RUN_DIR to a folder of yours"
 
 LONGEST_SOCKET = 107
-"""Bytes of the path of a unix socket (`sun_path` without its end)."""
+"""Longest path of a unix socket in bytes (`sun_path` without its terminator)."""
 
 NOT_IN_ENDPOINTS = "#?"
-"""What ends the address in an endpoint of zenoh, and so cannot be in the path of a socket."""
+"""Characters that end the address in a zenoh endpoint, and so cannot be in a socket's path."""
 
 CLAIM_BYTES = 32
-"""Size of a claim: the id of a process, filled up with blanks."""
+"""Size of a claim in bytes: a process id, padded with blanks."""
 
 BASE_BYTES = 4096
-"""Largest file of the base of a robot's time."""
+"""Size limit in bytes of the file with the base of a robot's time."""
 
 CLAIM_TRIES = 10
 CLAIM_PAUSE_S = 0.01
@@ -54,7 +54,10 @@ class RunDirectory:
 
     @classmethod
     def find(cls, environment: Mapping[str, str]) -> RunDirectory:
-        """`$COLONY_RUN_DIR`, else `$XDG_RUNTIME_DIR/colony`, else `/tmp/colony-<uid>`; it need not exist."""
+        """Return the run directory, which need not exist.
+
+        It is `$COLONY_RUN_DIR`, else `$XDG_RUNTIME_DIR/colony`, else `/tmp/colony-<uid>`.
+        """
         if chosen := environment.get("COLONY_RUN_DIR"):
             return cls(Path(chosen).absolute())
         if runtime := environment.get("XDG_RUNTIME_DIR"):
@@ -62,10 +65,10 @@ class RunDirectory:
         return cls(Path(f"/tmp/colony-{os.getuid()}"))
 
     def robot(self, name: str) -> RobotDirectory:
-        """The folder of a robot; it need not exist.
+        """Return the folder of a robot; it need not exist.
 
         Raises:
-            RunDirectoryError: no robot can have this name.
+            RunDirectoryError: the name is not valid for a robot.
         """
         try:
             return RobotDirectory(self.path / check_name("robot", name), name)
@@ -73,10 +76,10 @@ class RunDirectory:
             raise RunDirectoryError(str(problem)) from None
 
     def robots(self) -> tuple[str, ...]:
-        """The robots that have a folder, whether or not one of their servers runs.
+        """Return the robots that have a folder, whether or not one of their servers runs.
 
         Raises:
-            RunDirectoryError: the folder of all is somebody else's, or open to others.
+            RunDirectoryError: another user owns the run directory, or it is open to others.
         """
         if not os.path.lexists(self.path):
             return ()
@@ -92,19 +95,19 @@ class RobotDirectory:
     robot: str
 
     def prepare(self) -> None:
-        """Make the folder where there is none, and see to it that nobody else gets in.
+        """Create the folder if it is missing, and ensure that only the owner can enter it.
 
         Raises:
-            RunDirectoryError: it is somebody else's, open to others, or cannot be made.
+            RunDirectoryError: another user owns it, it is open to others, or it cannot be created.
         """
         for folder in (self.path.parent, self.path):
             _make_private(folder)
 
     def socket(self, server: str) -> Path:
-        """The path of a server's socket.
+        """Return the path of a server's socket.
 
         Raises:
-            RunDirectoryError: it is too long, zenoh could not read it, or no server can have this name.
+            RunDirectoryError: the path is too long, zenoh could not read it, or the server's name is invalid.
         """
         try:
             path = self.path / f"{check_name('server', server)}.sock"
@@ -126,23 +129,23 @@ class RobotDirectory:
         return path
 
     def endpoint(self, server: str) -> str:
-        """The socket of a server, as zenoh writes it."""
+        """Return the zenoh endpoint of a server's socket."""
         return f"unixsock-stream/{self.socket(server)}"
 
     def servers(self) -> tuple[str, ...]:
-        """The servers that have a socket here; one that was killed leaves its own behind."""
+        """Return the servers that have a socket here, including killed ones."""
         return tuple(sorted(p.stem for p in self.path.glob("*.sock")))
 
     def running(self) -> Mapping[str, int]:
-        """The servers that run, each with the id of its process."""
+        """Return the running servers with their process ids."""
         found = {p.stem: _holder(p) for p in sorted(self.path.glob("*.claim"))}
         return {name: pid for name, pid in found.items() if pid is not None}
 
     def claim(self, server: str) -> Claim:
-        """Be the one process that serves `server`, until the claim is closed or the process ends.
+        """Claim to be the only process that serves `server`, until the claim is closed or the process ends.
 
         Raises:
-            AlreadyRunning: another process is.
+            AlreadyRunning: another process serves it.
             RunDirectoryError: the folder cannot be used.
         """
         self.prepare()
@@ -163,13 +166,13 @@ class RobotDirectory:
         return Claim(descriptor)
 
     def base_ns(self, *, monotonic: Callable[[], int] = time.monotonic_ns) -> int:
-        """Where the robot's time begins: robot time is the monotonic clock minus this.
+        """Return the base of the robot's time: robot time is the monotonic clock minus this base.
 
-        The first process that asks decides. A base from before the machine was started anew is replaced,
-        so that the robot's time goes on by as much as the wall clock did.
+        The first process that asks sets it. A base from before a reboot is replaced, so that the robot's time
+        advances by as much as the wall clock did.
 
         Raises:
-            RunDirectoryError: the folder cannot be used, or the base in it cannot be read.
+            RunDirectoryError: the folder cannot be used, or its base file cannot be read.
         """
         self.prepare()
         with in_run_directory(self.path), _locked(self.path):
@@ -193,7 +196,7 @@ class Claim:
         self._descriptor = descriptor
 
     def close(self) -> None:
-        """Give it up; again is nothing."""
+        """Release the claim. Idempotent."""
         if self._descriptor >= 0:
             descriptor, self._descriptor = self._descriptor, -1
             with suppress(OSError):
@@ -201,9 +204,11 @@ class Claim:
             os.close(descriptor)
 
     def __enter__(self) -> Claim:
+        """Return the claim."""
         return self
 
     def __exit__(self, *raised: object) -> None:
+        """Release the claim."""
         self.close()
 
 
@@ -215,10 +220,10 @@ class _Base(msgspec.Struct, frozen=True, kw_only=True):
 
 @contextmanager
 def in_run_directory(path: Path) -> Iterator[None]:
-    """Tell of an OSError with what to do about it; `path` is the file, where the error names none.
+    """Turn an OSError into an error with advice; `path` is the file if the error names none.
 
     Raises:
-        RunDirectoryError: in place of any OSError but that no more files can be opened.
+        RunDirectoryError: in place of any OSError, except when no more files can be opened.
     """
     try:
         yield
@@ -253,13 +258,15 @@ def _check_private(folder: Path) -> None:
 
 
 def _note(descriptor: int, holder: str) -> None:
-    """Write who holds a claim over who held it before: a file that keeps its size needs no room on a full
-    disk, so that a server can be started again."""
+    """Overwrite the holder noted in a claim.
+
+    The file keeps its size and needs no room on a full disk, so a server can be restarted.
+    """
     os.pwrite(descriptor, f"{holder:<{CLAIM_BYTES - 1}}\n".encode(), 0)
 
 
 def _locks(descriptor: int) -> bool:
-    """Lock a file. Who only looks who holds it has it for a moment, too, so it is tried more than once."""
+    """Try to lock a file, several times: a process that only reads the holder locks it for a moment, too."""
     for _ in range(CLAIM_TRIES):
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -271,7 +278,7 @@ def _locks(descriptor: int) -> bool:
 
 
 def _holder(path: Path) -> int | None:
-    """The process that holds the lock of a claim."""
+    """Return the id of the process that holds the lock of a claim, or None."""
     try:
         descriptor = open_descriptor(path)
     except (FileNotFoundError, UnfitFile):

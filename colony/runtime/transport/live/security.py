@@ -1,4 +1,4 @@
-"""Who may do what with a robot from another machine: the table of users, as a file of TOML.
+"""The rights of users on other machines: the table of users, a TOML file.
 
     [gateway]
     certificate = "gateway.pem"      # paths are relative to this file
@@ -8,9 +8,9 @@
     [users.ada]
     may = ["read", "command"]
 
-A user is the common name of a certificate that the authority signed. `read` is to look, `stop` to stop the
-robot in an emergency, `command` to change and move things, and to stop too, `run` to run programs on it: to
-speak as their clients, besides all the others.
+A user is the common name of a certificate that the authority signed. `read` lets a user look, `stop` stop the
+robot in an emergency, `command` change and move things and stop, and `run` run programs on the robot: send as
+their clients, with all the other rights.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ IMPLIED: Mapping[Permission, tuple[Right, ...]] = {
     "command": ("command", "stop"),
     "run": ("read", "command", "stop"),
 }
-"""The rights that come with a permission."""
+"""The rights that each permission grants."""
 
 _FILES = ("certificate", "key", "authority")
 
 FILE_BYTES = 1024 * 1024
-"""Largest table of users, certificate or key."""
+"""Size limit in bytes of a table of users, a certificate or a key."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Security:
-    """What a gateway has to know: its own certificate and key, the authority of its users, and these."""
+    """The security settings of a gateway: its certificate and key, its users' authority, and the users."""
 
     certificate: Path
     key: Path
@@ -57,17 +57,17 @@ class Security:
 
 
 def rights(permissions: tuple[Permission, ...]) -> tuple[Right, ...]:
-    """The rights that come with permissions, `read` first."""
+    """Return the rights that permissions grant, `read` first."""
     found = {right for permission in permissions for right in IMPLIED[permission]}
     order: tuple[Right, ...] = ("read", "command", "stop")
     return tuple(right for right in order if right in found)
 
 
 def read_security(path: Path) -> Security:
-    """Read the table of users, and see to it that the certificates in it can be used.
+    """Read the table of users, and check that its certificates can be used.
 
     Raises:
-        SecurityError: something is wrong; all that is found is told, each with its place.
+        SecurityError: something is wrong; the message lists every problem with its place.
     """
     table = _read_toml(path)
     problems = list(_unknown(table, ("gateway", "users"), ""))
@@ -80,10 +80,10 @@ def read_security(path: Path) -> Security:
 
 
 def read_credentials(path: Path) -> Credentials:
-    """Read who one is: a file of TOML with `user`, `certificate`, `key` and `authority`.
+    """Read a client's credentials: a TOML file with `user`, `certificate`, `key` and `authority`.
 
     Raises:
-        SecurityError: something is wrong; all that is found is told, each with its place.
+        SecurityError: something is wrong; the message lists every problem with its place.
     """
     table = _read_toml(path)
     problems: list[str] = []
@@ -102,7 +102,7 @@ def read_credentials(path: Path) -> Credentials:
 
 
 def check_credentials(credentials: Credentials) -> None:
-    """See to it that certificates and key can be used.
+    """Check that the certificates and the key can be used.
 
     Raises:
         SecurityError: they cannot.
@@ -135,7 +135,7 @@ def _unknown(table: Mapping[str, object], known: tuple[str, ...], where: str) ->
 
 
 def _files(path: Path, table: object, where: str, problems: list[str]) -> dict[str, Path]:
-    """The three paths of a table; those that are missing are among the problems."""
+    """Return the three paths of a table; add the missing ones to the problems."""
     prefix = f"{where}." if where else ""
     if not isinstance(table, dict):
         problems.append(f"{where}: missing; expected a table with {', '.join(_FILES)}")
@@ -187,7 +187,7 @@ def _unreadable(file: Path) -> str | None:
 
 
 def _unusable(certificate: Path, key: Path, authority: Path) -> Iterator[str]:
-    """What keeps certificates and key from being used."""
+    """Yield the reasons why certificates and key cannot be used."""
     unreadable = [f"{file}: {why}" for file in (certificate, key, authority) if (why := _unreadable(file))]
     if unreadable:
         yield from unreadable

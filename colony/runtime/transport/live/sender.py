@@ -1,9 +1,9 @@
-"""A thread that sends the messages that may have to wait for room at a link.
+"""A thread that sends the messages that may have to wait for room on a link.
 
-A thread of the network must not wait for room: it may be the one that makes room, and while it waits nothing
-is received. So a direct host sends most messages without waiting, and hands this thread those that are larger
-than the room that a link has at once and must not be dropped: checkpoints, notices, large replies. They have
-another priority than the messages of frames, whose queues therefore stay free while this thread waits.
+A network thread must not wait for room: it may be the thread that makes room, and nothing is received while
+it waits. A direct host therefore sends most messages without waiting, and hands this thread the messages that
+exceed the room of a link and must not be dropped: checkpoints, notices, large replies. They have another
+priority than the messages of frames, whose queues therefore stay free while this thread waits.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from colony.runtime.protocol.messages import Checkpoint, Notice, Reply, Send
 from colony.runtime.transport.live.outbox import Outbox
 
 DROPPABLE_BYTES = 1024
-"""Bytes of the largest reply that may be dropped for lack of room: a link has room for many of that size."""
+"""Size in bytes of the largest reply that may be dropped for lack of room; a link has room for many."""
 
 
 class Sender:
-    """A queue with its own thread. Mutable: the messages that wait, and whether the thread runs.
+    """A queue with its own thread. Mutable: the waiting messages, and whether the thread runs.
 
     Args:
         outbox: sends the messages, and waits for room; used in the sender's thread alone.
-        time: the present time in nanoseconds.
+        time: returns the present time in nanoseconds.
         failed: takes the exception that ended the thread; called in that thread.
     """
 
@@ -39,11 +39,11 @@ class Sender:
         self._thread.start()
 
     def put(self, sends: Sequence[Send]) -> None:
-        """Queue messages, without blocking."""
+        """Queue messages without blocking."""
         self._queue.put(sends)
 
     def close(self) -> None:
-        """Send the messages that wait, and end the thread."""
+        """Send the waiting messages, and end the thread."""
         self._queue.put(None)
         self._thread.join()
 
@@ -56,7 +56,7 @@ class Sender:
 
 
 def may_wait(send: Send) -> bool:
-    """Return True if a message may need more room than a link has at once, and must not be dropped."""
+    """Return True if a message may exceed a link's room and must not be dropped."""
     match send.message:
         case Reply(result=result):
             return len(bytes(result)) > DROPPABLE_BYTES

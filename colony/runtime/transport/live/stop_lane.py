@@ -1,8 +1,8 @@
 """The lane of emergency stops through a process: a queue and a thread that nothing else uses.
 
 The receiving thread puts messages under the right to stop into the queue, undecoded. The lane's thread
-decodes them and hands emergency stops over at once. Other messages under this right, such as the opening of a
-connection, go the way of all calls.
+decodes them and hands over emergency stops immediately. Other messages under this right, such as the opening
+of a connection, take the way of all calls.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LONGEST = 1024
 """Messages that may wait: the bursts (`border.STOPS`) of ten users at once."""
 
 Take = Callable[[str, str, Call | Alive | Malformed, int], None]
-"""Takes a message that is not an emergency stop: its topic, connection, content and size in bytes."""
+"""A function that takes other messages than emergency stops: topic, connection, content, size in bytes."""
 
 
 class _Came(NamedTuple):
@@ -34,7 +34,7 @@ class _Came(NamedTuple):
 
 
 class StopLane:
-    """A queue with its own thread. Mutable: the messages that wait, and whether the thread runs.
+    """A queue with its own thread. Mutable: the waiting messages, and whether the thread runs.
 
     Args:
         stop: handles an emergency stop that came on a topic; called in the lane's thread.
@@ -49,13 +49,16 @@ class StopLane:
         self._thread.start()
 
     def put(self, topic: str, key: CallKey, data: bytes, *, twice: bool = False) -> None:
-        """Queue a message from the network, without blocking; drop it if `LONGEST` messages wait. What comes
-        `twice` is handled only if it is an emergency stop, which is known again when it comes once more."""
+        """Queue a message from the network without blocking; drop it if `LONGEST` messages wait.
+
+        A message that arrives `twice` is handled only if it is an emergency stop, whose repetition is
+        recognized.
+        """
         if self._queue.qsize() < LONGEST:
             self._queue.put(_Came(topic, key, data, twice))
 
     def close(self) -> None:
-        """Handle the messages that wait, and end the thread."""
+        """Handle the waiting messages, and end the thread."""
         self._queue.put(None)
         self._thread.join()
 

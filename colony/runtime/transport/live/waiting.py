@@ -1,12 +1,12 @@
-"""What waits to be handled by a server, and in which order it is taken.
+"""The messages that wait to be handled by a server, and their order.
 
 Calls under the right to stop go first, then the messages of frames in order of arrival, then all other calls:
 by the priority of their connection, first come first served within one (thesis section 4.3). Emergency stops
 themselves do not wait here; they have a lane of their own (`stop_lane.py`).
 
-Nothing here grows without bound. Of a connection that calls faster than it is served, further calls are
-refused; when all connections together hold too much, the one that holds most does. Messages of frames are
-given up only when they alone would fill the memory: readers ask again for a frame that they missed.
+Nothing here grows without bound. Further calls of a connection that calls faster than it is served are
+refused; when all connections together hold too much, the one that holds most loses calls. Messages of frames
+are dropped only when they alone would fill the memory: readers fetch missed frames again.
 """
 
 from __future__ import annotations
@@ -21,39 +21,39 @@ from colony.runtime.protocol.codec import LARGEST
 from colony.runtime.protocol.messages import Alive, Call, Malformed
 
 CALLS_EACH = 256
-"""Calls of one connection that may wait."""
+"""Waiting calls of one connection."""
 
 STOPS_EACH = 16
-"""Calls of one connection under the right to stop that may wait."""
+"""Waiting calls of one connection under the right to stop."""
 
 LINES = 2048
-"""Connections of which something may wait; of one more nothing is taken."""
+"""Connections with waiting messages; messages of one more connection are refused."""
 
 OVERHEAD = 512
-"""What a waiting message takes in memory besides its bytes, about."""
+"""Approximate memory of a waiting message besides its payload, in bytes."""
 
 BYTES_EACH = 8 * 1024 * 1024
 BYTES_CALLS = 24 * 1024 * 1024
 BYTES_FRAMES = 32 * 1024 * 1024
 
 TOLD_MOST = 1024
-"""Calls given up at once of which the callers are told; of more they are not."""
+"""Dropped calls whose callers are notified; the callers of any more at once are not."""
 
 
 class Waiting(NamedTuple):
-    """A message for whoever listens to `topic`, in bytes still or read already."""
+    """A message for the listeners of `topic`, still encoded or decoded."""
 
     topic: str
     message: bytes | Call | Alive | Malformed
 
 
 def too_large(topic: str, connection: str | None, size: int) -> Malformed:
-    """Return what a host hands its nodes in place of a message that is larger than any may be."""
+    """Return the replacement that a host hands its nodes for a message that is too large."""
     return Malformed(topic=topic, connection=connection, reason=f"{size} bytes; expected at most {LARGEST}")
 
 
 class GivenUp(NamedTuple):
-    """A call that is not going to be done: too many waited."""
+    """A dropped call: too many calls waited."""
 
     topic: str
     connection: str
@@ -68,7 +68,7 @@ class _Entry(NamedTuple):
 
 @dataclass(frozen=False, slots=True)
 class _Line:
-    """What waits of one connection: its calls, by their places in the order of arrival."""
+    """The waiting messages of one connection: its calls, by their places in the order of arrival."""
 
     calls: dict[int, None] = field(default_factory=dict)
     size: int = 0
@@ -77,7 +77,7 @@ class _Line:
 
 
 class WaitingRoom:
-    """Mutable: what waits. Not for several threads at once; see `inbox.py`."""
+    """The waiting messages of a host. Mutable. Not thread-safe; see `inbox.py`."""
 
     def __init__(
         self,
@@ -107,7 +107,7 @@ class WaitingRoom:
         self.frames_lost = 0
 
     def frame(self, topic: str, data: bytes | Malformed) -> None:
-        """A message that is no call."""
+        """Add a message that is not a call."""
         size = self._overhead + (len(data) if isinstance(data, bytes) else 0)
         self._frames.append(_Entry(Waiting(topic, data), "", size))
         self._frames_size += size
@@ -116,7 +116,7 @@ class WaitingRoom:
             self.frames_lost += 1
 
     def call(self, topic: str, connection: str, message: Call | Alive | Malformed, size: int) -> None:
-        """A call of a connection, a sign of life of it, or what would have been one of these."""
+        """Add a connection's call, its sign of life, or a malformed message in place of either."""
         entry = _Entry(Waiting(topic, message), connection, size + self._overhead)
         line = self._lines.get(connection)
         if line is None:
@@ -125,7 +125,7 @@ class WaitingRoom:
                 return
             line = self._lines[connection] = _Line()
         if isinstance(message, Alive):
-            if not line.alive:  # one tells as much as many
+            if not line.alive:  # one sign of life says as much as many
                 line.alive = True
                 self._frames.append(entry._replace(size=0))
         elif isinstance(message, Call) and message.right == "stop":
@@ -138,16 +138,16 @@ class WaitingRoom:
             self._queue(entry, line)
 
     def crowded(self, connection: str) -> bool:
-        """Return whether as many calls of a connection wait as may wait: one more would be refused."""
+        """Return True if a connection has the maximum number of waiting calls: one more would be refused."""
         line = self._lines.get(connection)
         return line is not None and len(line.calls) >= self._calls_each
 
     def refuse(self, topic: str, connection: str, number: int) -> None:
-        """Note a call that did not come in, so that the caller gets a refusal."""
+        """Record a call that was not accepted, so that the caller gets a refusal."""
         self._given_up.append(GivenUp(topic, connection, number))
 
     def pop(self) -> Waiting | None:
-        """What is to be handled next."""
+        """Return the next message to handle, or None if nothing waits."""
         if self._stops:
             entry = self._stops.popleft()
             self._lines[entry.connection].stops -= 1
@@ -168,16 +168,16 @@ class WaitingRoom:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing waits."""
+        """True if nothing waits."""
         return not (self._frames or self._calls or self._stops)
 
     @property
     def gave_up(self) -> bool:
-        """Whether calls were given up of which the callers are to be told."""
+        """True if callers of dropped calls are still to be notified."""
         return bool(self._given_up)
 
     def given_up(self) -> Iterator[GivenUp]:
-        """The calls that were given up since the last time."""
+        """Yield the calls that were dropped since the last call of this method."""
         while self._given_up:
             yield self._given_up.popleft()
 
