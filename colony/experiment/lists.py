@@ -36,7 +36,8 @@ class ListProblem(Exception):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListedRun:
     """A run of a list: its number there, from 1, the maps through which its path leads (none: the first one
-    of the building alone), and what was published of it, if anything."""
+    of the building alone), and what was published of it, if anything.
+    """
 
     number: int
     origin: str

@@ -85,7 +85,8 @@ def _results_of(done: set[Future[R]]) -> Iterator[R]:
 
 def _begin_worker() -> None:
     """Ctrl-C reaches every process of a terminal, and only the first is to act on it; but when that one is
-    gone, however it ended, nobody wants the work any more."""
+    gone, however it ended, nobody wants the work any more.
+    """
     # Before numpy is loaded: each worker has a core, and more threads would wait for those of the others.
     for library in ("OPENBLAS", "OMP", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")

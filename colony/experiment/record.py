@@ -40,7 +40,8 @@ class ModeCount(NamedTuple):
 
 class LightCount(NamedTuple):
     """Ceiling lights of the legs that were driven: counted where they hang, passed without being counted,
-    and counted where none hangs."""
+    and counted where none hangs.
+    """
 
     seen: int
     missed: int
@@ -49,7 +50,8 @@ class LightCount(NamedTuple):
 
 class Contacts(NamedTuple):
     """How often the robot touched something that it had not touched before, and how fast it was then at
-    most."""
+    most.
+    """
 
     number: int
     fastest_mm_s: float

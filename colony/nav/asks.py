@@ -1,5 +1,6 @@
 """What scripts of the navigation ask: of DServer semaphores that may be 0 and variables that may be unset,
-and of other servers what these may not know now."""
+and of other servers what these may not know now.
+"""
 
 from __future__ import annotations
 

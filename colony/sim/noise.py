@@ -29,7 +29,8 @@ class Noise:
 
     def take(self, count: int) -> int:
         """Take `count` numbers of each stream; gives their first column in `table`, (robots, k), which is
-        another array after that."""
+        another array after that.
+        """
         if self._at + count > self.table.shape[1]:
             rest = self.table[:, self._at :]
             block = np.empty((len(self._generators), max(_BLOCK, count)))

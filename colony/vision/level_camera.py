@@ -54,7 +54,8 @@ class LevelCamera:
     def column_of(self, bearing_deg: float) -> float:
         """Which column looks there; it may be outside of the image.
 
-        The bearing is within 90 degrees of the optical axis."""
+        The bearing is within 90 degrees of the optical axis.
+        """
         return (self.columns - 1) / 2.0 - self.focal * math.tan(math.radians(bearing_deg))
 
     def row_of(self, above_floor_mm: float, depth_mm: float) -> float:

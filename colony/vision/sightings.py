@@ -10,7 +10,8 @@ Corner = tuple[float, float]
 
 class Reading(NamedTuple):
     """What is written on a plate. `text` is "" where nothing can be read; `confidence` is from 0 to 1.
-    `alternatives` are the next most probable texts with their confidences, best first."""
+    `alternatives` are the next most probable texts with their confidences, best first.
+    """
 
     text: str
     confidence: float
@@ -19,7 +20,8 @@ class Reading(NamedTuple):
 
 class PlateBox(NamedTuple):
     """A door plate in an image: its corners from the upper left one clockwise, and how plate-like it is, from
-    0 to 1."""
+    0 to 1.
+    """
 
     corners: tuple[Corner, Corner, Corner, Corner]
     score: float
@@ -39,7 +41,8 @@ class PlateBox(NamedTuple):
 class MarkerBox(NamedTuple):
     """A marker in an image: its outer edges in columns, the rows in which it was found, from the first one to
     the last one, and its code of three bits, the left one first. `edges` are those of all its stripes, from
-    the left one to the right one."""
+    the left one to the right one.
+    """
 
     left: float
     right: float

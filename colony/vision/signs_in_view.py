@@ -29,7 +29,8 @@ _SLACK_MM = 20.0
 
 class SignInView(NamedTuple):
     """A sign in an image: its corners from the upper left one clockwise, in pixels, and how far away its
-    middle is."""
+    middle is.
+    """
 
     sign: Plate | Marker
     corners: tuple[Corner, Corner, Corner, Corner]
@@ -63,7 +64,8 @@ def corners_of(
     sign: Plate | Marker, pose: tuple[float, float, float], camera: LevelCamera
 ) -> tuple[Corner, Corner, Corner, Corner] | None:
     """Where in the image the corners of a sign are, from the upper left one clockwise, whatever is before it;
-    None where the camera does not look at its front, or is nearer than 50 mm."""
+    None where the camera does not look at its front, or is nearer than 50 mm.
+    """
     wide = sign.end_mm - sign.start_mm
     high = PLATE_HEIGHT_MM if isinstance(sign, Plate) else STRIPE_HEIGHT_MM
     ahead, into = direction(pose[2] + camera.yaw_deg), direction(sign.heading_deg)

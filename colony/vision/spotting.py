@@ -58,7 +58,8 @@ class Look(NamedTuple):
 
 def looks_at(image: Gray, chosen: Set[Detector]) -> Iterator[Look]:
     """Look with the detectors that are chosen, or where none is with all that make sense: a ceiling has no
-    plates and markers, and a wall no ceiling lights, so these are looked for where nothing else is seen."""
+    plates and markers, and a wall no ceiling lights, so these are looked for where nothing else is seen.
+    """
     seen = False
     for detector in Detector:
         if detector not in chosen if chosen else detector is Detector.LIGHTS and seen:

@@ -34,7 +34,8 @@ _REACH_MM = 1100.0
 class LightDetection(NamedTuple):
     """Lights that are on: how many were passed, and how many of these detected; in how many looks one was in
     view, and in how many of these it was told; how many were told in all looks, and how many of these were
-    false."""
+    false.
+    """
 
     passed: int
     detected: int
@@ -46,7 +47,8 @@ class LightDetection(NamedTuple):
 
 class _Relative(NamedTuple):
     """A light as the robot has it: how far ahead along the corridor, how far to the left of the robot, and
-    how far the robot's heading is turned against the corridor."""
+    how far the robot's heading is turned against the corridor.
+    """
 
     ahead_mm: float
     left_mm: float

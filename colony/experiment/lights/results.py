@@ -62,7 +62,8 @@ def light_targets(results: Sequence[LightResult]) -> tuple[Target, ...]:
 
 def light_tables(runs: Sequence[ListedRun], results: Sequence[LightResult]) -> list[str]:
     """What came of it over all runs, a row a run, and the lights that were not detected; none without
-    results."""
+    results.
+    """
     if not results:
         return []
     tables = [targets_markdown(light_targets(results)), _run_table(runs, results), _undetected_table(results)]

@@ -29,7 +29,8 @@ AGAIN, INSTEAD = " again", " instead of "
 
 class Sighting(NamedTuple):
     """Something was taken for a plate: when, where it really is, what was read, "" where nothing was, and for
-    the plate of which door of the map; None where the finder does not know the map."""
+    the plate of which door of the map; None where the finder does not know the map.
+    """
 
     t_ns: int
     place: Point
@@ -43,7 +44,8 @@ Named = Callable[[Sighting], str]
 
 def true_place(place: Point, believed: Pose, true: Pose) -> Point:
     """Where something really is that a robot, which is at `true` and believes to be at `believed`, takes to
-    be at `place`."""
+    be at `place`.
+    """
     turned = math.radians(true.heading_deg - believed.heading_deg)
     sine, cosine = math.sin(turned), math.cos(turned)
     dx, dy = place.x - believed.x_mm, place.y - believed.y_mm

@@ -29,7 +29,8 @@ class _Thing(NamedTuple):
 
 def names_in(floor: Map, scenery: Scenery, people: People) -> Named:
     """Names what hangs or stands within half a meter of a sighting: people first, then what is on walls, then
-    the wall itself."""
+    the wall itself.
+    """
     on_walls = tuple(_on_walls(floor, scenery))
     walls = tuple(_walls(floor))
 

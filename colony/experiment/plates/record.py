@@ -68,7 +68,8 @@ class PlateResult:
 
 class Tally(NamedTuple):
     """How many plates were found, missed and out of view, how many of the found ones were read right, and how
-    many false sightings there were."""
+    many false sightings there were.
+    """
 
     found: int
     missed: int

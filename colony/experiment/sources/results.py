@@ -37,7 +37,8 @@ class PoseErrors(NamedTuple):
 
 class SourceOutcome(NamedTuple):
     """A run with some of the sources: why it failed, "" where it reached the goal; how far from the goal the
-    robot stood at last; the speed of its worst contact; how the estimate was along the way."""
+    robot stood at last; the speed of its worst contact; how the estimate was along the way.
+    """
 
     failure: Failure
     off_mm: float

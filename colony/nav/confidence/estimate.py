@@ -36,7 +36,8 @@ class Count(NamedTuple):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunModes:
     """What became of a run: its modes, how many of them it completed, and, where it failed along lights,
-    whether it had found the first one."""
+    whether it had found the first one.
+    """
 
     modes: str
     completed: int

@@ -42,7 +42,8 @@ class HimmSetting:
 
 class LocalPose(NamedTuple):
     """Where a robot is in a local map: mm ahead of the place where the map began, and to the left of it, and
-    the heading in radians counterclockwise from the heading there."""
+    the heading in radians counterclockwise from the heading there.
+    """
 
     ahead_mm: float
     left_mm: float

@@ -35,7 +35,8 @@ PERIOD_S = 0.1
 
 def local_mapper() -> Script:
     """Correct RServer's heading in the ceiling-light tracking mode, by the lines in a map of every three
-    lights, for ever."""
+    lights, for ever.
+    """
     model = SonarModel()
     himm = HimmSetting(full_range_mm=model.full_range_mm, ring_mm=model.ring_mm)
     for name in (START_MAP, LIGHT_DETECTED):

@@ -22,7 +22,8 @@ from colony.nav.pose.echoes import Bools, Floats, Mirrors
 
 class Sighting(NamedTuple):
     """A line as it is believed to run through the building: its ends in mm, x east and y north, the sum of
-    the certainties of its cells, and their standard deviation across it in mm."""
+    the certainties of its cells, and their standard deviation across it in mm.
+    """
 
     x0_mm: float
     y0_mm: float
@@ -54,7 +55,8 @@ def sighted(line: Line, origin: Pose) -> Sighting:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gate:
     """What may be a wall: up to this angle and this far from where it is drawn, and beside it for this part
-    of the line's length at least."""
+    of the line's length at least.
+    """
 
     angle_deg: float = 15.0
     offset_mm: float = 700.0
@@ -124,7 +126,8 @@ def matched(sighting: Sighting, walls: Mirrors, robot: Pose, gate: Gate = DEFAUL
 def _compared(sighting: Sighting, walls: Mirrors, robot: Pose) -> tuple[Floats, Floats, Floats, Bools]:
     """A line next to each wall: how it is to be turned about the robot to run along the wall, in degrees;
     how far it is off then into the free space, and how far it is beside the wall, in mm; and whether both
-    face the robot."""
+    face the robot.
+    """
     length = sighting.length_mm
     along_x = (sighting.x1_mm - sighting.x0_mm) / length
     along_y = (sighting.y1_mm - sighting.y0_mm) / length
@@ -145,7 +148,8 @@ def _compared(sighting: Sighting, walls: Mirrors, robot: Pose) -> tuple[Floats, 
 
 class PoseFix(NamedTuple):
     """By how much a pose is off in mm and degrees: what is to be added to it; and the standard deviation of
-    the heading then."""
+    the heading then.
+    """
 
     x_mm: float
     y_mm: float

@@ -67,7 +67,8 @@ class Corridor:
 
     def abreast(self, x: float, y: float) -> float:
         """How far after `start` a robot in the middle is abreast of a place, or as nearly so as the walls let
-        it be with which the corridor ends, in mm."""
+        it be with which the corridor ends, in mm.
+        """
         off = min(STAND_MM, self.length_mm / 2)
         return min(max(self.along(x, y), off), self.length_mm - off)
 

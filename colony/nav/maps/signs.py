@@ -66,7 +66,8 @@ class Plate(Sign):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marker(Sign):
     """The marker of an elevator whose edge begins at `node`: `code` is its three bits, the first one leftmost
-    as seen by who stands before it."""
+    as seen by who stands before it.
+    """
 
     node: str
     code: int
@@ -84,7 +85,8 @@ def plate_text(door: str) -> str:
 
 def plates_of(floor: Map) -> tuple[Plate, ...]:
     """The plates of all doors, in the order of the map. A door beside which no wall is wide enough, or where
-    its neighbor's plate leaves no room, has none, and so has one whose name has nothing to be written."""
+    its neighbor's plate leaves no room, has none, and so has one whose name has nothing to be written.
+    """
     walls = walls_of(floor)
     rows = walls.segments.tolist()
     lengths = _lengths(rows)
@@ -109,7 +111,8 @@ def plates_of(floor: Map) -> tuple[Plate, ...]:
 
 def markers_of(floor: Map) -> tuple[Marker, ...]:
     """The markers on the doors of all elevators, in the order of the map; doors narrower than a marker have
-    none."""
+    none.
+    """
     walls = walls_of(floor)
     names = [node.name for ring in floor.rings for node in ring.nodes]
     markers: list[Marker] = []

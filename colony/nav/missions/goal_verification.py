@@ -77,7 +77,8 @@ def verdict_of(plate: Plate, seen: Iterable[SeenPlate]) -> Verdict:
 
 def plate_at(floor: Map, node: str) -> Plate | None:
     """The plate of the door to which a node belongs, "376L" or with its floor "2:250R"; None where it has
-    none."""
+    none.
+    """
     door = door_name(node.rpartition(":")[2])
     return next((plate for plate in plates_of(floor) if plate.door == door), None)
 
@@ -89,7 +90,8 @@ def remember_plates() -> Generator[Step, Any, None]:
 
 def goal_verdict(plate: Plate, *, begun_ns: int) -> Generator[Step, Any, Verdict]:
     """What was seen since about when the last segment began says of the goal; a plate that is in view has a
-    while to be read."""
+    while to be read.
+    """
     since_ns = begun_ns - BEFORE_NS
     waited_s = 0.0
     while True:

@@ -176,7 +176,8 @@ def planner(
 
 def _begin(floor: str) -> Generator[Step, Any, None]:
     """See to it that all semaphores are there, and that nothing is meant any more that a Planner announced
-    which was ended half-way."""
+    which was ended half-way.
+    """
     for name in SEMAPHORES:
         yield from do("DServer", data.create_semaphore(name, 0))
     for name in (START_MAP, TRACK_DATA, GOAL_DATA):

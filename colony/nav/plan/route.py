@@ -118,7 +118,8 @@ def _quoted(name: str) -> str:
 
 def _similar(name: str, known: Known) -> str | None:
     """Return a hint with the same name in other letters, or up to three names of doors, or of nodes that are
-    no jambs, that are much like this one."""
+    no jambs, that are much like this one.
+    """
     folded = [one for one in known if one.lower() == name.lower()]
     doors = {one.removesuffix(jamb) for one in known for jamb in JAMBS if one.endswith(jamb)} - {""}
     others = {one for one in known if not any(one.removesuffix(jamb) in doors for jamb in JAMBS)}

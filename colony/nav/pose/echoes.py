@@ -127,7 +127,8 @@ _RAY = np.arange(_RAYS)[None, :]
 
 class _Hit(NamedTuple):
     """What each sonar hears first, (24,) each: how far it is, infinity for nothing; which wall; how far it is
-    straight to that wall; and whether it hears anything."""
+    straight to that wall; and whether it hears anything.
+    """
 
     echo: Floats
     wall: NDArray[np.intp]

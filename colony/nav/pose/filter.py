@@ -96,7 +96,8 @@ _AFTER_RAD = math.radians(3.0)
 class PoseFilter:
     """The pose of a robot and how sure it is. Mutable: x, y in mm, the heading in radians counterclockwise
     from north, the drift in radians a mm, the scale error of the odometry (0.01 where it says 990 mm for a
-    meter), and their covariance."""
+    meter), and their covariance.
+    """
 
     def __init__(
         self, ring: Ring, pose: tuple[float, float, float], noise: Uncertainty | None = None
@@ -233,7 +234,8 @@ class PoseFilter:
 
     def _loosen(self, row: Row, variance: float) -> None:
         """What a row tells may have changed by so much without anybody noticing: the position along it, or
-        the heading."""
+        the heading.
+        """
         axis = np.array([row.cx, row.cy, 0.0] if row.cx or row.cy else [0.0, 0.0, row.ch])
         axis /= float(axis @ axis)
         self.covariance[:3, :3] += max(variance, 0.0) * np.outer(axis, axis)
@@ -266,7 +268,8 @@ class PoseFilter:
 
     def consider(self, pose: tuple[float, float, float], mirrors: Mirrors, ranges: Floats) -> bool:
         """Go on from another pose, x and y in mm and the heading in degrees, if it explains a scan better;
-        False where it does not."""
+        False where it does not.
+        """
         saved, known = (self.state.copy(), self.covariance.copy()), self._of_odometry
         now = self._explained(mirrors, ranges, known)
         self.state = np.array([pose[0], pose[1], math.radians(pose[2]), *saved[0][3:]])

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 class Step(NamedTuple):
     """How a robot moved, in its own frame at the beginning: ahead and to the left in mm, turned in radians
-    counterclockwise."""
+    counterclockwise.
+    """
 
     ahead_mm: float
     left_mm: float
@@ -16,7 +17,8 @@ class Step(NamedTuple):
 
 class Since(NamedTuple):
     """How a robot moved since a moment, in its own frame of now: ahead and to the left in mm, turned in
-    radians counterclockwise; and how long its way was."""
+    radians counterclockwise; and how long its way was.
+    """
 
     ahead_mm: float
     left_mm: float

@@ -93,7 +93,8 @@ _NEW_FLOOR_MM, _NEW_FLOOR_DEG = 150.0, 4.0  # after a ride, in which nothing but
 
 class PoseTracker:
     """Where a robot is. Mutable: the filter, the newest position that it was given, its way and the scans of
-    the last meters, the walls near by, and the fixes of moments that are still to come."""
+    the last meters, the walls near by, and the fixes of moments that are still to come.
+    """
 
     def __init__(self, walls: Walls, *, sources: frozenset[Source] = ALL) -> None:
         """Begin without a position: the first one is taken as it is."""

@@ -15,7 +15,8 @@ KEPT_NS = 5_000_000_000
 
 class _Place(NamedTuple):
     """Where the robot was, from where the way began: x, y in mm and its heading in radians, counted on beyond
-    a turn; and how long the way was until then."""
+    a turn; and how long the way was until then.
+    """
 
     t_ns: int
     x_mm: float

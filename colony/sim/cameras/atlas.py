@@ -42,7 +42,8 @@ class Picture:
 
 class Atlas(NamedTuple):
     """Pictures as the renderer takes them: `sums` has the summed-area tables of all, one behind the other,
-    each (columns + 1, rows + 1); `pictures`, (n, 7), tells where."""
+    each (columns + 1, rows + 1); `pictures`, (n, 7), tells where.
+    """
 
     sums: Floats
     pictures: Floats2
@@ -88,7 +89,8 @@ def _strip(
     sums: Floats, place: int, wide: int, high: int, left: float, right: float, laps: float, down: float
 ) -> float:
     """The sum over the strip from the column `left` to `right`, from the top down to row `down`; `laps` is
-    how often the whole picture lies between."""
+    how often the whole picture lies between.
+    """
     row = min(int(down), high - 1)
     rest = down - row
     first, last = min(int(left), wide - 1), min(int(right), wide - 1)

@@ -1,5 +1,6 @@
 """Robots and people in front of a camera that looks along the floor: the robots as upright cylinders, people
-as upright pictures that face the camera."""
+as upright pictures that face the camera.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ def _robot_depth(ray: Ray, x: float, y: float, radius: float) -> tuple[float, fl
 @inlined
 def _person_depth(eye: Eye, ray: Ray, x: float, y: float) -> float:
     """The depth of somebody at (x, y) whom a ray sees, who is as flat as a picture; infinite where it misses
-    them."""
+    them.
+    """
     ox, oy = x - eye.x, y - eye.y
     depth, right = oy * eye.cosine - ox * eye.sine, ox * eye.cosine + oy * eye.sine
     met = (

@@ -140,7 +140,8 @@ class Camera:
         """Take a picture of a world as it is, to be drawn later.
 
         Gives what draws `count` rows from row `first` on, exactly as they are in the whole image, or raises
-        `ValueError` where the image has none such."""
+        `ValueError` where the image has none such.
+        """
         if world.walls is not self._seen_walls:
             self._scene, self._seen_walls = fitted(self._scene, world.walls), world.walls
         scene, poses, people, speed = self._scene, world.true_poses, world.people, world.speed(robot)
@@ -148,7 +149,8 @@ class Camera:
 
     def see(self, world: World, robot: int, t_ns: int) -> Bytes2:
         """What robot number `robot` of a world sees, with its people and its doors as they are; (height,
-        width)."""
+        width).
+        """
         return self.shot(world, robot, t_ns)(0, self.config.height)
 
     def image(

@@ -97,7 +97,8 @@ class Overhead(NamedTuple):
 
 class UpwardLens(NamedTuple):
     """A camera as the renderer takes it: mm of ceiling a pixel, the middle of the image, and what it does to
-    edges, corners and gray levels."""
+    edges, corners and gray levels.
+    """
 
     along_mm: float
     across_mm: float

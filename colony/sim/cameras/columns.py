@@ -30,7 +30,8 @@ _COVER_SHIFT_MM = 977.0  # covers of different walls do not begin alike
 
 class Canvas(NamedTuple):
     """Room to draw in: a picture, (columns, rows), the same blurred, the present column, and the numbers of
-    the walls that may be seen."""
+    the walls that may be seen.
+    """
 
     picture: Floats2
     blurred: Floats2
@@ -88,7 +89,8 @@ def _paint_planes(
 @inlined
 def _gather(eye: Eye, reach: float, scene: Scene, near: Ints) -> int:
     """How many walls, whose numbers are put into `near`, are not wholly beside or behind what is seen: up to
-    `reach` to either side for one mm of depth."""
+    `reach` to either side for one mm of depth.
+    """
     count = 0
     for wall in range(scene.walls.shape[0]):
         ax, ay = scene.walls[wall, 0] - eye.x, scene.walls[wall, 1] - eye.y

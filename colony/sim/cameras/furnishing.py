@@ -29,7 +29,8 @@ _Span = tuple[float, float]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spacings:
     """How much wall has one thing of a kind in the mean, in mm, and with which probability a door has a black
-    poster."""
+    poster.
+    """
 
     black_poster_mm: float
     poster_mm: float

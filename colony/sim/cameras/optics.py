@@ -59,7 +59,8 @@ PINHOLE = Optics(rays=1, blur=0.0, vignetting=0.0, exposure_s=0.0, gain=0.0, noi
 
 class Sensor(NamedTuple):
     """Optics as the renderer takes them: the blur's weights from the middle on, and the quantiles of the
-    normal distribution."""
+    normal distribution.
+    """
 
     weights: Floats
     quantiles: Floats
@@ -102,7 +103,8 @@ def gain_at(x: float, y: float, sensor: Sensor) -> float:
 @inlined
 def blur_columns(picture: Floats2, blurred: Floats2, sensor: Sensor) -> None:
     """Blur along the rows of the image, which are the columns of `picture`, (columns, rows); those at either
-    end, as many as the blur reaches, are not set."""
+    end, as many as the blur reaches, are not set.
+    """
     reach = sensor.weights.shape[0] - 1
     for column in range(reach, picture.shape[0] - reach):
         for row in range(picture.shape[1]):

@@ -13,7 +13,8 @@ _HALF_LIGHT_MM = 12_000.0  # what is as far away as this is half as bright
 
 class Lens(NamedTuple):
     """A camera as the renderer takes it: focal length in pixels, heights in mm, yaw in radians, the hull of
-    the robots that it sees, its rays a column, and for how many seconds it gathers light."""
+    the robots that it sees, its rays a column, and for how many seconds it gathers light.
+    """
 
     focal: float
     above_floor: float
@@ -26,7 +27,8 @@ class Lens(NamedTuple):
 
 class Eye(NamedTuple):
     """A camera in one moment: where it is, its heading in radians, and the row, from the first one drawn, of
-    its optical axis."""
+    its optical axis.
+    """
 
     x: float
     y: float
@@ -37,7 +39,8 @@ class Eye(NamedTuple):
 
 class Ray(NamedTuple):
     """A direction in the world's frame, for one mm of depth, and where it starts: `right` to the right of the
-    optical axis. The ray stands for all that is up to `half` to either side of it."""
+    optical axis. The ray stands for all that is up to `half` to either side of it.
+    """
 
     x: float
     y: float

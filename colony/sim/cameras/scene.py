@@ -56,7 +56,8 @@ _COVERS: tuple[tuple[re.Pattern[str], _Made], ...] = tuple(
 
 class _Shelf(NamedTuple):
     """The pictures of a floor, by number: the cover of each wall, what hangs there, and where the posters
-    begin."""
+    begin.
+    """
 
     atlas: Atlas
     covers: tuple[int, ...]
@@ -96,7 +97,8 @@ def scene_of(floor: Map, scenery: Scenery | None = None) -> Scene:
 @lru_cache(maxsize=_SHELVES)
 def _shelf(floor: Map) -> _Shelf:
     """All pictures that may be seen on a floor, and no others, as covers are large: 3 MB each. Kept, since
-    experiments ask for the floors of a building again and again."""
+    experiments ask for the floors of a building again and again.
+    """
     walls = walls_of(floor)
     pictures: list[Picture] = []
 
@@ -120,7 +122,8 @@ def _shelf(floor: Map) -> _Shelf:
 
 def _cover(walls: Walls, edge: int) -> _Made:
     """What draws what a wall is made of. The remark on a door is on its leaf, unless it is of glass as a
-    whole: other doors hang in plain walls."""
+    whole: other doors hang in plain walls.
+    """
     is_leaf = walls.kinds[edge] is EdgeKind.DOOR and not walls.glass[edge]
     attribute = "" if is_leaf else walls.attributes[edge]
     return next(made for says, made in _COVERS if says.search(attribute))

@@ -26,7 +26,8 @@ BARE = -1
 
 class Panel(NamedTuple):
     """A rectangle on wall `wall`, from `start` to `end` along it and `bottom` to `top` above the floor, all
-    in mm. `shade` is from 0, black, to 1."""
+    in mm. `shade` is from 0, black, to 1.
+    """
 
     wall: int
     start: float
@@ -38,7 +39,8 @@ class Panel(NamedTuple):
 
 class Hung(NamedTuple):
     """A picture on wall `wall`: the part of it that is from `start` to `end` along the wall and from `bottom`
-    to `top` above the floor. All of it begins at `origin` along the wall and reaches up to `top`."""
+    to `top` above the floor. All of it begins at `origin` along the wall and reaches up to `top`.
+    """
 
     wall: int
     start: float
@@ -51,7 +53,8 @@ class Hung(NamedTuple):
 
 class Lighting(NamedTuple):
     """How light it is: `levels` at the corners of a grid whose first one is at (x, y), `cell` mm apart, by
-    columns; 1 is usual."""
+    columns; 1 is usual.
+    """
 
     levels: Floats2
     x: float

@@ -48,7 +48,8 @@ def _blocks(
     across: Floats2, up: Floats2, block: tuple[float, float], *, staggered: bool
 ) -> tuple[Floats2, Floats2, Floats2, Floats2]:
     """The number of the course and of the block in it of each texel, and how far it is from the block's edge
-    to the side and up or down, in mm."""
+    to the side and up or down, in mm.
+    """
     wide, high = block
     course = np.floor(up / high)
     shifted = across + (wide / 2 * (course % 2) if staggered else 0.0)
@@ -94,7 +95,8 @@ def bare_brick(height_mm: float) -> Picture:
 @lru_cache(maxsize=_HEIGHTS)
 def glass_brick(height_mm: float) -> Picture:
     """Glass blocks of 200 by 200 mm in dark joints. The light behind them is uneven: groups are bright,
-    others dark, and each block has a pale rim and a darker middle or the other way around."""
+    others dark, and each block has a pale rim and a darker middle or the other way around.
+    """
     rng = np.random.default_rng(13)
     size, columns = 200.0, 20
     across, up = _grid(size * columns, height_mm)

@@ -19,7 +19,8 @@ PERSON_RADIUS_MM = 250.0
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Track:
     """The middle line of a corridor: from (x_mm, y_mm) over `length_mm` toward `heading_deg`, with
-    `half_width_mm` free to either side."""
+    `half_width_mm` free to either side.
+    """
 
     x_mm: float
     y_mm: float
@@ -48,7 +49,8 @@ class Track:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenDoor:
     """A door that stands open: edge number `edge` of the map, its leaf (or its two) turned into the room by
-    `angle_deg`."""
+    `angle_deg`.
+    """
 
     edge: int
     angle_deg: float
@@ -86,7 +88,8 @@ class Joint:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slip:
     """What happens on joints: with which probability wheels slip on a crossing, the standard deviation of
-    the turn of the robot, and between which lengths (mm) the wheels spin without driving it."""
+    the turn of the robot, and between which lengths (mm) the wheels spin without driving it.
+    """
 
     probability: float
     turn_deg: float
@@ -100,7 +103,8 @@ NO_SLIP = Slip(probability=0.0, turn_deg=0.0, least_mm=0.0, most_mm=0.0)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CeilingLight:
     """A lamp of 0.6 m along its corridor by 1.2 m across it. `heading_deg` is along the corridor;
-    `brightness` is 1, less where it is dim, 0 where it is out."""
+    `brightness` is 1, less where it is dim, 0 where it is out.
+    """
 
     x_mm: float
     y_mm: float
@@ -111,7 +115,8 @@ class CeilingLight:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SunBand:
     """A rectangle of ceiling on which the sun falls: its middle, the heading of its length, and by how much
-    it is brighter than the rest, in gray levels."""
+    it is brighter than the rest, in gray levels.
+    """
 
     x_mm: float
     y_mm: float
@@ -124,7 +129,8 @@ class SunBand:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Poster:
     """A sheet on edge number `edge` of the map: it begins `start_mm` along it, and its middle is `middle_mm`
-    above the floor. `kind` is which of `colony.sim.cameras.posters` it is."""
+    above the floor. `kind` is which of `colony.sim.cameras.posters` it is.
+    """
 
     edge: int
     start_mm: float

@@ -223,7 +223,8 @@ class _Remote(Generic[R]):
     def _logical_ns(self, t_ns: int, now_ns: int) -> int:
         """The time of a reading where time is logical: it goes as the plant's does, frame by frame, and is
         never behind the clock. So it is not behind the Clock's ticks either, which begin with the clock and
-        go by frames."""
+        go by frames.
+        """
         ahead_ns = now_ns - t_ns if self._ahead_ns is None else max(self._ahead_ns, now_ns - t_ns)
         self._ahead_ns = ahead_ns
         return t_ns + ahead_ns

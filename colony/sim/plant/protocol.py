@@ -111,7 +111,8 @@ class Advance(_Message, frozen=True, kw_only=True):
 
 class Attached(_Message, frozen=True, kw_only=True):
     """The device is there. `logical`: its time passes by commands only. `began_ns` is when the plant began,
-    which tells one process from another that was started in its place."""
+    which tells one process from another that was started in its place.
+    """
 
     logical: bool
     began_ns: int = 0

@@ -201,14 +201,16 @@ class World:
 
     def compass(self, robot: int) -> float:
         """What a compass on a robot reads: its heading in degrees, in [0, 360), off by what iron does to it
-        where the robot stands (thesis Figure 6.2)."""
+        where the robot stands (thesis Figure 6.2).
+        """
         x, y, heading = self.true_pose(robot)
         return (heading + disturbance_deg(self._iron, x, y)) % 360.0
 
     @property
     def walls(self) -> NDArray[np.float64]:
         """What is solid at the moment, (n, 7) as `wall_table` gives it; another array after each change, and
-        not to be written to."""
+        not to be written to.
+        """
         return self._walls
 
     @property

@@ -166,7 +166,8 @@ def _steps(
     sums: NDArray[np.float64], line: NDArray[np.intp], border: NDArray[np.intp]
 ) -> NDArray[np.float64]:
     """By how much the level changes across borders, from `WIDE` pixels before to `WIDE` after them; fewer
-    where the image ends. Border i is between columns i - 1 and i."""
+    where the image ends. Border i is between columns i - 1 and i.
+    """
     last = sums.shape[1] - 1
     after, before = np.minimum(border + _GAP, last - 1), np.maximum(border - _GAP, 1)
     end, first = np.minimum(after + WIDE, last), np.maximum(before - WIDE, 0)

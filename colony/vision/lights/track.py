@@ -86,7 +86,8 @@ class Seen(NamedTuple):
 class Sighting(NamedTuple):
     """What one image says of where the robot was when it was taken: its true progress, by a light whose place
     is known. `error_mm` is how far the reported one was short of that, `tilt_deg` the reported tilt, and
-    `sigma_mm` how sure the place is."""
+    `sigma_mm` how sure the place is.
+    """
 
     t_ns: int
     place_mm: float

@@ -207,7 +207,8 @@ class _Tracking:
 
     def _tell_fix(self, sighting: Sighting, turned_deg: float | None) -> Generator[Step, Any, None]:
         """Tell the estimator of the pose what an image says of the place along the corridor, and what several
-        together of the heading, which is to be turned by so much."""
+        together of the heading, which is to be turned by so much.
+        """
         goal = self._track.goal
         east, north = goal.ahead
         along = east * goal.x_mm + north * goal.y_mm + sighting.place_mm
@@ -220,7 +221,8 @@ class _Tracking:
 
     def _pose(self) -> Generator[Step, Any, PoseEstimate | None]:
         """The estimate of the pose; None where there is none. To be asked before the position, which then
-        has in it what the estimator corrected."""
+        has in it what the estimator corrected.
+        """
         if isinstance(self._track, ThesisTrack):
             return None
         told = yield from values(POSE)
@@ -256,7 +258,8 @@ class _Tracking:
 
 def position_at(positions: Sequence[Position], t_ns: int) -> Position:
     """Where the robot was, from positions in the order of their times: on the straight way between the two
-    around that time, or the first or last one."""
+    around that time, or the first or last one.
+    """
     after = next((i for i, position in enumerate(positions) if position.t_ns >= t_ns), len(positions) - 1)
     if after == 0 or positions[after].t_ns <= t_ns:
         return positions[after]

@@ -100,7 +100,8 @@ def _finder(finder: _Finder, period_s: float) -> Script:
 
 def _doors_deg() -> Generator[Step, Any, float | None]:
     """The heading at which the robot faces the doors of the elevator that it is to take, as far as it knows;
-    None where it is to take none, or nobody says so."""
+    None where it is to take none, or nobody says so.
+    """
     try:
         told = yield from values(GOAL_TYPE, GOAL_DIRECTION)
     except SILENT:

@@ -60,7 +60,8 @@ class MarkerPose(NamedTuple):
     @property
     def aside_mm(self) -> float:
         """How far the robot is to the left of the line through the marker's middle, at right angles to the
-        doors, as who faces these."""
+        doors, as who faces these.
+        """
         return self.distance_mm * math.sin(math.radians(self.facing_deg - self.bearing_deg))
 
     @property
@@ -112,7 +113,8 @@ def marker_pose(box: MarkerBox, camera: LevelCamera = AHEAD) -> MarkerPose | Non
 
 def marker_rows(pose: MarkerPose, marker: Marker, here: Position) -> tuple[Row, ...]:
     """What a look at a known marker tells about the robot's pose, which was believed to be `here` then: the
-    bearing, and where it was near enough for that the distance and the heading."""
+    bearing, and where it was near enough for that the distance and the heading.
+    """
     heading = math.radians(here.heading)
     east, north = marker.middle.x - here.x, marker.middle.y - here.y
     apart = max(math.hypot(east, north), MARKER_WIDTH_MM)

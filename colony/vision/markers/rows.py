@@ -75,7 +75,8 @@ Levels = NDArray[np.float32]
 
 class _Template(NamedTuple):
     """A code's pattern: where its edges are, in units from its middle, and what is left of edges that a
-    parabola does not explain; `solve` gives that parabola's middle, slope and curvature."""
+    parabola does not explain; `solve` gives that parabola's middle, slope and curvature.
+    """
 
     code: int
     edges: Floats
@@ -206,7 +207,8 @@ def _matches(edges: _Edges, levels: Levels) -> Iterator[_Pattern]:
 
 def _are_striped(levels: Levels, rows: NDArray[np.intp], columns: Floats) -> NDArray[np.bool_]:
     """Which of these patterns, (n, edges), have black and white stripes in turns with nothing but door beside
-    them."""
+    them.
+    """
     middles = np.rint((columns[:, 1:] + columns[:, :-1]) / 2.0).astype(np.intp)
     stripes = levels[rows[:, None], middles]
     black, white = stripes[:, ::2], stripes[:, 1::2]
@@ -250,7 +252,8 @@ def _continues(last: _Pattern, pattern: _Pattern) -> bool:
 
 def _is_marker(run: list[_Pattern], levels: Levels, camera: LevelCamera) -> bool:
     """Whether a run has exact edges, as many rows as a marker that has such edges, and no stripes above and
-    below it."""
+    below it.
+    """
     box = _box(run, 0)
     edges, template = np.array(box.edges), _TEMPLATES[MARKER_CODES.index(box.code)]
     misfit = float(np.abs(template.residual @ edges).max())

@@ -67,7 +67,8 @@ def traced(binary: NDArray[np.bool_], column: int, row: int) -> Border | None:
 
 def cornerness(codes: NDArray[np.int64], *, longest_arm: int = LONGEST_ARM) -> Floats:
     """How much of a corner each pixel of a closed border is, (n,): by how much the border turns there, in
-    radians, positive to the right, times the root of the lengths of its two arms."""
+    radians, positive to the right, times the root of the lengths of its two arms.
+    """
     total = np.zeros(len(codes))
     for segment in SEGMENTS:
         if segment < len(codes):

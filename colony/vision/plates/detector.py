@@ -195,7 +195,8 @@ def score_of(size: Size, face: Face) -> float:
 
 def _within(value: float, expected: float, good: float, bad: float) -> float:
     """1 where a value is nearer than `good` to what is expected, 0 beyond `bad`, and between the two
-    between them."""
+    between them.
+    """
     return min(max((bad - abs(value - expected)) / (bad - good), 0.0), 1.0)
 
 

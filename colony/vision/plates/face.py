@@ -148,7 +148,8 @@ def _written(line: Floats) -> tuple[int, int]:
 
 def _fit(rows: Floats, mm_a_pixel: float) -> tuple[float, float]:
     """How light the line of characters is by the plate that fits these rows best, and the rms of what it does
-    not explain."""
+    not explain.
+    """
     solver, basis = _plate_rows(min(max(round(mm_a_pixel), 1), _BLURS))
     amounts = solver @ rows
     off = rows - basis @ amounts
@@ -159,7 +160,8 @@ def _fit(rows: Floats, mm_a_pixel: float) -> tuple[float, float]:
 @lru_cache(maxsize=_BLURS)
 def _plate_rows(mm_a_pixel: int) -> tuple[Floats, Floats]:
     """What the rows of a rectified plate are made of, where a pixel of the image was so many mm: the line of
-    characters, what is above, what is below, and the ground. With it what finds out how much of each."""
+    characters, what is above, what is below, and the ground. With it what finds out how much of each.
+    """
     at = (np.arange(_ROWS + 2 * _BORDER) + 0.5) * MM_A_PIXEL - BORDER_MM
     ramp = _BLUR_PIXELS * mm_a_pixel
 

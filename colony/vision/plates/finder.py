@@ -137,7 +137,8 @@ def _tell_plates(untold: deque[list[object]]) -> Generator[Step, Any, None]:
 
 class _Maps:
     """The plates of all floors. Mutable: `floor`, the one on which the robot was last said to be; the first
-    one until somebody does."""
+    one until somebody does.
+    """
 
     def __init__(self, floors: Mapping[str, Sequence[Plate]]) -> None:
         self._floors = floors
@@ -155,7 +156,8 @@ class _Maps:
 
 class _Eye:
     """Looks at the wall. Mutable: the last position, the time of the last image, and whether the camera is
-    ready."""
+    ready.
+    """
 
     def __init__(self, name: str, geometry: LevelCamera, period_s: float, *, lock: bool) -> None:
         self._name, self._geometry, self._period_s = name, geometry, period_s

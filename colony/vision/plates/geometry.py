@@ -31,7 +31,8 @@ class WallView(NamedTuple):
 
     def left_mm(self, view_deg: float) -> float:
         """l: from the foot of the normal to where the left ray meets the wall; negative where that is on the
-        right of it, infinite where they do not meet."""
+        right of it, infinite where they do not meet.
+        """
         return self._reach_mm(self.tilt_deg + view_deg / 2.0)
 
     def right_mm(self, view_deg: float) -> float:
@@ -63,7 +64,8 @@ def overlap_mm(first: WallView, second: WallView, moved_mm: float, view_deg: flo
 
 def starting_column(first: WallView, second: WallView, moved_mm: float, camera: LevelCamera) -> int:
     """From which column on the second image shows what the first one did not show, at least 0 and at most
-    the number of columns."""
+    the number of columns.
+    """
     shared = overlap_mm(first, second, moved_mm, camera.view_deg)
     if shared <= 0.0:
         return 0

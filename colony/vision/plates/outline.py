@@ -29,7 +29,8 @@ _SOFT = 0.35  # of a pixel: residuals beyond this count less and less
 
 class Outline(NamedTuple):
     """A trapezoid with upright sides: its columns, and at both the rows of its upper and lower edge; `spread`
-    is by how much the upper and lower edge depart from straight lines, in pixels."""
+    is by how much the upper and lower edge depart from straight lines, in pixels.
+    """
 
     left: float
     right: float
@@ -93,7 +94,8 @@ class _Edge(NamedTuple):
 
 class _Halves(NamedTuple):
     """The upper and the lower half of a trapezoid: their height, base + slope * column, about the row
-    `middle`, and by how much the edges depart from that."""
+    `middle`, and by how much the edges depart from that.
+    """
 
     middle: float
     base: float
@@ -107,7 +109,8 @@ class _Halves(NamedTuple):
 
 def _halves(upper: _Edge | None, lower: _Edge | None, horizon: float) -> _Halves:
     """One line for both edges, as they are symmetric: where something dark behind the plate hides one of
-    them, the other shows it. The camera need not be quite level: both may be off the horizon."""
+    them, the other shows it. The camera need not be quite level: both may be off the horizon.
+    """
     middle = horizon
     if upper is not None and lower is not None:
         middle = float(np.median(upper.rows) + np.median(lower.rows)) / 2.0

@@ -75,7 +75,8 @@ def reading_of(look: Look, net: LetterNet, lexicon: Collection[str] = ()) -> Rea
 
 def texts_of(look: Look, lexicon: Collection[str] = ()) -> dict[str, float]:
     """The texts that a strip may have, and all of the lexicon, with the logarithms of their probabilities as
-    the columns alone tell them."""
+    the columns alone tell them.
+    """
     table = look.log_probabilities
     seen = {text: math.log(p) for text, p in likely_texts(table).items() if text and p > 0.0}
     known = sorted(text for text in lexicon if text not in seen)

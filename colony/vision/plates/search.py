@@ -184,7 +184,8 @@ class PlateSearch:
 
 class ThesisSearch:
     """As printed: what is in a part of the wall that was not in the last image with a plate is a new plate.
-    Mutable: where that image was taken."""
+    Mutable: where that image was taken.
+    """
 
     def __init__(self, camera: LevelCamera, reader: Reader | None = None) -> None:
         self._camera = camera

@@ -120,7 +120,8 @@ def seen_of(
 
 def fix_of_plate(seen: Seen, plate: Plate) -> Fix:
     """What a look at a plate that is known tells of the robot's pose: where it is across the line of sight,
-    which is sure, and how far away, which is less so."""
+    which is sure, and how far away, which is less so.
+    """
     bearing = _bearing_row(seen, plate)
     return Fix(seen.t_ns, (bearing, _depth_row(seen, plate)))
 

@@ -95,7 +95,8 @@ def _plates(lines: Gray, middle: int, camera: LevelCamera, starting_column: int)
 
 def _transitions(binary: NDArray[np.bool_], middle: int) -> list[tuple[int, int]]:
     """Where it goes from dark to bright: in the middle line, or else in the lowest line above it where it
-    does, from left to right."""
+    does, from left to right.
+    """
     rising = ~binary[:, :-1] & binary[:, 1:]
     for row in range(middle, -1, -1):
         columns = (np.flatnonzero(rising[row]) + 1).tolist()

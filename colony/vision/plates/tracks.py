@@ -80,7 +80,8 @@ class Track:
     def drift(self) -> float:
         """By how much it seems to move with the robot, as a part of the robot's way: about 0 for a plate, and
         more for what is of another size, and so not where it seems to be. The median over pairs of looks;
-        one jump of the position between them does not matter."""
+        one jump of the position between them does not matter.
+        """
         origins, places = np.array(self.origins), np.array(self.places)
         ways, moves = origins[:, None] - origins[None], places[:, None] - places[None]
         squared = (ways**2).sum(axis=2)

@@ -1,5 +1,6 @@
 """The loss of connectionist temporal classification, and its gradient: how improbable the right texts are,
-over all ways to write them in the columns (Graves et al., ICML 2006)."""
+over all ways to write them in the columns (Graves et al., ICML 2006).
+"""
 
 from __future__ import annotations
 

@@ -135,7 +135,8 @@ def learning(
 def _loss(scores: Floats, plates: Floats, texts: Sequence[str]) -> tuple[float, Floats, Floats]:
     """The mean loss, and its gradients by the scores of the classes and by the log odds of being a plate.
 
-    What is no plate has no characters, so that only plates teach these."""
+    What is no plate has no characters, so that only plates teach these.
+    """
     is_plate = np.array([bool(text) for text in texts])
     by_scores = np.zeros_like(scores)
     loss = 0.0

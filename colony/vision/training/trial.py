@@ -36,7 +36,8 @@ class Score(NamedTuple):
 
 class JunkScore(NamedTuple):
     """Of some looks at what is no plate: how many there were, how many were read as something, and how many
-    of these with a confidence of 0.9 and more."""
+    of these with a confidence of 0.9 and more.
+    """
 
     looks: int
     read: int
@@ -45,7 +46,8 @@ class JunkScore(NamedTuple):
 
 def calibrated(net: LetterNet, fonts: Sequence[Path], count: int, random: np.random.Generator) -> LetterNet:
     """The network with the sharpness and the trust in its prior that make the right readings of so many looks
-    most probable."""
+    most probable.
+    """
     seen: list[tuple[dict[str, float], float, str]] = []
     for _ in range(count):
         font = fonts[int(random.integers(len(fonts)))]

@@ -68,7 +68,8 @@ def view(
 
 def jittered(corners: Corners, random: np.random.Generator) -> Corners:
     """The corners as a detector may find them: off by a pixel or so, and together by some hundredths of the
-    plate's size."""
+    plate's size.
+    """
     true = np.array(corners)
     size = true.max(axis=0) - true.min(axis=0)
     together = random.normal(0.0, 0.015, 2) * size
