@@ -1,5 +1,6 @@
-"""What scripts of the navigation ask: of DServer semaphores that may be 0 and variables that may be unset,
-and of other servers what these may not know now.
+"""Requests that the navigation scripts make of DServer and of other servers.
+
+Semaphores may be 0, variables may be unset, and a server may not know the answer yet.
 """
 
 from __future__ import annotations
@@ -44,10 +45,10 @@ def values(*names: str) -> Generator[Step, Any, dict[str, Any] | None]:
 
 
 def asked(server: str, ask: Ask[T]) -> Generator[Step, Any, T | None]:
-    """What a server answers; None while it is away, or has no value yet.
+    """Return a server's answer, or None while the server is away or has no value yet.
 
     Raises:
-        CallRefused: it refuses that, and always will.
+        CallRefused: the server refuses the request, and always will.
     """
     try:
         return (yield from do(server, ask))

@@ -1,10 +1,10 @@
-"""What results of runs say about the automaton of `confidence.py`: its probabilities, and how sure they are.
+"""Estimates of the automaton's probabilities from the results of runs, with their confidence intervals.
 
 Each event is a Bernoulli trial: so many times it could come true, so many times it did. Intervals of one
 probability are those of Wilson (1927), or the exact and wider ones of Clopper and Pearson (1934). The
-interval of a string's confidence is had by drawing each event's probability from its posterior distribution
-under Jeffreys' prior, Beta(k + 1/2, n - k + 1/2): drawing runs anew would call an event certain that never
-failed.
+interval of a string's confidence comes from drawing each event's probability from its posterior distribution
+under Jeffreys' prior, Beta(k + 1/2, n - k + 1/2). Resampling the runs instead would call an event certain
+that never failed.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from colony.nav.confidence.automaton import ALL_ARCS, PUBLISHED_ARCS, Arcs, Auto
 
 
 class Count(NamedTuple):
-    """Of `trials` so many were good."""
+    """The number of successes among `trials`."""
 
     good: int
     trials: int
@@ -35,8 +35,10 @@ class Count(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunModes:
-    """What became of a run: its modes, how many of them it completed, and, where it failed along lights,
-    whether it had found the first one.
+    """The result of a run.
+
+    It holds the run's modes, the number of modes that the run completed and, if it failed along lights,
+    whether it had found the first light.
     """
 
     modes: str
@@ -56,11 +58,11 @@ PUBLISHED_COUNTS: Counts = MappingProxyType(
         Event.DEAD_RECKONING: Count(35, 35),
     }
 )
-"""Of the thesis's runs: those of section 6.3, and how often Tables 6.1 and 6.2 count the mode D."""
+"""Counts of the thesis's runs: those of section 6.3, and those of the mode D in Tables 6.1 and 6.2."""
 
 
 def counts_of(runs: Iterable[RunModes]) -> dict[Event, Count]:
-    """How often each event could come true in these runs, and did.
+    """Count how often each event could come true in these runs, and how often it did.
 
     Raises:
         ValueError: a run completed more modes than it has, or fewer than none.
@@ -79,7 +81,7 @@ def counts_of(runs: Iterable[RunModes]) -> dict[Event, Count]:
 
 
 def _events(mode: str, before: str, done: bool, found: bool) -> list[tuple[Event, bool]]:
-    """What could come true in one mode, after the one before, and whether it did."""
+    """Return the events that could come true in a mode after the one before, and whether each one did."""
     match mode:
         case "l":
             first = Event.CORNER_LIGHT if before == "c" else Event.START_LIGHT
@@ -138,11 +140,15 @@ def clopper_pearson(count: Count, level: float = 0.95) -> Interval:
 def string_interval(
     counts: Counts, modes: str, *, seed: int, level: float = 0.95, draws: int = 10_000, arcs: Arcs = ALL_ARCS
 ) -> Interval | None:
-    """The interval in which the confidence of a string lies; None for a string that the automaton has not.
+    """Return the interval of a string's confidence, or None if the automaton does not accept the string.
 
     Args:
-        counts: of all events; those that the string does not need change nothing.
-        seed: of the draws.
+        counts: counts of all events; events that the string does not need change nothing.
+        modes: the string: the modes of a plan, in order.
+        seed: seed of the draws.
+        level: level of the interval.
+        draws: number of draws for each event.
+        arcs: the arcs of the automaton.
     """
     powers = powers_of(modes, arcs)
     if powers is None:
@@ -164,7 +170,7 @@ _BISECTIONS = 60
 
 
 def _root(rising: Callable[[float], float]) -> float:
-    """Where a function that rises from below 0 at 0 to above 0 at 1 is 0."""
+    """Return the root of a function that rises from below 0 at 0 to above 0 at 1."""
     low, high = 0.0, 1.0
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2

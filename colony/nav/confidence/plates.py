@@ -1,4 +1,4 @@
-"""How likely all door number plates of a corridor are detected: the automaton of thesis Figures 6.8 and 6.9.
+"""The probability that all door plates of a corridor are detected: thesis Figures 6.8 and 6.9.
 
 At most one plate is missed, and at most one false one seen, between two that are detected (section 6.3).
 

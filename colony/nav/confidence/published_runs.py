@@ -39,12 +39,12 @@ class PublishedRun:
 
     @property
     def reached(self) -> bool:
-        """Whether the robot came to its goal."""
+        """True if the robot reached its goal."""
         return self.beyond_goal_mm is not None
 
     @property
     def compensated(self) -> bool:
-        """Whether the overshoot was taken off the distances, as after December 22, 1993."""
+        """True if the overshoot was subtracted from the distances, as after December 22, 1993."""
         return self.began > "1993-12-23"
 
 

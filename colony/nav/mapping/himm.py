@@ -23,7 +23,7 @@ FALL = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HimmSetting:
-    """What a local map is like; lengths in mm.
+    """The setting of a local map; lengths in mm.
 
     Attributes:
         cell_mm: the side of a cell.
@@ -41,8 +41,10 @@ class HimmSetting:
 
 
 class LocalPose(NamedTuple):
-    """Where a robot is in a local map: mm ahead of the place where the map began, and to the left of it, and
-    the heading in radians counterclockwise from the heading there.
+    """The pose of a robot in a local map.
+
+    Millimeters ahead of the place where the map began and to the left of it, and the heading in radians,
+    counterclockwise from the heading there.
     """
 
     ahead_mm: float
@@ -76,7 +78,7 @@ class HimmMap:
         return self._grid.reshape(self._side, self._side).astype(np.uint8)
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Clear all cells."""
         self._grid[:] = 0
 
     def mark(self, pose: LocalPose, ranges: Floats) -> None:

@@ -43,15 +43,15 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoughSetting:
-    """How lines are sought.
+    """The setting of the search for lines.
 
     Attributes:
-        angle_step_deg, distance_step_mm: a bin.
-        parallel_deg: a line is parallel up to this angle.
-        least_apart_mm, most_apart_mm: between the two walls of a hallway.
-        near_mm: a cell belongs to a line up to this distance.
-        least_weight: a line has at least so much.
-        least_length_mm: and reaches at least so far.
+        angle_step_deg, distance_step_mm: the size of a bin.
+        parallel_deg: the largest angle between parallel lines.
+        least_apart_mm, most_apart_mm: the distance between the two walls of a hallway.
+        near_mm: the largest distance of a cell from the line to which it belongs.
+        least_weight: the least weight of a line.
+        least_length_mm: the least length of a line.
     """
 
     angle_step_deg: float = 1.0
@@ -103,7 +103,7 @@ def _votes(cells: Cells, setting: HoughSetting) -> tuple[Floats, Floats, float]:
 def _guided(
     votes: Floats, angles: Floats, nearest: float, first: Line, side: float, setting: HoughSetting
 ) -> tuple[float, float] | None:
-    """Where the strongest line parallel to the first one is, at a plausible distance on one side of it."""
+    """Return the strongest line parallel to the first one, at a plausible distance on one side of it."""
     off = np.degrees(angles) - first.angle_deg
     rows = np.flatnonzero(np.abs(_half_turned(off)) <= setting.parallel_deg)
     # A line at 89 degrees and its parallel at -89 have opposite directions, and left is right.

@@ -25,7 +25,7 @@ def local_pose(origin: Pose, pose: Pose) -> LocalPose:
 
 
 def beyond(pose: LocalPose, step: Step) -> LocalPose:
-    """Where a robot is after a step."""
+    """Return the pose of a robot after a step."""
     sine, cosine = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
     return LocalPose(
         ahead_mm=pose.ahead_mm + step.ahead_mm * cosine - step.left_mm * sine,
@@ -64,7 +64,7 @@ class Trail:
 
     @property
     def way_mm(self) -> float:
-        """How far the robot went from the oldest scan to where it is."""
+        """Distance that the robot traveled since the oldest scan, in mm."""
         return self._way_mm - self._scans[0][0] if self._scans else 0.0
 
     def clear(self) -> None:

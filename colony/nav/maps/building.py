@@ -120,7 +120,7 @@ def _load_all(path: str) -> list[_Loaded]:
 
 
 def _place(here: _Loaded, elevator: ElevatorLink, index: int) -> Span:
-    """Where a word of an elevator's line stands: 1 its node, 2 its file, 3 the other node."""
+    """Return the span of a word of an elevator's line: 1 its node, 2 its file, 3 the other node."""
     wanted = ["elevator", *elevator]
     lines = lines_of_words(here.source)
     return next(words[index].span for words in lines if [w.text for w in words] == wanted)
@@ -134,7 +134,7 @@ def _unreadable(here: _Loaded, elevator: ElevatorLink, failure: Failure) -> Diag
 
 
 def _misled(here: _Loaded) -> list[Diagnostic]:
-    """What is wrong with where a map's elevators lead."""
+    """Return the errors in where a map's elevators lead."""
     problems: list[Diagnostic] = []
     for elevator, there in zip(here.map.elevators, here.others, strict=True):
         kind = _kind_at(there.map, elevator.other_node)
@@ -186,7 +186,7 @@ def _twins(loaded: list[_Loaded]) -> list[Diagnostic]:
 
 
 def _header_place(one: _Loaded, key: str) -> Span:
-    """Where the value of a header line stands."""
+    """Return the span of the value of a header line."""
     return next(words[1].span for words in lines_of_words(one.source) if words[0].text == key)
 
 

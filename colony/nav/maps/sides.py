@@ -36,23 +36,23 @@ class Side:
     turn_after: float
 
     def along(self, at: Point) -> float:
-        """How far a place is after `begin`, along the heading, in mm."""
+        """Return the distance of a place from `begin`, along the heading, in mm."""
         unit = direction(self.heading_deg)
         return (at.x - self.begin.x) * unit.x + (at.y - self.begin.y) * unit.y
 
     def right_of(self, at: Point) -> float:
-        """How far a place is to the right of the line on which most of the side lies, in mm."""
+        """Return the distance of a place to the right of the line on which most of the side lies, in mm."""
         unit = direction(self.heading_deg)
         return (at.x - self.begin.x) * unit.y - (at.y - self.begin.y) * unit.x - self.inset
 
     @property
     def low(self) -> float:
-        """Where it begins, as `along` counts."""
+        """Begin of the side, as `along` counts."""
         return min(0.0, self.along(self.end))
 
     @property
     def high(self) -> float:
-        """Where it ends, as `along` counts."""
+        """End of the side, as `along` counts."""
         return max(0.0, self.along(self.end))
 
 
@@ -107,7 +107,7 @@ def _apart(one: float, other: float) -> float:
 
 
 def _most(values: list[tuple[float, float]], near: float, period: float = math.inf) -> float:
-    """Of values with weights, the one that has the most weight near it."""
+    """Return the value that has the most weight near it."""
 
     def distance(one: float, other: float) -> float:
         return abs(one - other) if period == math.inf else _apart(one, other)

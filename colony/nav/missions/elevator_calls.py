@@ -1,4 +1,4 @@
-"""Which elevator a robot is to take: what the Planner tells who presses its buttons (thesis 5.4.6)."""
+"""Elevator calls: the Planner's messages to the operator of an elevator's buttons (thesis section 5.4.6)."""
 
 from __future__ import annotations
 

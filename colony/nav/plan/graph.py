@@ -24,7 +24,7 @@ from colony.nav.maps.walls import lights_of
 _HOP_MM = 0.001  # so that of equally long ways the one with the fewest steps is taken
 _TURN_MM = 0.1
 _RIDE_MM = 20_000.0
-"""What riding an elevator counts for, in mm of way, where there are several to choose from."""
+"""Cost of riding an elevator, in mm of way, for the choice among several."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,7 +79,7 @@ class Layout:
 
 @lru_cache(maxsize=32)
 def layout_of(source: Map) -> Layout:
-    """What is derived from a map, once for each."""
+    """Derive the layout of a map, once for each map."""
     corridors = corridors_of(source)
     bounded: dict[tuple[int, int], tuple[int, ...]] = {}
     for i, corridor in enumerate(corridors):
@@ -152,11 +152,15 @@ class _MiddlePlace:
 def shortest_way(
     layouts: tuple[Layout, ...], lifts: tuple[Lift, ...], origin: Spot, goal: Spot, travel: Travel | None
 ) -> Way | None:
-    """The shortest way from node to node; None where there is none.
+    """Return the shortest way from node to node, or None if there is none.
 
-    Elevators are ridden to other floors, and to the same one only where it has no way of its own.
+    Elevators are ridden to other floors; they are ridden to the same floor only if it has no way of its own.
 
     Args:
+        layouts: the layouts of all floors.
+        lifts: the elevators between them.
+        origin: the node where the way begins.
+        goal: the node where it ends.
         travel: how all floors are traveled; None: each as its map says.
     """
     if origin.floor == goal.floor:
@@ -253,7 +257,7 @@ def _parts(graph: Any, path: list[Any]) -> Way:
     corridors: list[int] = []
     for here, there in pairwise(path):
         if isinstance(here, Spot) and isinstance(there, Spot):
-            # An elevator that is told from floor to floor is ridden in one go.
+            # An elevator linked from floor to floor is ridden in one go.
             match parts[-1:]:
                 case [Lift(one=first)]:
                     parts[-1] = Lift(first, there)

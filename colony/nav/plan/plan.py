@@ -75,5 +75,5 @@ class Plan:
 
     @property
     def way_mm(self) -> float:
-        """How far the robot travels, along the middle of the corridors."""
+        """Distance that the robot travels, along the middle of the corridors, in mm."""
         return sum(segment.length_mm for segment in self.segments)

@@ -12,7 +12,7 @@ from colony.nav.shared import GoalKind
 from colony.text.suggestions import did_you_mean
 
 JAMBS = ("L", "R", ".L", ".R")
-"""What a door's name ends in where it is the name of one of its jambs."""
+"""Suffixes of a door's name in the names of its jambs."""
 
 
 class NoPlan(Exception):
@@ -25,16 +25,16 @@ class NoPlan(Exception):
 
 
 def plan(source: Map | Building, origin: str, goal: str, *, travel: Travel | None = None) -> Plan:
-    """The shortest path from one node to another.
+    """Return the shortest path from one node to another.
 
     A name without a jamb ("376" where there are 376L and 376R) stands for both jambs of that door, and the
-    path is the shortest of those between them. A name is looked for on the first floor of a building, and
-    only then on the others; the name of a map or floor before it says where: "msu_engineering_2:250R" or
-    "2:250R".
+    path is the shortest of those between them. A name is looked up on the first floor of a building, and only
+    then on the others; the name of a map or floor before it says where: "msu_engineering_2:250R" or "2:250R".
 
     Args:
         source: a floor, or all that elevators join.
-        origin, goal: names of nodes or doors.
+        origin: name of the node or door where the path begins.
+        goal: name of the node or door where it ends.
         travel: which way rings are followed, in place of what the maps say.
 
     Raises:
@@ -117,8 +117,10 @@ def _quoted(name: str) -> str:
 
 
 def _similar(name: str, known: Known) -> str | None:
-    """Return a hint with the same name in other letters, or up to three names of doors, or of nodes that are
-    no jambs, that are much like this one.
+    """Return a hint with similar names.
+
+    It has the same name in other letters, or else up to three names much like this one: of doors, or of nodes
+    that are no jambs.
     """
     folded = [one for one in known if one.lower() == name.lower()]
     doors = {one.removesuffix(jamb) for one in known for jamb in JAMBS if one.endswith(jamb)} - {""}

@@ -1,4 +1,4 @@
-"""Where a robot is and how sure that is, as the pose estimator tells it at DServer."""
+"""The estimate of a robot's pose and its uncertainty, as the pose estimator publishes it at DServer."""
 
 from __future__ import annotations
 

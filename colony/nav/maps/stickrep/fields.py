@@ -37,7 +37,7 @@ class TooMany(Exception):
 
 
 class Problems(list[Diagnostic]):
-    """What was found wrong so far."""
+    """The errors found so far."""
 
     def report(self, code: str, span: Span, message: str, hint: str | None = None) -> None:
         """Add an error.
@@ -66,7 +66,7 @@ class Word(NamedTuple):
 
     @property
     def looks_like_number(self) -> bool:
-        """Whether the word was meant to be a number: rows of a map begin with one, header lines don't."""
+        """True if the word was meant to be a number: rows begin with a number, header lines do not."""
         return _NUMBER_LIKE.match(self.text) is not None
 
 
@@ -87,7 +87,7 @@ def lines_of_words(source: Source) -> Iterator[list[Word]]:
 
 
 def line_end(words: list[Word]) -> Span:
-    """Where the next word of a line would have begun."""
+    """Return the span where the next word of a line would have begun."""
     last = words[-1].span
     return Span(last.source, last.end, last.end)
 

@@ -18,16 +18,16 @@ from colony.text.source import Span
 from colony.text.suggestions import did_you_mean
 
 MAX_ACROSS_MM = 8_000.0
-"""How far apart linked places may be."""
+"""Largest distance between linked places."""
 MAX_ASIDE_MM = 500.0
-"""How much two places that face each other may be displaced along their corridor."""
+"""Largest displacement along their corridor of two places that face each other."""
 _LEAST_COSINE = math.cos(math.radians(10.0))  # walls that differ by more do not run along one corridor
 _SLACK_MM = 0.1  # what rounding in a file may add to an offset
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joints:
-    """What joins the rings of a map to each other and the map to others."""
+    """The links between the rings of a map, and the elevators to other maps."""
 
     links: tuple[Link, ...]
     elevators: tuple[ElevatorLink, ...]
@@ -147,7 +147,7 @@ class _JointReader:
         return _Spot(Site(name, offset), ring, at, walls, corner)
 
     def _offset(self, word: Word, name: str, edge: Edge) -> float | None:
-        """How far after its node a place is."""
+        """Return the distance of a place from its node, in mm."""
         what, limit = "the distance from the node", fields.MAX_LENGTH_MM
         offset = fields.length_mm(self.problems, word, what, 0.0, limit, self.unit)
         if offset is not None and not 0.0 <= offset <= edge.length_mm + _SLACK_MM:
@@ -185,7 +185,7 @@ def _unit(here: Point, there: Point) -> Point:
 
 
 def _displacement(one: _Spot, other: _Spot, way: Point) -> float | None:
-    """How far two places are displaced along the walls of a corridor; None if on no opposite walls.
+    """Return the displacement of two places along opposite walls of a corridor; None for other places.
 
     Opposite walls are traced in opposite directions, and each has the other on its right.
     """
