@@ -42,7 +42,7 @@ def annotate(image: Rgb, found: Iterable[tuple[Detector, Spot]]) -> Rgb:
 
 
 def label_of(detector: Detector, spot: Spot) -> str:
-    """What a spot is, in a few letters."""
+    """Return the label of a spot, in a few letters."""
     match detector:
         case Detector.PLATES:
             return spot.label or "plate"

@@ -43,8 +43,10 @@ def gray_image(image: NDArray[Any]) -> Gray:
 
 
 def gray_band(image: NDArray[Any], camera: LevelCamera | None, first_row: int) -> tuple[Gray, LevelCamera]:
-    """An image of a camera, or the band of it that begins with row `first_row`, as gray; and the camera: one
-    of 60 degrees that gives such an image, where none is told.
+    """Return an image as gray, with its camera.
+
+    The image is a whole one or the band of it that begins with row `first_row`. The default camera is one of
+    60 degrees that gives such an image.
 
     Raises:
         ValueError: it is no image, or not one of this camera.

@@ -28,9 +28,7 @@ _SLACK_MM = 20.0
 
 
 class SignInView(NamedTuple):
-    """A sign in an image: its corners from the upper left one clockwise, in pixels, and how far away its
-    middle is.
-    """
+    """A sign in an image: its corners clockwise from the upper left one, in pixels, and its middle's distance."""
 
     sign: Plate | Marker
     corners: tuple[Corner, Corner, Corner, Corner]
@@ -40,10 +38,12 @@ class SignInView(NamedTuple):
 def signs_in_view(
     floor: Map, pose: tuple[float, float, float], camera: LevelCamera
 ) -> tuple[SignInView, ...]:
-    """The signs that are in the image as a whole, and that no wall hides; the nearest one first.
+    """Return the signs that are in the image as a whole and not hidden by a wall, the nearest one first.
 
     Args:
-        pose: of the robot, x and y in mm, heading in degrees.
+        floor: the map.
+        pose: pose of the robot, x and y in mm, heading in degrees.
+        camera: the camera.
     """
     segments = walls_of(floor).segments
     seen = []
@@ -63,8 +63,9 @@ def signs_in_view(
 def corners_of(
     sign: Plate | Marker, pose: tuple[float, float, float], camera: LevelCamera
 ) -> tuple[Corner, Corner, Corner, Corner] | None:
-    """Where in the image the corners of a sign are, from the upper left one clockwise, whatever is before it;
-    None where the camera does not look at its front, or is nearer than 50 mm.
+    """Return the corners of a sign in the image, clockwise from the upper left one, whatever is before it.
+
+    None if the camera does not look at its front, or is nearer than 50 mm.
     """
     wide = sign.end_mm - sign.start_mm
     high = PLATE_HEIGHT_MM if isinstance(sign, Plate) else STRIPE_HEIGHT_MM

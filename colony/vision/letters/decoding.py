@@ -68,12 +68,12 @@ def _longer(
 
 
 class States(NamedTuple):
-    """What texts emit, one text a row, (texts, states): their characters, and blanks around each.
+    """The emissions of texts, one text a row, (texts, states): the characters, and blanks around each.
 
     Attributes:
-        classes: of each state.
-        valid: which states a text has; the rest only fills up its row.
-        leaps: which states may follow the one before the last, without the blank between.
+        classes: the class of each state.
+        valid: True for the states that a text has; the rest only fills up its row.
+        leaps: True for states that may follow the one before the last, without the blank between.
     """
 
     classes: npt.NDArray[np.intp]
@@ -95,10 +95,11 @@ def states_of(texts: Sequence[str]) -> States:
 
 
 def log_probabilities_of(texts: Sequence[str], log_probabilities: Floats) -> npt.NDArray[np.float64]:
-    """The logarithm of the probability of each text, (texts); -inf where it does not fit into the columns.
+    """Return the log probability of each text, (texts); -inf where it does not fit into the columns.
 
     Args:
-        log_probabilities: of each class at each column, (columns, classes).
+        texts: the texts.
+        log_probabilities: the log probability of each class at each column, (columns, classes).
     """
     if not texts:
         return np.zeros(0)

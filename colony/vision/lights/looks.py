@@ -1,4 +1,4 @@
-"""What a script sees of the ceiling: scan lines of cameras, made into lights."""
+"""Observations of the ceiling for a script: scan lines of cameras, turned into lights."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from colony.vision.lights.scan_lines import Light, ceiling_lights
 _TRIES = 3
 
 SILENT = (CallRefused, ConnectionLost, ServerNotFound, TimedOut)
-"""What a server that does not answer raises; to be asked again in the next look."""
+"""Errors of a server that does not answer; the next look asks it again."""
 
 
 class Look(NamedTuple):

@@ -31,7 +31,7 @@ from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, CeilingCamera
 Lines = NDArray[np.uint8]
 
 REACH = 6
-"""How many pixels on each side of a border the gradient is taken over."""
+"""Number of pixels on each side of a border that the gradient covers."""
 
 NOISES = 5.5
 """The least gradient of an edge, in standard deviations of the gradient of a line without any edge."""
@@ -41,7 +41,7 @@ LEAST_GRADIENT = 16.0
 between the tiles of a ceiling."""
 
 WIDE = 16
-"""How many pixels on each side the step of an edge is measured over, `_GAP` pixels away from it."""
+"""Number of pixels on each side over which an edge's step is measured, `_GAP` pixels away from it."""
 
 STEP = 0.6
 """An edge is one between two levels: its gradient is this part of the step at least, so that it is sharp and
@@ -100,11 +100,12 @@ class _Edge(NamedTuple):
 
 
 def ceiling_lights(lines: Lines, camera: CeilingCamera, *, tilt_deg: float = 0.0) -> tuple[Light, ...]:
-    """The lights that the lines agree upon, best first, none overlapping a better one.
+    """Return the lights that the lines agree upon, best first, none overlapping a better one.
 
     Args:
         lines: n x columns, the scan lines of the camera.
-        tilt_deg: the heading against the corridor by what is known otherwise, for lights that do not tell it.
+        camera: the camera.
+        tilt_deg: the heading against the corridor from other sources, for lights that do not show it.
     """
     lefts = [camera.left_of(row) for row in camera.scan_rows]
     found = line_lights(lines, camera)
@@ -153,7 +154,7 @@ def _edges(lines: Lines) -> list[list[_Edge]]:
 
 
 def _least_gradients(lines: Lines) -> NDArray[np.float64]:
-    """Of an edge, in each line: by its noise, which the differences of neighboring pixels tell."""
+    """Return the least gradient of an edge in each line, by the noise of neighboring pixels."""
     steps = np.abs(np.diff(lines.astype(np.int16), axis=1))
     # The median of whole gray levels is a coarse measure: half a level is added for what rounding hides.
     middle = steps.shape[1] // 2
@@ -165,8 +166,9 @@ def _least_gradients(lines: Lines) -> NDArray[np.float64]:
 def _steps(
     sums: NDArray[np.float64], line: NDArray[np.intp], border: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """By how much the level changes across borders, from `WIDE` pixels before to `WIDE` after them; fewer
-    where the image ends. Border i is between columns i - 1 and i.
+    """Return the change of the level across borders, from `WIDE` pixels before to `WIDE` after them.
+
+    There are fewer pixels where the image ends. Border i is between columns i - 1 and i.
     """
     last = sums.shape[1] - 1
     after, before = np.minimum(border + _GAP, last - 1), np.maximum(border - _GAP, 1)
@@ -186,7 +188,7 @@ def _refined(gradient: NDArray[np.float64], border: int, rise: float) -> _Edge:
 
 
 def _separate(edges: list[_Edge]) -> list[_Edge]:
-    """Of edges of the same sign that are closer than `REACH` only the strongest; at most so many in all."""
+    """Return the strongest of edges of the same sign that are closer than `REACH`; a limited number in all."""
     kept: list[_Edge] = []
     for edge in sorted(edges, key=lambda edge: -abs(edge.rise))[:_MOST_EDGES]:
         if all(abs(edge.column - k.column) > REACH or edge.rise * k.rise < 0.0 for k in kept):
@@ -246,7 +248,7 @@ def _longest_mm() -> float:
 def _claims(
     found: tuple[tuple[LineLight, ...], ...], lefts: list[float], tilt_deg: float
 ) -> list[Light | None]:
-    """What each line, each pair of lines and all of them together could mean."""
+    """Return what each line, each pair of lines and all lines together could mean."""
     seen = [(light, left) for lights, left in zip(found, lefts, strict=True) for light in lights]
     claims = [_single(light, left, tilt_deg, len(lefts)) for light, left in seen]
     groups = (group for count in range(2, len(lefts) + 1) for group in combinations(seen, count))
@@ -289,7 +291,7 @@ def _agreed(group: tuple[tuple[LineLight, float], ...], tilt_deg: float, lines: 
 
 
 def _slope(near: list[tuple[float, float]], far: list[tuple[float, float]]) -> float | None:
-    """By how much the edges shift ahead for each mm to the left: least squares, with an offset an edge."""
+    """Return the shift of the edges ahead for each mm to the left: least squares, with an offset an edge."""
     products = squares = 0.0
     for points in (near, far):
         if len(points) > 1:

@@ -1,9 +1,7 @@
-"""The goals of CTracker at DServer: taken when $TrackData is upped, and taken up again by a tracker that is
-started anew.
+"""The goals of CTracker at DServer: taken when $TrackData is upped, and resumed by a restarted tracker.
 
-Where the robot was when a goal was taken is kept in TrackStart, since LightOffset counts from there. So a
-tracker that finds one there, which was ended half-way, goes on with the lights that CeilingLight does not
-count yet.
+TrackStart holds the robot's place when a goal was taken, since LightOffset counts from there. So a tracker
+that finds the TrackStart of an interrupted one resumes with the lights that CeilingLight does not count yet.
 """
 
 from __future__ import annotations
@@ -39,7 +37,7 @@ class Unfinished(NamedTuple):
 
 
 def new_goal() -> Generator[Step, Any, bool]:
-    """Whether $TrackData is upped, and so there is another goal."""
+    """Return True if $TrackData is upped, and so there is another goal."""
     return (yield from taken(TRACK_DATA, 0.0))
 
 
@@ -88,9 +86,9 @@ def give_up() -> Generator[Step, Any, None]:
 
 
 def is_given_up() -> Generator[Step, Any, bool]:
-    """Whether the robot was given another goal, of another kind: nobody waits for these lights any more.
+    """Return True if the robot has a new goal of another kind: no client waits for these lights any more.
 
-    GoalType NONE gives nothing up: the robot is made to wait.
+    GoalType NONE gives nothing up: it only halts the robot.
     """
     told = yield from values(GOAL_TYPE)
     return told is not None and told[GOAL_TYPE] not in (GoalKind.LIGHTS, GoalKind.NONE)

@@ -1,12 +1,12 @@
 """The marker finder: looks for the marker of an elevator that the robot is to take (thesis section 5.4.6).
 
 While GoalType is that of an elevator it looks at the camera ahead every 0.2 s: at the middle half of the
-image, and where the marker was seen, next time only at the rows around it. MarkerBearing, MarkerFacing and
-MarkerDistance are where the marker is from where the robot is when they are set. Where no marker is seen
-nothing is set, so that they grow old.
+image, and after a sighting only at the rows around the marker. MarkerBearing, MarkerFacing and MarkerDistance
+are the marker's place relative to the robot at the time when they are set. Without a marker in view nothing
+is set, so that they grow old.
 
-ElevatorCall tells which elevator is meant, and then only its marker counts, while the robot is on its floor;
-without a call, the widest one. A marker that the map of the floor has makes a fix of the pose, MarkerFix.
+ElevatorCall names the elevator, and then only its marker counts, while the robot is on its floor; without a
+call, the widest one. A marker that the map of the floor has makes a fix of the pose, MarkerFix.
 
 A server that is away is asked again at the next look.
 """
@@ -49,7 +49,7 @@ PERIOD_S = 0.2
 """From one look to the next: 6 degrees of a sweep."""
 
 IDLE_S = 0.5
-"""How often it is asked whether an elevator is to be taken."""
+"""Seconds between two checks whether an elevator is to be taken."""
 
 MOST_OFF_DEG, MOST_OFF_MM = 30.0, 1_500.0
 """A marker that is farther from where the map has it, as seen from where the robot believes to be, is another
@@ -99,8 +99,9 @@ def _finder(finder: _Finder, period_s: float) -> Script:
 
 
 def _doors_deg() -> Generator[Step, Any, float | None]:
-    """The heading at which the robot faces the doors of the elevator that it is to take, as far as it knows;
-    None where it is to take none, or nobody says so.
+    """Return the heading at which the robot faces the elevator doors, as far as it knows.
+
+    None if it is to take no elevator, or DServer has no goal.
     """
     try:
         told = yield from values(GOAL_TYPE, GOAL_DIRECTION)
@@ -204,7 +205,7 @@ class _Finder:
 
 
 def is_there(pose: MarkerPose, marker: Marker, here: Position) -> bool:
-    """Whether a marker that is seen may be this one of the map, for a robot that believes to be `here`."""
+    """Return True if an observed marker may be this one of the map, for a robot that believes to be `here`."""
     along = math.radians(here.heading + pose.bearing_deg)
     east = here.x - pose.distance_mm * math.sin(along)
     north = here.y + pose.distance_mm * math.cos(along)

@@ -19,7 +19,7 @@ from colony.vision.sightings import Corner
 Floats = NDArray[np.float64]
 
 LEAST_DROP = 4.0
-"""By how many gray levels it must darken across an edge, at least."""
+"""Least fall of the gray level across an edge."""
 
 _LEAST_COLUMNS = 4
 _ROUNDS = 5
@@ -28,8 +28,9 @@ _SOFT = 0.35  # of a pixel: residuals beyond this count less and less
 
 
 class Outline(NamedTuple):
-    """A trapezoid with upright sides: its columns, and at both the rows of its upper and lower edge; `spread`
-    is by how much the upper and lower edge depart from straight lines, in pixels.
+    """A trapezoid with upright sides: its columns, and at both the rows of its upper and lower edge.
+
+    `spread` is how far the upper and lower edge depart from straight lines, in pixels.
     """
 
     left: float
@@ -66,11 +67,10 @@ def outline_of(gray: Gray, box: Patch, horizon: float) -> Outline | None:
 
 
 def outline_near(gray: Gray, rough: Outline, horizon: float, least_drop: float) -> Outline:
-    """An outline that is known to a pixel or two, to a part of a pixel where its edges are to be seen.
+    """Refine an outline that is known to a pixel or two, to a part of a pixel where its edges are visible.
 
-    Of the upper and the lower edge one tells the other, as they are symmetric about the horizon; of the left
-    and the right one, one tells the other by the width. Edges by which it darkens less than `least_drop` are
-    not seen.
+    A missing upper or lower edge follows from the other, as they are symmetric about the horizon; a missing
+    left or right one follows from the width. Edges whose fall is less than `least_drop` are not visible.
     """
     box = _box_about(rough, gray.shape)
     upper, lower = (_edge(gray, box, lower=lower, least_drop=least_drop) for lower in (False, True))
@@ -93,8 +93,9 @@ class _Edge(NamedTuple):
 
 
 class _Halves(NamedTuple):
-    """The upper and the lower half of a trapezoid: their height, base + slope * column, about the row
-    `middle`, and by how much the edges depart from that.
+    """The upper and the lower half of a trapezoid: their height, base + slope * column, about the row `middle`.
+
+    The spread is how far the edges depart from that.
     """
 
     middle: float
@@ -108,8 +109,10 @@ class _Halves(NamedTuple):
 
 
 def _halves(upper: _Edge | None, lower: _Edge | None, horizon: float) -> _Halves:
-    """One line for both edges, as they are symmetric: where something dark behind the plate hides one of
-    them, the other shows it. The camera need not be quite level: both may be off the horizon.
+    """Fit one line to both edges, as they are symmetric about a row.
+
+    If something dark behind the plate hides one of them, the other shows it. The camera need not be quite
+    level: both may be off the horizon.
     """
     middle = horizon
     if upper is not None and lower is not None:
@@ -145,7 +148,7 @@ def _box_about(outline: Outline, shape: tuple[int, ...]) -> Patch:
 
 
 def _reach(box: Patch) -> int:
-    """How many pixels off an edge is looked for."""
+    """Return how many pixels away an edge is searched."""
     return max(2, round(0.22 * (box.bottom - box.top)))
 
 

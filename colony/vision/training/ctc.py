@@ -1,5 +1,6 @@
-"""The loss of connectionist temporal classification, and its gradient: how improbable the right texts are,
-over all ways to write them in the columns (Graves et al., ICML 2006).
+"""The loss of connectionist temporal classification, and its gradient (Graves et al., ICML 2006).
+
+The loss is the negative log probability of the right texts, over all ways to write them in the columns.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ Floats = npt.NDArray[np.float32]
 
 CHANNELS = (16, 40, 56, 112, 112)
 SIZES = ((3, 3), (3, 3), (3, 3), (6, 3), (1, 3))
-"""Of the convolutions before the last layer: channels, rows and columns."""
+"""Sizes of the convolutions before the last layer: rows and columns of their kernels."""
 
 HIDDEN = 32
 """Channels of the hidden layer of the head."""
@@ -104,7 +104,7 @@ class Learner:
         return loss
 
     def network(self) -> LetterNet:
-        """What was learned up to now, not yet calibrated."""
+        """Return the network as learned up to now, not yet calibrated."""
         trunk = (*(stage.folded() for stage in self._stages), _linear(self._last))
         head = (self._head.folded(), _linear(self._head_last))
         return LetterNet(layers=trunk, head=head, sharpness=1.0, trust=1.0, facts="")

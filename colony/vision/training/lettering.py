@@ -22,8 +22,9 @@ _WIDEST = 0.95
 
 
 def plate(text: str, font: Path, random: np.random.Generator) -> Gray:
-    """A plate with a text: light characters on a dark ground, their size, width, slant and spacing a little
-    different each time; (64, 178).
+    """Draw a plate with a text: light characters on a dark ground, (64, 178).
+
+    Their size, width, slant and spacing vary a little.
     """
     ground, light = random.uniform(5.0, 70.0), random.uniform(150.0, 255.0)
     picture = np.full((HEIGHT, WIDTH), ground, np.float32)

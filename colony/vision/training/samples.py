@@ -16,7 +16,7 @@ from colony.vision.training.texts import any_text, door_text
 Floats = npt.NDArray[np.float32]
 
 JUNK_SHARE = 0.3
-"""How many samples are no plate."""
+"""Fraction of samples that are no plate."""
 
 
 class Batch(NamedTuple):

@@ -1,4 +1,4 @@
-"""How well a network reads plates it has never seen, and how its confidence is set right."""
+"""The accuracy of a network on plates it has never seen, and the calibration of its confidence."""
 
 from __future__ import annotations
 
@@ -28,15 +28,17 @@ _LEAST = 1e-4
 
 
 class Score(NamedTuple):
-    """Of some looks at plates: how many there were, and how many were read right, as a whole."""
+    """The score of some looks at plates: their number, and the number read right as a whole."""
 
     looks: int
     right: int
 
 
 class JunkScore(NamedTuple):
-    """Of some looks at what is no plate: how many there were, how many were read as something, and how many
-    of these with a confidence of 0.9 and more.
+    """The score of some looks at what is no plate.
+
+    Their number, the number that were read as something, and the number of these with a confidence of 0.9 and
+    more.
     """
 
     looks: int
@@ -45,8 +47,9 @@ class JunkScore(NamedTuple):
 
 
 def calibrated(net: LetterNet, fonts: Sequence[Path], count: int, random: np.random.Generator) -> LetterNet:
-    """The network with the sharpness and the trust in its prior that make the right readings of so many looks
-    most probable.
+    """Return the network with the sharpness and the trust in its prior that fit `count` looks best.
+
+    They make the right readings of these looks most probable.
     """
     seen: list[tuple[dict[str, float], float, str]] = []
     for _ in range(count):
@@ -82,7 +85,7 @@ def junk_score(net: LetterNet, fonts: Sequence[Path], count: int, random: np.ran
 
 
 def read(net: LetterNet, look: Look) -> Reading:
-    """What the network reads there."""
+    """Return the network's reading of a look."""
     strip = plate_strip(look.image, look.corners)
     return Reading("", 1.0) if strip is None else reading_of(net.look(strip), net)
 
