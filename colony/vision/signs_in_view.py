@@ -28,7 +28,7 @@ _SLACK_MM = 20.0
 
 
 class SignInView(NamedTuple):
-    """A sign in an image: its corners clockwise from the upper left one, in pixels, and its middle's distance."""
+    """A sign in an image: its corners in pixels, clockwise from the upper left, and its distance."""
 
     sign: Plate | Marker
     corners: tuple[Corner, Corner, Corner, Corner]

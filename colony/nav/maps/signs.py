@@ -163,7 +163,7 @@ def _plate(row: list[float], edge: int, start: float, door: str, text: str) -> P
 
 
 def _reaches(plate: Plate, edge: int, start: float) -> bool:
-    """Return True if a plate overlaps another one that begins at `start`, or is within the usual gap of it."""
+    """Return True if a plate overlaps one that begins at `start`, or is within the usual gap of it."""
     return plate.edge == edge and abs(plate.start_mm - start) < PLATE_WIDTH_MM + _GAP_MM
 
 

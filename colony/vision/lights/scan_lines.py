@@ -188,7 +188,7 @@ def _refined(gradient: NDArray[np.float64], border: int, rise: float) -> _Edge:
 
 
 def _separate(edges: list[_Edge]) -> list[_Edge]:
-    """Return the strongest of edges of the same sign that are closer than `REACH`; a limited number in all."""
+    """Keep the strongest of edges of the same sign closer than `REACH`, and a limited number in all."""
     kept: list[_Edge] = []
     for edge in sorted(edges, key=lambda edge: -abs(edge.rise))[:_MOST_EDGES]:
         if all(abs(edge.column - k.column) > REACH or edge.rise * k.rise < 0.0 for k in kept):

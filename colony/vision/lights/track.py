@@ -31,7 +31,7 @@ LIGHT_SIGMA_MM = 20.0
 """Standard deviation of a light's place on the map."""
 
 SEEN_SIGMA_MM = 15.0
-"""Standard deviation of a light's distance from one image: pixels, and the time between image and odometry."""
+"""Standard deviation of a light's distance in one image: pixels, and the time from image to odometry."""
 
 SLIP_MM = 160.0
 """Distance lost by two slips of the wheels."""

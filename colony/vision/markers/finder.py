@@ -205,7 +205,7 @@ class _Finder:
 
 
 def is_there(pose: MarkerPose, marker: Marker, here: Position) -> bool:
-    """Return True if an observed marker may be this one of the map, for a robot that believes to be `here`."""
+    """Return True if an observed marker may be this one of the map, seen by a robot believed `here`."""
     along = math.radians(here.heading + pose.bearing_deg)
     east = here.x - pose.distance_mm * math.sin(along)
     north = here.y + pose.distance_mm * math.cos(along)

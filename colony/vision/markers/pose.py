@@ -61,9 +61,7 @@ class MarkerPose(NamedTuple):
 
     @property
     def aside_mm(self) -> float:
-        """Distance of the robot from the normal through the marker's middle, in mm, left as seen facing the
-        doors.
-        """
+        """Distance of the robot to the left of the marker's normal, as seen facing the doors."""
         return self.distance_mm * math.sin(math.radians(self.facing_deg - self.bearing_deg))
 
     @property

@@ -75,7 +75,7 @@ Levels = NDArray[np.float32]
 
 
 class _Template(NamedTuple):
-    """The pattern of a code: its edges, in units from its middle, and the projection that leaves the residuals.
+    """The pattern of a code: its edges, in units from its middle, and the projection onto the residuals.
 
     The residuals are those of a parabola; `solve` gives that parabola's middle, slope and curvature.
     """
@@ -252,7 +252,7 @@ def _continues(last: _Pattern, pattern: _Pattern) -> bool:
 
 
 def _is_marker(run: list[_Pattern], levels: Levels, camera: LevelCamera) -> bool:
-    """Return True if a run has exact edges, a marker's number of rows for them, and no stripes above and below."""
+    """Return True if a run has a marker's exact edges and number of rows, and no stripes around it."""
     box = _box(run, 0)
     edges, template = np.array(box.edges), _TEMPLATES[MARKER_CODES.index(box.code)]
     misfit = float(np.abs(template.residual @ edges).max())

@@ -93,7 +93,7 @@ def corners(border: Border) -> NDArray[np.int64]:
 
 
 def _cornerness(codes: NDArray[np.int64], segment: int, longest_arm: int) -> Floats:
-    """Return the cornerness for one length of segments; segment j is the `segment` steps that end with step j."""
+    """Return the cornerness for one segment length; segment j is the `segment` steps ending with step j."""
     x, y = _windows(_DX[codes], segment), _windows(_DY[codes], segment)
     angle = np.arctan2(y, x)
     turn = np.roll(angle, -1) - np.roll(angle, 1)

@@ -137,7 +137,7 @@ def _tell_plates(untold: deque[list[object]]) -> Generator[Step, Any, None]:
 
 
 class _Maps:
-    """The plates of all floors. Mutable: `floor` is the last known floor of the robot, at first the first one."""
+    """The plates of all floors. Mutable: `floor`, the robot's last known floor, at first the first one."""
 
     def __init__(self, floors: Mapping[str, Sequence[Plate]]) -> None:
         self._floors = floors

@@ -93,9 +93,10 @@ class _Edge(NamedTuple):
 
 
 class _Halves(NamedTuple):
-    """The upper and the lower half of a trapezoid: their height, base + slope * column, about the row `middle`.
+    """The upper and the lower half of a trapezoid.
 
-    The spread is how far the edges depart from that.
+    Their height is base + slope * column, about the row `middle`; the spread is how far the edges depart
+    from that.
     """
 
     middle: float

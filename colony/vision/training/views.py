@@ -133,7 +133,7 @@ def _wall(rows: int, columns: int, random: np.random.Generator) -> Gray:
 
 
 def _exposed(image: npt.NDArray[np.float32], random: np.random.Generator) -> Gray:
-    """Return the sensor's image of the light: blurred by lens and motion, uneven, brighter or darker, grainy."""
+    """Return the sensor's image: blurred by lens and motion, uneven, brighter or darker, grainy."""
     import cv2
 
     lens, motion = random.uniform(0.0, 0.75), random.uniform(0.0, 1.2)
