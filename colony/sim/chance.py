@@ -17,7 +17,7 @@ import numpy as np
 from colony.sim.compiled import inlined
 
 SLIPS, CROSS_TALK, PEOPLE, PIXELS = range(4)
-"""What chance is asked for: the first argument after the seed."""
+"""The uses of chance: the first argument after the seed."""
 
 SEEDS = 2**62
 """Seeds are taken modulo this: compiled functions know 64-bit numbers only."""

@@ -1,4 +1,4 @@
-"""Tells when the simulator is compiled, which takes so long that somebody would ask."""
+"""A notice that the simulator is being compiled, which takes long enough to surprise a user."""
 
 from __future__ import annotations
 

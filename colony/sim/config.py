@@ -1,4 +1,4 @@
-"""What the simulated robot is like: RoME, a TRC Labmate with a ring of sonars, in numbers."""
+"""The parameters of the simulated robot: RoME, a TRC Labmate with a ring of sonars."""
 
 from __future__ import annotations
 
@@ -58,6 +58,7 @@ class RobotConfig:
     wheel_slip_mm: float = 3.0
 
     def __post_init__(self) -> None:
+        """Check the ranges of the parameters."""
         zero_allowed = {"sonar_least_mm", "sonar_noise_mm", "sonar_noise", "wheel_scale", "wheel_slip_mm"}
         zero_allowed |= {"sonar_half_beam_deg", "sonar_critical_deg"}
         for field in fields(self):

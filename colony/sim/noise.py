@@ -28,8 +28,9 @@ class Noise:
         return np.array(drawn).reshape(len(self._generators), count)
 
     def take(self, count: int) -> int:
-        """Take `count` numbers of each stream; gives their first column in `table`, (robots, k), which is
-        another array after that.
+        """Take `count` numbers of each stream, and return their first column in `table`, (robots, k).
+
+        `table` is another array after that.
         """
         if self._at + count > self.table.shape[1]:
             rest = self.table[:, self._at :]

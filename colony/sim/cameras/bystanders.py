@@ -1,5 +1,6 @@
-"""Robots and people in front of a camera that looks along the floor: the robots as upright cylinders, people
-as upright pictures that face the camera.
+"""Robots and people in front of a camera that looks along the floor.
+
+Robots are upright cylinders; people are upright pictures that face the camera.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ def _robot_depth(ray: Ray, x: float, y: float, radius: float) -> tuple[float, fl
 
 @inlined
 def _person_depth(eye: Eye, ray: Ray, x: float, y: float) -> float:
-    """The depth of somebody at (x, y) whom a ray sees, who is as flat as a picture; infinite where it misses
-    them.
+    """Return the depth of the person at (x, y) along a ray; infinite if the ray misses.
+
+    A person is as flat as a picture.
     """
     ox, oy = x - eye.x, y - eye.y
     depth, right = oy * eye.cosine - ox * eye.sine, ox * eye.cosine + oy * eye.sine
@@ -67,7 +69,7 @@ def _paint_person(
     lens: Lens,
     scene: Scene,
 ) -> None:
-    """Somebody at (x, y): who it is is told by their number, and how the legs are by the place."""
+    """Paint the person at (x, y): the number gives the looks, the place the position of the legs."""
     picture = 2 * (number % LOOKS) + int(math.floor((x + y) / _STEP_MM) % 2.0)
     middle = (x - eye.x) * eye.cosine + (y - eye.y) * eye.sine
     left = (ray.right - ray.half) * depth - middle + PERSON_WIDTH_MM / 2.0

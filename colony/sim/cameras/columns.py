@@ -29,8 +29,10 @@ _COVER_SHIFT_MM = 977.0  # covers of different walls do not begin alike
 
 
 class Canvas(NamedTuple):
-    """Room to draw in: a picture, (columns, rows), the same blurred, the present column, and the numbers of
-    the walls that may be seen.
+    """Work space of the renderer.
+
+    It has a picture, (columns, rows), the same blurred, the present column, and the numbers of the walls that
+    may be visible.
     """
 
     picture: Floats2
@@ -51,7 +53,7 @@ def canvas_of(columns: int, rows: int, walls: int) -> Canvas:
 
 @inlined
 def _checkered(x: float, y: float, tile: float, contrast: float, size: float) -> float:
-    """By how much a tiled plane differs from its shade at (x, y), where a pixel covers `size` mm of it."""
+    """Return a tiled plane's difference from its shade at (x, y), where a pixel covers `size` mm of it."""
     odd = (math.floor(x / tile) + math.floor(y / tile)) % 2.0
     fade = max(0.0, 1.0 - 2.0 * size / tile)
     return contrast * fade * (odd - 0.5)
@@ -88,8 +90,10 @@ def _paint_planes(
 
 @inlined
 def _gather(eye: Eye, reach: float, scene: Scene, near: Ints) -> int:
-    """How many walls, whose numbers are put into `near`, are not wholly beside or behind what is seen: up to
-    `reach` to either side for one mm of depth.
+    """Put the numbers of the walls that may be in view into `near`, and return their count.
+
+    A wall is in view unless it is wholly behind, or beside the view: `reach` to either side for one mm of
+    depth.
     """
     count = 0
     for wall in range(scene.walls.shape[0]):
@@ -129,7 +133,7 @@ def _meet_wall(ray: Ray, walls: Floats2, near: Ints, count: int) -> tuple[int, f
 
 @inlined
 def _along(wall: int, walls: Floats2, eye: Eye, right: float) -> float:
-    """Where along a wall's line the ray ends that looks `right` to the right, in mm; wherever that is."""
+    """Return where along a wall's line the ray ends that looks `right` to the right, in mm, within it or not."""
     dx, dy = right * eye.cosine - eye.sine, right * eye.sine + eye.cosine
     ax, ay = walls[wall, 0] - eye.x, walls[wall, 1] - eye.y
     along: float = (ax * dy - ay * dx) / (dx * walls[wall, 5] - dy * walls[wall, 4])
@@ -211,9 +215,16 @@ def draw_columns(
     """Draw all columns of a canvas, each as the mean of its rays.
 
     Args:
-        velocity, turn: how the robot moves, in mm/s and degrees/s.
+        poses: (robots, 3), x and y in mm, heading in degrees.
+        robot: number of the robot with the camera.
+        people: (people, 2), the places of the people.
+        velocity: speed of the robot, in mm/s.
+        turn: turn rate of the robot, in degrees/s.
+        scene: the scene.
+        lens: the lens.
         middle: the column, between two pixels, of the optical axis.
         axis: its row.
+        canvas: gets the columns.
     """
     columns, rows = canvas.picture.shape
     column, rays = canvas.column, lens.rays

@@ -1,4 +1,4 @@
-"""Where posters and fire extinguishers hang in one run: on walls, clear of plates and of each other."""
+"""The places of posters and fire extinguishers in one run: on walls, clear of plates and of each other."""
 
 from __future__ import annotations
 
@@ -28,8 +28,9 @@ _Span = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spacings:
-    """How much wall has one thing of a kind in the mean, in mm, and with which probability a door has a black
-    poster.
+    """The mean length of wall for each thing of a kind, in mm.
+
+    With them comes the probability that a door has a black poster.
     """
 
     black_poster_mm: float

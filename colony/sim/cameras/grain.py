@@ -13,7 +13,7 @@ import numpy as np
 from colony.sim.compiled import Floats
 
 QUANTILES = 4096
-"""How many there are; a power of two."""
+"""Number of quantiles; a power of two."""
 
 
 @lru_cache(maxsize=1)

@@ -1,4 +1,4 @@
-"""What is written in a building: the plates of doors, the markers of elevators, posters.
+"""Drawings of a building's signs: the plates of doors, the markers of elevators, posters.
 
 Letters come from a real font, DejaVu Sans Bold, whose file matplotlib brings along.
 """

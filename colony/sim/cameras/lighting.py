@@ -1,4 +1,4 @@
-"""How light it is in a building: brighter under ceiling lights, darker where one is out."""
+"""The lighting of a building: brighter under ceiling lights, darker where one is out."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from colony.sim.cameras.lettering import TEXEL_MM, write_lines
 from colony.sim.compiled import Floats2
 
 SIGN_MM = (150.0, 200.0)
-"""How wide and high the sign above a fire extinguisher is."""
+"""Width and height of the sign above a fire extinguisher."""
 
 _BLACK = (
     ((420.0, 150.0), ("ROBOTICS", "LAB"), 0.75),
@@ -37,7 +37,7 @@ _COLORED = (
 _NOTICES = 2
 _NOTICE_MM = (216.0, 279.0)
 POSTERS_MM = (*(size for size, _, _ in _BLACK), *(size for size, _, _ in _COLORED), *(_NOTICE_MM,) * _NOTICES)
-"""How wide and high each kind of poster is."""
+"""Width and height of each kind of poster."""
 
 BLACK_KINDS = tuple(range(len(_BLACK)))
 OTHER_KINDS = tuple(range(len(_BLACK), len(_BLACK) + len(_COLORED) + _NOTICES))

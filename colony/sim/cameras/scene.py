@@ -1,8 +1,8 @@
-"""What is on the walls of a map: doors in their frames with plates beside them, elevators with their markers,
-what walls are made of, and the posters and fire extinguishers of one run.
+"""The scene of a map's walls, with the doors, signs and furnishings of one run.
 
-What a wall is made of is read from the map's remark on it: painted brick, brick, glass brick, plaster, steel,
-glass, window, tile. A remark that says nothing of that kind stands for plaster.
+Doors are in their frames with plates beside them; elevators have their markers; walls have posters and fire
+extinguishers. The material of a wall comes from the map's remark on it: painted brick, brick, glass brick,
+plaster, steel, glass, window, tile. A remark without a material stands for plaster.
 """
 
 from __future__ import annotations
@@ -51,12 +51,13 @@ _COVERS: tuple[tuple[re.Pattern[str], _Made], ...] = tuple(
         (r"", textures.plaster),
     )
 )
-"""What a remark says a wall is made of: the first that fits."""
+"""Patterns of the remarks on walls, and their materials: the first that fits."""
 
 
 class _Shelf(NamedTuple):
-    """The pictures of a floor, by number: the cover of each wall, what hangs there, and where the posters
-    begin.
+    """The pictures of a floor, by number.
+
+    The cover of each wall, what hangs there, and the number of the first poster.
     """
 
     atlas: Atlas
@@ -96,8 +97,9 @@ def scene_of(floor: Map, scenery: Scenery | None = None) -> Scene:
 
 @lru_cache(maxsize=_SHELVES)
 def _shelf(floor: Map) -> _Shelf:
-    """All pictures that may be seen on a floor, and no others, as covers are large: 3 MB each. Kept, since
-    experiments ask for the floors of a building again and again.
+    """Return the pictures of a floor, and no others, as covers are large: 3 MB each.
+
+    They are cached, since experiments ask for the floors of a building again and again.
     """
     walls = walls_of(floor)
     pictures: list[Picture] = []
@@ -121,8 +123,10 @@ def _shelf(floor: Map) -> _Shelf:
 
 
 def _cover(walls: Walls, edge: int) -> _Made:
-    """What draws what a wall is made of. The remark on a door is on its leaf, unless it is of glass as a
-    whole: other doors hang in plain walls.
+    """Return the painter of a wall's material.
+
+    The remark on a door describes its leaf, unless it is of glass as a whole: other doors hang in plain
+    walls.
     """
     is_leaf = walls.kinds[edge] is EdgeKind.DOOR and not walls.glass[edge]
     attribute = "" if is_leaf else walls.attributes[edge]

@@ -13,7 +13,7 @@ from colony.sim.compiled import Floats2
 
 PERSON_WIDTH_MM = 620.0
 EXTINGUISHER_MM = (190.0, 560.0)
-"""How wide and high one is."""
+"""Width and height of a fire extinguisher."""
 
 _TEXEL_MM = 5.0
 _SHADES = (0.28, 0.34)  # red, in shades of gray: the cylinder, and where it shines
@@ -35,7 +35,7 @@ _LOOKS = (
     _Look(1710.0, 0.36, 0.44, 0.58, 0.25, True),
 )
 LOOKS = len(_LOOKS)
-"""How many people look different; each has two pictures: legs together, and apart."""
+"""Number of different people; each has two pictures: legs together, and apart."""
 
 _Mask = NDArray[np.bool_]
 

@@ -1,4 +1,4 @@
-"""What walls are made of, as pictures that repeat to the sides and are as high as the wall.
+"""The materials of walls, as pictures that repeat to the sides and are as high as the wall.
 
 Shades only, from 0, black, to 1: painted blocks with their joints, bare bricks, glass bricks with the light
 behind them, plaster, steel, windows. Each is drawn from chance of its own, always the same.
@@ -47,8 +47,9 @@ def _cloud(shape: tuple[int, int], cells: tuple[int, int], rng: np.random.Genera
 def _blocks(
     across: Floats2, up: Floats2, block: tuple[float, float], *, staggered: bool
 ) -> tuple[Floats2, Floats2, Floats2, Floats2]:
-    """The number of the course and of the block in it of each texel, and how far it is from the block's edge
-    to the side and up or down, in mm.
+    """Return the course and the block of each texel, and its distances from the block's edge.
+
+    The distances, to the side and up or down, are in mm.
     """
     wide, high = block
     course = np.floor(up / high)
@@ -94,8 +95,10 @@ def bare_brick(height_mm: float) -> Picture:
 
 @lru_cache(maxsize=_HEIGHTS)
 def glass_brick(height_mm: float) -> Picture:
-    """Glass blocks of 200 by 200 mm in dark joints. The light behind them is uneven: groups are bright,
-    others dark, and each block has a pale rim and a darker middle or the other way around.
+    """Draw glass blocks of 200 by 200 mm in dark joints.
+
+    The light behind them is uneven: groups are bright, others dark, and each block has a pale rim and a
+    darker middle or the other way around.
     """
     rng = np.random.default_rng(13)
     size, columns = 200.0, 20

@@ -1,4 +1,4 @@
-"""What goes wrong in a building: hazards with their rates, each with a switch and chance of its own.
+"""Hazards of a building with their rates, each with a switch and a random stream of its own.
 
     scenery = draw(Hazards(), floor, seed=7)
     world = World(walls=scenery, poses=[floor.start], seed=7)
@@ -47,11 +47,11 @@ _BAND_MM = (800.0, 2500.0)
 
 _MOST = dict.fromkeys(("slip", "glass", "light_out", "light_dim", "dim_brightness", "sunlit"), 1.0)
 _MOST |= {"poster_on_door": 1.0, "open_door": 1.0, "cross_talk": 1.0, "door_deg": 90.0, "compass_deg": 180.0}
-"""What a number of `Hazards` is at most, where it has a limit."""
+"""Upper limits of the numbers of `Hazards` that have one."""
 
 
 class Hazard(IntEnum):
-    """What can go wrong. The number is that of its stream of chance, and never changes."""
+    """A kind of hazard. The number is that of its random stream, and never changes."""
 
     SLIP = 0
     GLASS = 1
@@ -115,6 +115,7 @@ class Hazards:
     poster_on_door: float = 0.02
 
     def __post_init__(self) -> None:
+        """Check the ranges of the rates."""
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name == "on":
@@ -149,10 +150,10 @@ class Hazards:
 
 
 def draw(hazards: Hazards, floor: Map, seed: int) -> Scenery:
-    """What a floor is like in the run of a seed.
+    """Draw a floor's scenery in the run of a seed.
 
-    Floors that share a seed share their luck: of each the same lights are out, counted in the order of the
-    map. So each floor of a building has a seed of its own.
+    Floors with the same seed have the same draws: of each the same lights are out, counted in the order of
+    the map. So each floor of a building has a seed of its own.
 
     Raises:
         ValueError: the seed is below 0.
@@ -206,7 +207,7 @@ def _doors(hazards: Hazards, premises: Premises, seed: int) -> list[tuple[OpenDo
 def _walls(
     premises: Premises, glass: tuple[int, ...], doors: list[tuple[OpenDoor, bool]]
 ) -> tuple[Floats2, NDArray[np.bool_]]:
-    """What is solid, edge by edge, and whether it is silent."""
+    """Return the solid segments, edge by edge, and which of them are silent."""
     standing_open = {door.edge: (door.angle_deg, hinge_first) for door, hinge_first in doors}
     rows: list[tuple[float, ...]] = []
     silent: list[bool] = []

@@ -1,6 +1,6 @@
-"""What there is in a building for hazards to befall: doors and the rooms behind them, corridors, lights.
+"""The parts of a building that hazards may befall: doors and the rooms behind them, corridors, lights.
 
-Nothing here depends on chance. Old and new wing are told apart by their corridors: where corridors of
+Nothing here depends on chance. The old and the new wing differ in their corridors: where corridors of
 different widths meet, two wings do, and the floor has a joint.
 """
 
@@ -110,7 +110,7 @@ def _walk(track: Track, walls: NDArray[np.float64]) -> Track | None:
 
 
 def _clearance(track: Track, walls: NDArray[np.float64]) -> float:
-    """How far aside of a track the nearest wall is, anywhere along it (and a shoulder beyond its ends)."""
+    """Return the least distance of a wall from a track, anywhere along it (and a shoulder beyond its ends)."""
     least = math.inf
     low, high = -PERSON_RADIUS_MM, track.length_mm + PERSON_RADIUS_MM
     for x0, y0, x1, y1 in walls.tolist():

@@ -1,4 +1,4 @@
-"""What the simulated devices and their drivers say to each other over unix stream sockets.
+"""The protocol between the simulated devices and their drivers, over unix stream sockets.
 
 Each message is four bytes of length, most significant first, one byte of version, then msgpack. A connection
 begins with what it is attached to, and is that device's cable from then on: readings come by themselves,
@@ -86,7 +86,7 @@ class Sense(_Message, frozen=True, kw_only=True):
 
 
 class AskTruth(_Message, frozen=True, kw_only=True):
-    """Where is the robot really?"""
+    """A request for the true state of a robot."""
 
     robot: str
 
@@ -110,8 +110,10 @@ class Advance(_Message, frozen=True, kw_only=True):
 
 
 class Attached(_Message, frozen=True, kw_only=True):
-    """The device is there. `logical`: its time passes by commands only. `began_ns` is when the plant began,
-    which tells one process from another that was started in its place.
+    """The answer that the device is there.
+
+    `logical`: its time passes by commands only. `began_ns` is when the plant began; it distinguishes a
+    process from another one started in its place.
     """
 
     logical: bool
@@ -119,13 +121,13 @@ class Attached(_Message, frozen=True, kw_only=True):
 
 
 class Refusal(_Message, frozen=True, kw_only=True):
-    """What was asked is not done, and why. What came from a device's cable ends it."""
+    """The answer that a request is refused, and why. On a device's connection it ends it."""
 
     message: str
 
 
 class Done(_Message, frozen=True, kw_only=True):
-    """What was asked is done."""
+    """The answer that a request is done."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,7 +140,7 @@ class Rings:
 
 
 class _Reading(_Message, Generic[Taken], frozen=True, kw_only=True):
-    """What a device read; `number` is that of the message that asked for it."""
+    """A reading of a device; `number` is that of the message that asked for it."""
 
     taken: Taken
     number: int = 0
@@ -157,11 +159,11 @@ class CameraReading(_Reading[Image], frozen=True, kw_only=True):
 
 
 class Truth(_Message, frozen=True, kw_only=True):
-    """What is true of a robot at `t_ns`, whatever it believes.
+    """The true state of a robot at `t_ns`, whatever it believes.
 
     Position in mm, heading in degrees, speeds in mm/s and deg/s, the way driven so far in mm. `bumps` counts
-    how often it ran into something. `driven`: its base has a cable, and was commanded within the watchdog's
-    time. `skipped_ns` is the time that the plant was too late to simulate.
+    its collisions. `driven`: its base has a connection, and was commanded within the watchdog's time.
+    `skipped_ns` is the time that the plant was too late to simulate.
     """
 
     t_ns: int

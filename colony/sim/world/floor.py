@@ -54,7 +54,7 @@ def floor_of(joints: Sequence[Joint], slip: Slip, *, crossings: Ints, seed: int)
 
 @inlined
 def _crosses(floor: Floor, x0: float, y0: float, x1: float, y1: float) -> bool:
-    """Whether the way from (x0, y0) to (x1, y1) crosses a joint."""
+    """Return True if the way from (x0, y0) to (x1, y1) crosses a joint."""
     found = False
     for joint in range(floor.joints.shape[0]):
         jx, jy = floor.joints[joint, 0], floor.joints[joint, 1]
@@ -83,11 +83,14 @@ def _slip(robot: int, floor: Floor, poses: Floats2, odometry: Floats2, ahead: fl
 
 @compiled
 def slip(floor: Floor, before: Floats2, poses: Floats2, speeds: Floats2, odometry: Floats2) -> None:
-    """Let the wheels of robots slip that came from `before` to `poses`, both (robots, 3), in a short time.
+    """Let the wheels slip of robots that came from `before` to `poses`, both (robots, 3), in a short time.
 
     Args:
-        floor, poses, odometry: changed.
+        floor: the floor; changed.
+        before: the poses before.
+        poses: the poses now; changed.
         speeds: (robots, 2), ahead and turning.
+        odometry: the poses by odometry; changed.
     """
     for robot in range(poses.shape[0]):
         if _crosses(floor, before[robot, 0], before[robot, 1], poses[robot, 0], poses[robot, 1]):

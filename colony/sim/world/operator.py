@@ -31,27 +31,27 @@ RIDE_S = (4.0, 15.0)
 """Between which times doors begin to open on the other floor after they have shut."""
 
 LOOK_S = 0.25
-"""How often the operator looks."""
+"""Seconds between two looks of the operator."""
 
 STANDS_S = 1.5
 """A robot that has not moved for so long waits."""
 
 _BEFORE_MM, _ASIDE_MM = 3000.0, 1200.0
-"""Who waits before doors is so near to them, and to their middle."""
+"""Largest distance of a robot that waits before doors, from them and from their middle."""
 
 _TURNED_DEG = 20.0
 _STILL_MM_S, _STILL_DEG_S = 1.0, 0.5
 
 
 def waits_before(cabin: Cabin, pose: tuple[float, float, float]) -> bool:
-    """Whether a robot at a pose stands in front of the doors and looks at them."""
+    """Return True if a robot at a pose stands in front of the doors and looks at them."""
     along, deep = cabin.inside(pose[0], pose[1])
     near = -_BEFORE_MM < deep < 0.0 and abs(along) < _ASIDE_MM
     return near and _apart_deg(pose[2], cabin.heading_deg) < _TURNED_DEG
 
 
 def has_turned(cabin: Cabin, pose: tuple[float, float, float], radius_mm: float) -> bool:
-    """Whether a robot at a pose is inside and looks at the doors."""
+    """Return True if a robot at a pose is inside and looks at the doors."""
     back = _apart_deg(pose[2], cabin.heading_deg + 180.0) < _TURNED_DEG
     return back and cabin.holds(pose[0], pose[1], radius_mm)
 
@@ -132,7 +132,7 @@ class _Ride:
         return True
 
     def _shut(self) -> Generator[Step, Any, bool]:
-        """Press the button of the other floor until the doors are shut: they open again on who is between."""
+        """Press the button of the other floor until the doors are shut: they open again on a robot between them."""
         while self._elevators.opening(self.there) > 0.0:
             self._elevators.close(self.there)
             yield from sleep(LOOK_S)

@@ -1,11 +1,11 @@
-"""Where a plan is driven: its floors as they are in one run, a robot on one of them, the elevators between.
+"""The site of a plan: its floors as they are in one run, a robot on one of them, the elevators between.
 
     site = Site(building, plan, Hazards(), seed=7)
     plant = Plant(site.world, clock, [site.elevators.advance])
     loop = Loop(behavior, simulated_drivers(plant), scripts, clock=clock, advance=plant.catch_up)
 
-Each floor is drawn from a seed of its own, so that the floors have not one luck. Cameras ask for the floor on
-which the robot is at the moment.
+Hazards are drawn independently for each floor, from a seed of its own. Cameras ask for the floor on which the
+robot is at the moment.
 """
 
 from __future__ import annotations
