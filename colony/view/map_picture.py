@@ -112,7 +112,7 @@ class _Sheet:
 
     @property
     def width_points(self) -> float:
-        """Of the building and its names."""
+        """Width of the building and its names."""
         return (self.high_x - self.low_x) / self.mm_per_point
 
     def above(self, points: float) -> float:

@@ -1,4 +1,4 @@
-"""Where things stand in the picture of a network, in rows and columns.
+"""The layout of a network's picture, in rows and columns.
 
 As in the colony figures of the literature, wires run to the right, one row a module, the dominant side above.
 A node stands in the row of its inferior wire, which goes straight through it; the dominant wire ends in

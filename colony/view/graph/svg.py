@@ -122,7 +122,7 @@ class _Picture:
         return head + "\n".join(elements) + "\n</svg>\n"
 
     def _end_x(self) -> float:
-        """Where the boxes of actuators begin."""
+        """Return the x at which the boxes of actuators begin."""
         return self.columns[-1]
 
     def _point(self, diagram: Diagram, place: Place) -> _Point:
