@@ -171,7 +171,7 @@ def _places(one: _Wanted, turned: bool, mm_per_point: float) -> Iterator[tuple[b
 
 
 def _meets_wall(box: Box, walls: NDArray[np.float64]) -> bool:
-    """Return True if a box touches a wall segment; (n, 4) in mm. A slanting one counts as its bounding box."""
+    """Return True if a box touches one of the wall segments, (n, 4) in mm."""
     low_x, high_x = np.minimum(walls[:, 0], walls[:, 2]), np.maximum(walls[:, 0], walls[:, 2])
     low_y, high_y = np.minimum(walls[:, 1], walls[:, 3]), np.maximum(walls[:, 1], walls[:, 3])
     near = (low_x <= box.high_x) & (high_x >= box.low_x) & (low_y <= box.high_y) & (high_y >= box.low_y)

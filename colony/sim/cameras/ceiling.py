@@ -165,7 +165,7 @@ def _inside(depth: float, sharpness: float) -> float:
 
 @inlined
 def _gather(x: float, y: float, reach: float, shapes: Floats2, near: Ints) -> int:
-    """Put the numbers of the rectangles that may be in view from (x, y) into `near`, and return their count."""
+    """Put the rectangles that may be in view from (x, y) into `near` by number, and return their count."""
     count = 0
     for number in range(shapes.shape[0]):
         shape = shapes[number]

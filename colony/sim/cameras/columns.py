@@ -133,7 +133,7 @@ def _meet_wall(ray: Ray, walls: Floats2, near: Ints, count: int) -> tuple[int, f
 
 @inlined
 def _along(wall: int, walls: Floats2, eye: Eye, right: float) -> float:
-    """Return where along a wall's line the ray ends that looks `right` to the right, in mm, within it or not."""
+    """Return where along a wall's line, in mm, the ray that looks `right` to the right ends."""
     dx, dy = right * eye.cosine - eye.sine, right * eye.sine + eye.cosine
     ax, ay = walls[wall, 0] - eye.x, walls[wall, 1] - eye.y
     along: float = (ax * dy - ay * dx) / (dx * walls[wall, 5] - dy * walls[wall, 4])

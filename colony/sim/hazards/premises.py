@@ -110,7 +110,7 @@ def _walk(track: Track, walls: NDArray[np.float64]) -> Track | None:
 
 
 def _clearance(track: Track, walls: NDArray[np.float64]) -> float:
-    """Return the least distance of a wall from a track, anywhere along it (and a shoulder beyond its ends)."""
+    """Return the least distance of a wall from a track, along it and a shoulder beyond its ends."""
     least = math.inf
     low, high = -PERSON_RADIUS_MM, track.length_mm + PERSON_RADIUS_MM
     for x0, y0, x1, y1 in walls.tolist():

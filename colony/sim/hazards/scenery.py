@@ -49,7 +49,7 @@ class Track:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenDoor:
-    """An open door: edge number `edge` of the map, its leaf (or its two) turned into the room by `angle_deg`."""
+    """An open door: edge number `edge` of the map, its leaf or leaves turned into the room by `angle_deg`."""
 
     edge: int
     angle_deg: float

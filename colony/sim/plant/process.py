@@ -58,7 +58,7 @@ _CONNECTIONS = 1000
 _IDLE_S = 0.1
 _CHUNK = 65536
 _UNREAD = 65536
-"""Bytes of unread answers beyond which a client's messages wait until it reads them."""
+"""Bytes of unread answers at which the plant stops reading from a client until it takes them."""
 
 
 class PlantInUse(Exception):

@@ -14,7 +14,7 @@ _MASK = 2**64 - 1
 
 
 def disturbance_deg(iron: Iron, x_mm: float, y_mm: float) -> float:
-    """Return the excess of a compass reading at a place, in degrees, within `iron.most_deg` to either side."""
+    """Return the error of a compass at a place, in degrees, within `iron.most_deg` to either side."""
     if iron.most_deg == 0.0:
         return 0.0
     column, row = math.floor(x_mm / iron.spacing_mm), math.floor(y_mm / iron.spacing_mm)

@@ -60,7 +60,7 @@ class Fan(NamedTuple):
 
 
 class Ears(NamedTuple):
-    """The hearing and sight of a robot, as in `RobotConfig`; angles are given by what is computed from them."""
+    """The hearing and sight of a robot, as in `RobotConfig`, with values computed from its angles."""
 
     radius: float
     full_range: float

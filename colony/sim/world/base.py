@@ -1,4 +1,4 @@
-"""The motion of the robots' bases: two wheels, limited acceleration, a round hull stopped by walls and robots.
+"""The motion of the robots' bases: two wheels, limited acceleration, a round hull stopped by obstacles.
 
 A step is cut into slices of twenty milliseconds at most. In each slice the speeds move toward the command, as
 far as the acceleration allows, and the robot drives an exact arc. Where the arc's end would be inside a wall
@@ -85,7 +85,7 @@ class Near(NamedTuple):
 
 
 class Drivetrain(NamedTuple):
-    """The parameters of a drive, as in `RobotConfig`; `slip` is a deviation per square root of a millimeter."""
+    """The parameters of a drive, as in `RobotConfig`; `slip` is a deviation per root of a millimeter."""
 
     radius: float
     wheel_base: float

@@ -132,7 +132,7 @@ class _Ride:
         return True
 
     def _shut(self) -> Generator[Step, Any, bool]:
-        """Press the button of the other floor until the doors are shut: they open again on a robot between them."""
+        """Press the button of the other floor until the doors are shut: a robot between opens them again."""
         while self._elevators.opening(self.there) > 0.0:
             self._elevators.close(self.there)
             yield from sleep(LOOK_S)
