@@ -148,9 +148,7 @@ def _free_of_wall(
 
 @inlined
 def _free_of_hull(ox: float, oy: float, dx: float, dy: float, apart: float) -> float:
-    """Return the part of the way (dx, dy) that a hull can go before it touches one at (ox, oy) from it; 1 is
-    all.
-    """
+    """Return the part of the way (dx, dy) that a hull can go before it touches one at the offset (ox, oy)."""
     before, after = math.hypot(ox, oy), math.hypot(ox - dx, oy - dy)
     free = 1.0
     if after < apart and after < before:
