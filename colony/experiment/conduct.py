@@ -19,24 +19,24 @@ from colony.robots.variants import CEILING_CAMERA, SIDE_CAMERA, VARIANTS, Varian
 from colony.sim.hazards.hazards import Hazard, Hazards
 
 _KINDS = (".py", ".npz")
-"""Of files that results depend on: programs, and the weights of the reader."""
+"""Suffixes of the files on which results depend: programs, and the weights of the reader."""
 
 _SOURCES = ("experiment", "nav", "robots", "runtime", "sim", "vision")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """What is run.
+    """An experiment.
 
     Attributes:
-        name: of the list.
+        name: name of the list.
         map_path: the building.
-        runs: the list, or what was chosen of it.
-        seeds: each run is run with each of them.
-        variant: what drives.
-        hazards: what goes wrong.
-        sources: what the pose is estimated from; not with the variant of the thesis, which estimates none.
-        cameras: what the robot has.
+        runs: the list, or the chosen runs of it.
+        seeds: the seeds; each run is run with each of them.
+        variant: the program that drives.
+        hazards: the hazards.
+        sources: sources of the pose estimate; not with the variant of the thesis, which has no estimate.
+        cameras: cameras of the robot.
     """
 
     name: str
@@ -101,11 +101,14 @@ def conduct(
     *,
     tell: Callable[[int, int, R], None] = lambda done, of, result: None,
 ) -> None:
-    """Run what is not there yet; each result is kept as it comes.
+    """Run what has no result yet; each result is kept as it comes.
 
     Args:
+        experiment: the experiment.
         work: a run, as `runs.run` or another one that gives a result of its own kind.
-        tell: is told how many of how many runs are done, and the result of the newest.
+        results: the file of results.
+        engine: runs the work.
+        tell: called with the number of runs done, the number of all runs, and the newest result.
 
     Raises:
         NoPlan, Failure: a run cannot be planned, or the map or behavior is bad.
@@ -121,7 +124,7 @@ def conduct(
 
 
 TellAudit = Callable[[int, int, AuditedRun], None]
-"""Is told how many of how many runs are audited, and the newest."""
+"""Callback with the number of runs audited, the number of all runs to audit, and the newest one."""
 
 
 def conduct_audit(

@@ -19,7 +19,7 @@ from colony.nav.confidence.estimate import (
 
 
 def run_modes(results: Sequence[RunResult]) -> list[RunModes]:
-    """What became of the modes of each run."""
+    """Return the modes of each run and how many of them it completed."""
     return [
         RunModes(
             modes=r.letters,

@@ -15,7 +15,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 REACHED_S = 10.0
-"""For how long a scheduler is looked for."""
+"""Timeout of the search for a scheduler."""
 
 
 class DaskEngine:
@@ -31,6 +31,7 @@ class DaskEngine:
         self._workers = workers
 
     def results(self, work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+        """Yield the result of `work` for each item, as the Dask workers finish them."""
         expect_extras("dask")
         distributed: Any = import_module("distributed")
         with ExitStack() as holds:

@@ -17,10 +17,12 @@ _BESIDE_MM = 3000.0
 
 
 def hazards_met(site: Site, plan: Plan, slips: int) -> str:
-    """What was drawn for the way of a plan, and what came of it: "lights out: 1, doors open: 3, slips: 1".
+    """Return what hazards there were on the way of a plan: "lights out: 1, doors open: 3, slips: 1".
 
     Args:
-        slips: how often the wheels slipped.
+        site: the site.
+        plan: the plan.
+        slips: number of times that the wheels slipped.
     """
     found: Counter[str] = Counter()
     for name, floor in site.maps.items():
@@ -31,7 +33,7 @@ def hazards_met(site: Site, plan: Plan, slips: int) -> str:
 
 
 def _met(scenery: Scenery, walls: NDArray[np.float64], legs: NDArray[np.float64]) -> dict[str, int]:
-    """What there is along the legs, (m, 4), of one floor, whose edges are (n, 4), all in mm."""
+    """Count the hazards along the legs, (m, 4), of one floor, whose edges are (n, 4), all in mm."""
     lights = [(light.x_mm, light.y_mm, light.brightness) for light in scenery.lights]
     near = _near([light[:2] for light in lights], legs, _BESIDE_MM / 3)
     levels = [light[2] for light, on_way in zip(lights, near, strict=True) if on_way]

@@ -18,7 +18,7 @@ from colony.nav.plan.route import JAMBS, NoPlan, plan
 from colony.shipped import Shipped
 
 PUBLISHED = "thesis"
-"""What the list of the published runs is called."""
+"""Name of the list of the published runs."""
 
 PUBLISHED_MAP = Shipped.MAP.path("msu_engineering_3")
 
@@ -26,17 +26,19 @@ LIST_BYTES = 1024 * 1024
 """Largest file of a list."""
 
 _TRIES = 200
-"""How many random pairs are drawn for each that is wanted, before it is given up."""
+"""Number of random pairs that are drawn for each wanted one before the search is given up."""
 
 
 class ListProblem(Exception):
-    """A list of runs is no good; the message tells where, what was found and what was expected."""
+    """A list of runs is no good; the message says where, what was found and what was expected."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListedRun:
-    """A run of a list: its number there, from 1, the maps through which its path leads (none: the first one
-    of the building alone), and what was published of it, if anything.
+    """A run of a list.
+
+    Its number there, from 1, the maps through which its path leads (none: the first one of the building
+    alone), and its published result, if any.
     """
 
     number: int
@@ -47,7 +49,7 @@ class ListedRun:
 
     @property
     def rides(self) -> bool:
-        """Whether its path takes an elevator."""
+        """True if its path takes an elevator."""
         return len(self.floors) > 1
 
 
@@ -68,10 +70,11 @@ def plate_list() -> tuple[ListedRun, ...]:
 
 
 def own_list(path: Path, building: Building) -> tuple[ListedRun, ...]:
-    """The runs of a CSV file: two columns, from and to, which its first line may name.
+    """Return the runs of a CSV file: two columns, from and to, which its first line may name.
 
     Raises:
-        ListProblem: it cannot be read, or a line is no run in this building; the first such line is told.
+        ListProblem: it cannot be read, or a line is no run in this building; the message names the first such
+            line.
     """
     try:
         lines = StringIO(read_file(path, LIST_BYTES).decode("utf-8"), newline="")

@@ -1,4 +1,4 @@
-"""What came of one run, as data."""
+"""The result of one run, as data."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class RunKey(NamedTuple):
 
 
 class ModeCount(NamedTuple):
-    """How often a mode was entered and completed, and how often the plan needs it."""
+    """Counts of a mode: how often it was entered, completed, and needed by the plan."""
 
     entered: int
     completed: int
@@ -39,8 +39,9 @@ class ModeCount(NamedTuple):
 
 
 class LightCount(NamedTuple):
-    """Ceiling lights of the legs that were driven: counted where they hang, passed without being counted,
-    and counted where none hangs.
+    """Ceiling lights of the legs that were driven.
+
+    Lights counted where they hang, passed without being counted, and counted where none hangs.
     """
 
     seen: int
@@ -49,9 +50,7 @@ class LightCount(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """How often the robot touched something that it had not touched before, and how fast it was then at
-    most.
-    """
+    """The number of new contacts of the robot, and its largest speed in one of them."""
 
     number: int
     fastest_mm_s: float
@@ -103,7 +102,7 @@ class RunResult:
 
     @property
     def reached(self) -> bool:
-        """Whether it reached the goal: the planner is done, and the robot within 1 m of it."""
+        """True if it reached the goal: the planner is done, and the robot within 1 m of it."""
         return not self.failure
 
     @property

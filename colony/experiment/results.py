@@ -29,7 +29,9 @@ class Kept(Protocol):
     """A result that can be kept."""
 
     @property
-    def key(self) -> RunKey: ...
+    def key(self) -> RunKey:
+        """Key of the run."""
+        ...
 
 
 R = TypeVar("R", bound=Kept)
@@ -65,7 +67,7 @@ _MADE = (
 
 
 class ResultsError(Exception):
-    """A file of results cannot be used; the message names it and tells why and what to do."""
+    """A file of results cannot be used; the message names it and says why and what to do."""
 
 
 class Results(Generic[R]):
@@ -152,9 +154,11 @@ class Results(Generic[R]):
         self._file.close()
 
     def __enter__(self) -> Results[R]:
+        """Return the results themselves."""
         return self
 
     def __exit__(self, *raised: object) -> None:
+        """Close the file."""
         self.close()
 
 

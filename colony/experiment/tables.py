@@ -28,7 +28,7 @@ def table(runs: Sequence[ListedRun], results: Sequence[RunResult]) -> str:
 
 
 def target_table(results: Sequence[RunResult], *, published: bool) -> str:
-    """How the results stand to what was promised."""
+    """Compare the results with the promised values, in Markdown."""
     return targets_markdown(targets(results, published=published))
 
 
@@ -83,7 +83,7 @@ def _row(run: ListedRun, results: list[RunResult], published: bool) -> list[str]
 
 
 def _modes(results: list[RunResult]) -> list[str]:
-    """How often each mode was completed in the mean, and how often it was needed."""
+    """Return how often each mode was completed in the mean, and how often it was needed."""
     cells = []
     for place in range(len(MODES)):
         done = sum(r.modes[place].completed for r in results) / len(results)

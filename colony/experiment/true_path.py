@@ -1,4 +1,4 @@
-"""Where the robot really was, frame by frame: what sightings are held against."""
+"""The true path of the robot, frame by frame, as the reference for sightings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class TruePath:
         self._poses.append(pose)
 
     def at(self, t_ns: int) -> Pose:
-        """Where it was in the newest frame that is not after that time; before the first one, there.
+        """Return the pose in the newest frame that is not after that time, or else in the first frame.
 
         Raises:
             ValueError: there is no pose yet.

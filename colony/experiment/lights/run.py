@@ -1,4 +1,4 @@
-"""A run in which somebody besides CTracker looks at the ceiling, to tell how well lights are detected."""
+"""A run with an additional observer of the ceiling, which measures the detection of lights."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from colony.nav.confidence.estimate import Count
 from colony.nav.confidence.plates import PlateEvent, plate_counts
 
 _SYMBOLS: dict[Kind, str] = {"found": "D", "missed": "M", "false": "P", "unseen": "M", "beyond": ""}
-"""Of the automaton of section 6.3, which does not ask why a plate was missed."""
+"""Symbols of the automaton of section 6.3, which does not ask why a plate was missed."""
 
 
 def total(results: Sequence[PlateResult], finder: Finder) -> Tally:
@@ -32,7 +32,7 @@ def events(results: Sequence[PlateResult], finder: Finder) -> dict[PlateEvent, C
 
 
 def taken_for_plates(results: Sequence[PlateResult], finder: Finder) -> Counter[str]:
-    """What false sightings really were, and how often, all plates being one kind of thing."""
+    """Count what false sightings really were, all plates being one kind of thing."""
     return Counter(_thing(one.name) for r in results for one in r.outcomes[finder] if one.kind == "false")
 
 
@@ -43,7 +43,7 @@ def _thing(name: str) -> str:
 
 
 def plate_targets(results: Sequence[PlateResult]) -> tuple[Target, ...]:
-    """How the finders stand to what was promised."""
+    """Compare the finders with the promised values."""
     ours, aided = total(results, "ours"), total(results, "map")
     return (
         _at_least("plates found", "ours", Count(ours.found, ours.due), 0.97),

@@ -23,7 +23,7 @@ from colony.nav.maps.stickrep.model import Pose
 from colony.vision.level_camera import SIDE
 
 FARTHEST_MM = 2500.0
-"""Of a plate's middle from the camera."""
+"""Largest distance of a plate's middle from the camera."""
 
 STEEPEST_DEG = 50.0
 """Between the camera's axis and the normal of the wall."""
@@ -97,7 +97,7 @@ class PassWatch:
                 self._in_view_ns[plate] += t_ns - self._last_ns
 
     def _is_in_sight(self, pose: Pose, plate: int) -> bool:
-        """Whether no wall is between the robot and a plate's middle."""
+        """Return True if no wall is between the robot and a plate's middle."""
         eye = np.array(pose[:2])
         ray = self._middles[plate] - _BEFORE_WALL_MM * self._inward[plate] - eye
         start = self._walls[:, :2] - eye

@@ -1,4 +1,4 @@
-"""What plate finders made of one run, as data, and how it is kept."""
+"""The results of the plate finders in one run, as data and as a table of results."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ FINDER_NAMES: Mapping[Finder, str] = {
 }
 
 Kind = Literal["found", "missed", "unseen", "false", "beyond"]
-"""What became of a plate, or of a sighting.
+"""The outcome of a plate, or of a sighting.
 
 found, missed: a plate that was passed, and in view for long enough. unseen: one that was passed, but not in
-view for long enough: nobody can find it. false: a sighting of something else, or of a plate once more.
+view for long enough: no finder can find it. false: a sighting of something else, or of a plate once more.
 beyond: a sighting of a plate that was not passed, as at the end of the way; it counts neither way.
 """
 
@@ -67,8 +67,9 @@ class PlateResult:
 
 
 class Tally(NamedTuple):
-    """How many plates were found, missed and out of view, how many of the found ones were read right, and how
-    many false sightings there were.
+    """Counts of plates that were found, missed and out of view.
+
+    With them come the number of found plates that were read right, and the number of false sightings.
     """
 
     found: int

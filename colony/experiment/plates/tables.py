@@ -28,7 +28,7 @@ from colony.nav.confidence.plates import (
 from colony.nav.confidence.published_plates import PUBLISHED_WALKS
 
 _PLATES = 15
-"""For a corridor of so many the probability is given that all are detected: the mean of the walks."""
+"""Length of the corridor, in plates, for the probability that all are detected: the mean of the walks."""
 
 
 def plate_tables(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> list[str]:
@@ -47,7 +47,7 @@ def plate_tables(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> 
 
 
 def plate_target_table(results: Sequence[PlateResult]) -> str:
-    """How the finders stand to what was promised."""
+    """Compare the finders with the promised values, in Markdown."""
     return targets_markdown(plate_targets(results))
 
 
@@ -119,7 +119,7 @@ def finder_table(results: Sequence[PlateResult]) -> str:
 
 
 def false_table(results: Sequence[PlateResult]) -> str:
-    """What was taken for plates, and how often; "" where nothing was."""
+    """Return the table of what was taken for plates, with counts; "" if nothing was."""
     counts = {finder: taken_for_plates(results, finder) for finder in FINDERS}
     names = sorted(set().union(*counts.values()))
     rows = [[name, *(str(counts[finder][name]) for finder in FINDERS)] for name in names]

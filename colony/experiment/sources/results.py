@@ -21,11 +21,11 @@ covariance is right within a factor of about two, in either direction."""
 
 
 class PoseErrors(NamedTuple):
-    """How far the estimate was from the true pose, along a run.
+    """Errors of the estimate against the true pose, along a run.
 
-    `looks` is how often it was looked at; `square_mm2` and `square_deg2` are the sums of the squares of how
-    far the position and the heading were off, `worst_mm` the worst of the former; `inside` is how often the
-    true pose lay in the ellipsoid that should hold 95 in 100.
+    `looks` is the number of comparisons; `square_mm2` and `square_deg2` are the sums of the squared errors of
+    the position and the heading, `worst_mm` the worst error of the position; `inside` is how often the true
+    pose lay in the ellipsoid that should hold 95 in 100.
     """
 
     looks: int = 0
@@ -36,8 +36,10 @@ class PoseErrors(NamedTuple):
 
 
 class SourceOutcome(NamedTuple):
-    """A run with some of the sources: why it failed, "" where it reached the goal; how far from the goal the
-    robot stood at last; the speed of its worst contact; how the estimate was along the way.
+    """The outcome of a run with some of the sources.
+
+    Why it failed, "" if it reached the goal; how far from the goal the robot stood at last; the speed of its
+    worst contact; the errors of the estimate along the way.
     """
 
     failure: Failure
@@ -68,7 +70,7 @@ class SourceResult:
 
 
 def source_targets(results: Sequence[SourceResult]) -> tuple[Target, ...]:
-    """How the estimate from all sources stands to what is expected of it."""
+    """Compare the estimate from all sources with what is expected of it."""
     if not results:
         return ()
     outcomes = [result.outcomes[ALL_SOURCES] for result in results]
