@@ -60,7 +60,7 @@ class Experiment:
         return "/".join([self.variant, *([",".join(other)] if other else [])])
 
     def specs(self) -> tuple[RunSpec, ...]:
-        """All of its runs, seed by seed."""
+        """Return all runs, seed by seed."""
         return tuple(
             RunSpec(
                 key=RunKey(self.name, run.number, seed, self.label),
@@ -76,7 +76,7 @@ class Experiment:
         )
 
     def made_with(self) -> str:
-        """Names all that results depend on besides their keys: program, map, hazards, and our own code."""
+        """Name all that results depend on besides their keys: program, map, hazards, and our own code."""
         digest = sha256()
         digest.update(behavior_of(VARIANTS[self.variant].behavior).source.encode())
         digest.update(repr(replace(self.hazards, on=frozenset())).encode())
@@ -134,7 +134,7 @@ def conduct_audit(
     *,
     tell: TellAudit = lambda done, of, run: None,
 ) -> tuple[AuditedRun, ...]:
-    """Hold `part` of the runs, at least one, against the reference interpreter; in the order of the runs."""
+    """Compare `part` of the runs, at least one, with the reference interpreter; in their order."""
     specs = experiment.specs()
     chosen = [spec for spec in specs if audited(spec, part)] or list(specs[:1])
     found = []
@@ -145,7 +145,7 @@ def conduct_audit(
 
 
 def of_experiment(experiment: Experiment, results: Results[R]) -> tuple[R, ...]:
-    """Its results, by number and seed: of the runs and seeds that it has."""
+    """Return the experiment's results, by number and seed: of the runs and seeds that it has."""
     numbers, seeds = {run.number for run in experiment.runs}, set(experiment.seeds)
     kept = results.of(experiment.name, experiment.label)
     return tuple(r for r in kept if r.key.number in numbers and r.key.seed in seeds)

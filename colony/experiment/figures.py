@@ -17,7 +17,7 @@ MM_S_TO_M_MIN = 0.06
 
 
 def percentile(values: Sequence[float], part: float) -> float:
-    """The value that `part` of all do not exceed, between neighbors in proportion; NaN of none."""
+    """Return the value that `part` of all do not exceed, interpolated linearly; NaN of none."""
     return float(np.quantile(values, part)) if values else math.nan
 
 
@@ -156,12 +156,12 @@ def _contacts(results: Sequence[RunResult]) -> Target:
 
 
 def percent(part: int, whole: int) -> str:
-    """A rate for people."""
+    """Format a rate for people."""
     return f"{100 * part / whole:.1f} %" if whole else "none"
 
 
 def rate(count: Count) -> str:
-    """A rate with its exact 95 % interval (Clopper and Pearson), for people."""
+    """Format a rate with its exact 95 % interval (Clopper and Pearson), for people."""
     if count.trials == 0:
         return "none"
     low, high = clopper_pearson(count)

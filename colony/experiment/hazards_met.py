@@ -60,7 +60,7 @@ def _count(places: object, legs: NDArray[np.float64], beside_mm: float) -> int:
 
 
 def _near(places: object, legs: NDArray[np.float64], beside_mm: float) -> NDArray[np.bool_]:
-    """Which places, (n, 2), are no farther than that from any of the legs, (m, 4)."""
+    """Return which places, (n, 2), are no farther than that from any of the legs, (m, 4)."""
     at = np.array(places, dtype=np.float64).reshape(-1, 1, 2)
     start, along = legs[:, :2], legs[:, 2:] - legs[:, :2]
     squares = np.maximum((along**2).sum(axis=1), 1.0)

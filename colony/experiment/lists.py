@@ -54,7 +54,7 @@ class ListedRun:
 
 
 def published_list() -> tuple[ListedRun, ...]:
-    """The forty runs of the thesis: 1 to 27 in the old wing, 28 to 40 in the new one."""
+    """Return the forty runs of the thesis: 1 to 27 in the old wing, 28 to 40 in the new one."""
     return tuple(
         ListedRun(number=number, origin=run.origin, goal=run.goal, published=run)
         for number, run in enumerate(PUBLISHED_RUNS, 1)
@@ -62,7 +62,7 @@ def published_list() -> tuple[ListedRun, ...]:
 
 
 def plate_list() -> tuple[ListedRun, ...]:
-    """The eleven walks of the thesis past door plates (Table 6.3)."""
+    """Return the eleven walks of the thesis past door plates (Table 6.3)."""
     return tuple(
         ListedRun(number=number, origin=walk.origin, goal=walk.goal)
         for number, walk in enumerate(PUBLISHED_WALKS, 1)
@@ -98,7 +98,7 @@ def own_list(path: Path, building: Building) -> tuple[ListedRun, ...]:
 
 
 def random_list(floor: Map, pairs: int, seed: int) -> tuple[ListedRun, ...]:
-    """Random pairs of doors between which a path leads.
+    """Draw random pairs of doors between which a path leads.
 
     Raises:
         ListProblem: there are no such pairs, or next to none.
@@ -111,7 +111,7 @@ def random_list(floor: Map, pairs: int, seed: int) -> tuple[ListedRun, ...]:
 
 
 def floors_list(building: Building, pairs: int, seed: int) -> tuple[ListedRun, ...]:
-    """Random pairs of doors on different floors between which a path leads, either way.
+    """Draw random pairs of doors on different floors between which a path leads, either way.
 
     Raises:
         ListProblem: there are no such pairs, or next to none.
@@ -126,7 +126,7 @@ def floors_list(building: Building, pairs: int, seed: int) -> tuple[ListedRun, .
 
 
 def _drawn(source: Map | Building, pairs: int, draw: Callable[[], tuple[str, ...]]) -> tuple[ListedRun, ...]:
-    """So many of the pairs that are drawn, those between which a path leads."""
+    """Take so many of the drawn pairs, without pairs that no path joins."""
     runs: list[ListedRun] = []
     for _ in range(_TRIES * pairs):
         if len(runs) == pairs:
@@ -143,7 +143,7 @@ def _drawn(source: Map | Building, pairs: int, draw: Callable[[], tuple[str, ...
 
 
 def _run(source: Map | Building, number: int, origin: str, goal: str) -> ListedRun:
-    """A run of one's own.
+    """Return a run of a user's list.
 
     Raises:
         NoPlan: no path leads there.
@@ -153,7 +153,7 @@ def _run(source: Map | Building, number: int, origin: str, goal: str) -> ListedR
 
 
 def rooms_of(floor: Map) -> tuple[str, ...]:
-    """The names of the nodes where doors begin, in the order of the map; one a room."""
+    """Return the names of the nodes where doors begin, in the order of the map; one a room."""
     names: dict[str, str] = {}
     for ring in floor.rings:
         for node, edge in zip(ring.nodes, ring.edges, strict=True):
@@ -163,7 +163,7 @@ def rooms_of(floor: Map) -> tuple[str, ...]:
 
 
 def chosen(runs: Sequence[ListedRun], text: str) -> tuple[ListedRun, ...]:
-    """Those that a text names: "1-5,22".
+    """Return the runs that a text names: "1-5,22".
 
     Raises:
         ListProblem: it names none, or others.

@@ -109,7 +109,7 @@ class Results(Generic[R]):
             self._file.execute("COMMIT")
 
     def expect(self, runs: str, variant: str, made_with: str) -> None:
-        """Say what the results of a list and variant are made with, besides their keys.
+        """Record what the results of a list and variant are made with, besides their keys.
 
         Raises:
             ResultsError: those that are there were made with something else.
@@ -137,12 +137,12 @@ class Results(Generic[R]):
             raise ResultsError(f"{self._path} cannot be written: {problem}") from None
 
     def keys(self) -> frozenset[RunKey]:
-        """The runs whose results are there."""
+        """Return the keys of the runs that have results."""
         query = f"SELECT {', '.join(KEY_COLUMNS)} FROM {self._table.name}"
         return frozenset(RunKey(*row) for row in self._file.execute(query))
 
     def of(self, runs: str, variant: str) -> tuple[R, ...]:
-        """The results of a list and variant, by number and seed."""
+        """Return the results of a list and variant, by number and seed."""
         columns = ", ".join(self._table.columns)
         where = "runs = ? AND variant = ? ORDER BY number, seed"
         query = f"SELECT {columns} FROM {self._table.name} WHERE {where}"

@@ -63,7 +63,7 @@ class RunSpec:
 
 @lru_cache(maxsize=4)
 def building_at(path: Path) -> Building:
-    """The building of a map, with the floors that its elevators lead to.
+    """Return the building of a map, with the floors that its elevators lead to.
 
     Raises:
         Failure: one of its maps is bad.
@@ -87,12 +87,12 @@ def plan_of(spec: RunSpec) -> Plan:
 
 
 def chance_of(key: RunKey) -> int:
-    """The seed of a run: another one for each number and seed, and the same for all variants."""
+    """Return the seed of a run: different for each number and seed, the same for all variants."""
     return (key.seed * 1_000_003 + key.number * 7_919 + 12_345) % (1 << 31)
 
 
 def _is_compensated(key: RunKey) -> bool:
-    """Return True if overshoots are taken off the distances: of the published runs, in those since late 1993."""
+    """Return True if overshoots are taken off the distances: not in published runs before late 1993."""
     return key.runs != PUBLISHED or PUBLISHED_RUNS[key.number - 1].compensated
 
 
@@ -158,7 +158,7 @@ class Run:
         return self.site.sceneries[self.plan.floors[0]]
 
     def step(self) -> bool:
-        """One frame; False when the run is over."""
+        """Drive one frame; False when the run is over."""
         try:
             self.loop.frame()
         except ScriptFailed as problem:

@@ -56,7 +56,7 @@ class Study(Generic[R]):
 
 
 def _json(result: PlateResult | LightResult | SourceResult, **found: object) -> dict[str, object]:
-    """A record for programs: which run, from where to where, and what was found."""
+    """Return a record for programs: the run, its origin and goal, and what was found."""
     other = {"key", "origin", "goal"}
     rest = {name: value for name, value in asdict(result).items() if name not in other}
     return {**result.key._asdict(), "from": result.origin, "to": result.goal, **rest, **found}

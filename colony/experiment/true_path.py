@@ -15,7 +15,7 @@ class TruePath:
         self._poses: list[Pose] = []
 
     def add(self, t_ns: int, pose: Pose) -> None:
-        """The robot is there; times grow from call to call."""
+        """Add the robot's pose in a frame; times grow from call to call."""
         self._times.append(t_ns)
         self._poses.append(pose)
 

@@ -32,7 +32,7 @@ PATH_NS = 1_000_000_000
 
 
 def mode_of(kind: GoalKind) -> Mode:
-    """The mode as the tables count it; entering and leaving a corner are one."""
+    """Return the mode as the tables count it; entering and leaving a corner are one."""
     match kind:
         case GoalKind.LIGHTS:
             return "L"
@@ -159,7 +159,7 @@ class Watcher:
         return new
 
     def _light_counted(self) -> None:
-        """One more was counted: the nearest one, if it is near and was not counted yet."""
+        """Count one more light: the nearest one, if it is near and was not counted yet."""
         number = self._segment
         segment = self._plan.segments[number] if number >= 0 else None
         if segment is None or segment.kind is not GoalKind.LIGHTS:
@@ -173,7 +173,7 @@ class Watcher:
 
 
 def _groups(plan: Plan) -> list[tuple[int, int, Mode]]:
-    """Each mode of a plan: its first and its last segment; corners have up to two."""
+    """Return each mode of a plan: its first and its last segment; corners have up to two."""
     groups: list[tuple[int, int, Mode]] = []
     for number, segment in enumerate(plan.segments):
         entered = number > 0 and plan.segments[number - 1].kind is GoalKind.ENTER_CORNER

@@ -20,7 +20,7 @@ _NOT_YET = ("no value", "unknown", "unset")
 
 
 def taken(semaphore: str, wait_s: float) -> Generator[Step, Any, bool]:
-    """Down a semaphore; False where that was not possible for so many seconds, 0 for not at all.
+    """Down a semaphore; return False if it stays 0 for so many seconds, 0 for no waiting.
 
     Raises:
         CallRefused: there is no such semaphore.
@@ -35,7 +35,7 @@ def taken(semaphore: str, wait_s: float) -> Generator[Step, Any, bool]:
 
 
 def values(*names: str) -> Generator[Step, Any, dict[str, Any] | None]:
-    """Variables at one moment, or None where one of them was never set."""
+    """Return variables at one moment, or None if one of them was never set."""
     try:
         return (yield from do("DServer", data.get_many(names)))
     except CallRefused as refused:
@@ -72,6 +72,6 @@ def adjusted(x_mm: float, y_mm: float, turn_deg: float) -> Generator[Step, Any, 
 
 
 def _pass_over(problem: ConnectionProblem) -> None:
-    """A server that dies is started again; but what it refuses now it will always refuse."""
+    """Pass over a connection problem, as a dead server is restarted; but raise a refusal, which is final."""
     if isinstance(problem, CallRefused) and problem.code not in _NOT_YET:
         raise problem

@@ -10,7 +10,7 @@ COMPILING = "compiling the simulator: some 20 s, once where the result can be ke
 
 @contextmanager
 def told_when_compiling(tell: Callable[[str], None]) -> Iterator[None]:
-    """Tell `COMPILING` once, when numba begins to compile; not where it loads what it compiled before."""
+    """Call `tell` with `COMPILING` once, when numba begins to compile; not when it loads from the cache."""
     from numba.core import event
 
     class Listener(event.Listener):

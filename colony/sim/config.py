@@ -85,7 +85,7 @@ IDEAL = RobotConfig(sonar_noise_mm=0.0, sonar_noise=0.0, wheel_scale=0.0, wheel_
 
 
 def limits_of(config: RobotConfig) -> BaseLimits:
-    """The most that the base of such a robot does."""
+    """Return the limits of the base of such a robot."""
     return BaseLimits(
         velocity=config.max_velocity_mm_s,
         turn=config.max_turn_deg_s,

@@ -23,7 +23,7 @@ class Noise:
         self.table: Floats2 = np.empty((robots, 0))
 
     def first(self, count: int) -> Floats2:
-        """The next `count` numbers of each stream, (robots, count), before any are taken."""
+        """Return the next `count` numbers of each stream, (robots, count), without taking them."""
         drawn = [generator.standard_normal(count) for generator in self._generators]
         return np.array(drawn).reshape(len(self._generators), count)
 

@@ -80,7 +80,7 @@ class _Wanted:
 
 
 def place_names(drawn: Map, mm_per_point: float) -> tuple[Name, ...]:
-    """The names of a map's doors, elevators and corners, as far as there is room.
+    """Place the names of a map's doors, elevators and corners, as far as there is room.
 
     Args:
         drawn: the map.
@@ -121,18 +121,18 @@ def _wanted(drawn: Map) -> Iterator[_Wanted]:
 
 
 def _without_side(name: str) -> str:
-    """A door's name from that of its left jamb: `101L` gives `101`, `NE.men.L` gives `NE.men`."""
+    """Return a door's name from that of its left jamb: `101L` gives `101`, `NE.men.L` gives `NE.men`."""
     return name[:-1].removesuffix(".") if len(name.rstrip("L.")) > 0 and name[-1] == "L" else name
 
 
 def _left_of(here: Point, there: Point) -> Point:
-    """The unit vector behind a wall, on the left of who walks along it."""
+    """Return the unit vector to the back of a wall, on its left as traced."""
     length = math.hypot(there.x - here.x, there.y - here.y)
     return Point(-(there.y - here.y) / length, (there.x - here.x) / length)
 
 
 def _crowded_lines(wanted: Sequence[_Wanted], mm_per_point: float) -> set[tuple[int, int]]:
-    """The walls from west to east whose doors' names do not fit beside each other."""
+    """Return the walls from west to east whose doors' names do not fit beside each other."""
     crowded = set()
     along: dict[tuple[int, int], list[_Wanted]] = {}
     for one in wanted:

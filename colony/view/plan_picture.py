@@ -23,7 +23,7 @@ _LETTER_APART_MM = 1400.0
 
 
 def draw_plan(drawn: Map, plan: Plan, title: str | None = None) -> Figure:
-    """A figure of what of a plan is on one floor: L, E, C and D are the modes of the Navigator.
+    """Draw the part of a plan on one floor: L, E, C and D are the modes of the Navigator.
 
     Args:
         drawn: the map of the floor.
@@ -41,7 +41,7 @@ def draw_plan(drawn: Map, plan: Plan, title: str | None = None) -> Figure:
 
 
 def _stretches(segments: list[Segment], floor: str) -> list[np.ndarray]:
-    """The parts of the way on one floor, each in one go."""
+    """Return the parts of the way on one floor, each in one go."""
     parts: list[list[tuple[float, float]]] = [[]]
     for segment in segments:
         if segment.start.floor == floor:

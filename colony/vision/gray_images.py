@@ -19,7 +19,7 @@ _WEIGHTS = np.array([77, 150, 29], dtype=np.uint16)  # of 256: red, green, blue
 
 
 def gray_image(image: NDArray[Any]) -> Gray:
-    """An image as gray, whatever its channels: (rows, columns), or with a last axis of 1 or 3 (RGB).
+    """Return an image as gray, whatever its channels: (rows, columns), or with a last axis of 1 or 3 (RGB).
 
     Raises:
         ValueError: it is no array of uint8 of such a shape, or too small.

@@ -81,7 +81,7 @@ def _check_size(columns: int, rows: int) -> None:
 
 
 def _rgb(image: Image.Image) -> Rgb:
-    """Any kind of pixels as red, green and blue of 8 bits."""
+    """Convert any kind of pixels to red, green and blue of 8 bits."""
     from PIL import Image
 
     if image.mode == "F" or image.mode.startswith("I"):
@@ -93,7 +93,7 @@ def _rgb(image: Image.Image) -> Rgb:
 
 
 def _narrowed(levels: NDArray[np.generic]) -> NDArray[np.uint8]:
-    """Levels of 16 bits, or parts of 1, as 8 bits."""
+    """Convert levels of 16 bits, or parts of 1, to 8 bits."""
     values = np.nan_to_num(levels.astype(np.float64))
     is_part = np.issubdtype(levels.dtype, np.floating) and values.max(initial=0.0) <= 1.0
     full = 1.0 if is_part else 65535.0 if values.max(initial=0.0) > 255.0 else 255.0

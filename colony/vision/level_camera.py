@@ -53,14 +53,14 @@ class LevelCamera:
         return math.degrees(math.atan(((self.columns - 1) / 2.0 - column) / self.focal))
 
     def column_of(self, bearing_deg: float) -> float:
-        """Which column looks there; it may be outside of the image.
+        """Return the column that looks in a direction; it may be outside of the image.
 
         The bearing is within 90 degrees of the optical axis.
         """
         return (self.columns - 1) / 2.0 - self.focal * math.tan(math.radians(bearing_deg))
 
     def row_of(self, above_floor_mm: float, depth_mm: float) -> float:
-        """In which row a height is seen at a depth, which is measured along the optical axis."""
+        """Return the row of a height at a depth, which is measured along the optical axis."""
         return (self.rows - 1) / 2.0 - self.focal * (above_floor_mm - self.height_mm) / depth_mm
 
 

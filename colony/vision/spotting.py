@@ -87,7 +87,7 @@ def spots(detector: Detector, image: Gray) -> tuple[Spot, ...]:
 
 
 def _looked_at(detector: Detector, columns: int, rows: int) -> tuple[int, int]:
-    """The columns and rows that an image of this size is made for a detector."""
+    """Return the columns and rows to which an image of this size is reduced for a detector."""
     if detector is Detector.LIGHTS:
         return UPWARD.columns, UPWARD.rows
     factor = min(1.0, MOST_COLUMNS / columns, MOST_ROWS / rows)
@@ -105,7 +105,7 @@ def _resized(gray: Gray, size: tuple[int, int]) -> Gray:
 
 
 def _scaled(spot: Spot, across: float, down: float) -> Spot:
-    """A spot as it is in an image that has so many times as many columns and rows."""
+    """Scale a spot to an image that has so many times as many columns and rows."""
     first, second, third, fourth = (
         ((column + 0.5) * across - 0.5, (row + 0.5) * down - 0.5) for column, row in spot.corners
     )

@@ -72,7 +72,7 @@ class LightWatch:
     _looks: list[int] = field(default_factory=lambda: [0, 0, 0, 0])
 
     def moved(self, pose: Pose) -> None:
-        """The robot is there, and tracks lights."""
+        """Record the robot's pose while it tracks lights."""
         before, self._ahead = self._ahead, {}
         for number, light in self._near(pose):
             at = _relative(light, pose)
@@ -110,7 +110,7 @@ class LightWatch:
         return tuple(self.lights[number] for number in sorted(self._passed - self._told))
 
     def _near(self, pose: Pose) -> list[tuple[int, CeilingLight]]:
-        """The lights that are on and not far from the robot."""
+        """Return the lights that are on and not far from the robot."""
         return [
             (number, light)
             for number, light in enumerate(self.lights)
@@ -129,7 +129,7 @@ def _is_in_view(at: _Relative) -> bool:
 
 
 def _relative(light: CeilingLight, pose: Pose) -> _Relative:
-    """Along the corridor in the direction in which the robot goes along it."""
+    """Return a light in the robot's frame, along the corridor in the robot's direction."""
     turned = math.remainder(pose.heading_deg - light.heading_deg, 180.0)
     unit = direction(pose.heading_deg - turned)
     dx, dy = light.x_mm - pose.x_mm, light.y_mm - pose.y_mm

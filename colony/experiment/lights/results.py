@@ -35,7 +35,7 @@ class LightResult:
 
 
 def detection_total(results: Sequence[LightResult]) -> LightDetection:
-    """The counts over runs."""
+    """Return the counts over runs."""
     counts = [result.counts for result in results]
     return LightDetection(*(sum(one) for one in zip(*counts, strict=True))) if counts else _NOTHING
 
@@ -61,7 +61,7 @@ def light_targets(results: Sequence[LightResult]) -> tuple[Target, ...]:
 
 
 def light_tables(runs: Sequence[ListedRun], results: Sequence[LightResult]) -> list[str]:
-    """Return the tables over all runs, a row a run, and that of the undetected lights; none without results."""
+    """Return the tables over all runs, a row a run, and of undetected lights; none without results."""
     if not results:
         return []
     tables = [targets_markdown(light_targets(results)), _run_table(runs, results), _undetected_table(results)]

@@ -31,7 +31,7 @@ def light_witness(on_look: Callable[[Look], None]) -> Script:
 
 
 def _tilt_deg() -> Generator[Step, Any, float]:
-    """The robot's heading less the goal's; 0 where there is no goal yet."""
+    """Return the robot's heading less the goal's; 0 if there is no goal yet."""
     try:
         direction = yield from do("DServer", data.get(GOAL_DIRECTION, type=float))
     except CallRefused:

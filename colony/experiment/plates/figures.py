@@ -16,18 +16,18 @@ _SYMBOLS: dict[Kind, str] = {"found": "D", "missed": "M", "false": "P", "unseen"
 
 
 def total(results: Sequence[PlateResult], finder: Finder) -> Tally:
-    """The counts of a finder over runs."""
+    """Return the counts of a finder over runs."""
     tallies = [tally(result.outcomes[finder]) for result in results]
     return Tally(*(sum(counts) for counts in zip(*tallies, strict=True))) if tallies else Tally(0, 0, 0, 0, 0)
 
 
 def walks(results: Sequence[PlateResult], finder: Finder) -> tuple[str, ...]:
-    """Each run as a string of D, M and P, as `plate_counts` takes them."""
+    """Return each run as a string of D, M and P, as `plate_counts` takes them."""
     return tuple("".join(_SYMBOLS[one.kind] for one in r.outcomes[finder]) for r in results)
 
 
 def events(results: Sequence[PlateResult], finder: Finder) -> dict[PlateEvent, Count]:
-    """The events of Table 6.6."""
+    """Return the events of Table 6.6."""
     return plate_counts(walks(results, finder))
 
 

@@ -99,7 +99,7 @@ def _false(sighting: Sighting, name: str) -> Outcome:
 
 
 def _plate(plate: Plate, sighting: Sighting, passed_ns: int | None) -> Outcome:
-    """A plate that was seen; at the time at which it was passed, where it was."""
+    """Return the outcome of a plate that was seen, at the time and place at which it was passed."""
     x, y = sighting.place
     right = sighting.text == plate.text
     if passed_ns is None:

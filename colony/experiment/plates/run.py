@@ -54,7 +54,7 @@ class PlateRun:
         }
 
     def step(self) -> bool:
-        """One frame; False when the run is over."""
+        """Drive one frame; False when the run is over."""
         run = self.run
         pose = run.world.true_pose(0)
         self.path.add(run.loop.now_ns, pose)

@@ -32,7 +32,7 @@ _PLATES = 15
 
 
 def plate_tables(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> list[str]:
-    """All of them, for a page or a terminal; none without results."""
+    """Return all tables, for a page or a terminal; none without results."""
     if not results:
         return []
     tables = [
@@ -52,7 +52,7 @@ def plate_target_table(results: Sequence[PlateResult]) -> str:
 
 
 def walk_table(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> str:
-    """A row a walk, over all of its seeds: found, missed, false of each finder, beside the published ones."""
+    """Return a row a walk, over all of its seeds: found, missed, false of each finder, and as published."""
     head = ["walk", "from", "to", "reached", "plates", "out of view"]
     head += [f"{FINDER_NAMES[finder]}: found, missed, false" for finder in FINDERS]
     head += ["published: found, missed, false"]
@@ -81,7 +81,7 @@ def walk_table(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> st
 
 
 def finder_table(results: Sequence[PlateResult]) -> str:
-    """A row a finder: what it found, read and took for a plate, with exact 95 % intervals."""
+    """Return a row a finder: what it found, read and took for a plate, with exact 95 % intervals."""
     rows = []
     for finder in FINDERS:
         count = total(results, finder)
@@ -128,7 +128,7 @@ def false_table(results: Sequence[PlateResult]) -> str:
 
 
 def plate_event_table(results: Sequence[PlateResult]) -> str:
-    """The events of Table 6.6, and what follows for a corridor of `_PLATES` plates, beside the published."""
+    """Return the events of Table 6.6 and what follows for `_PLATES` plates, beside the published."""
     counts = {finder: events(results, finder) for finder in FINDERS}
     rows = [
         [
@@ -150,7 +150,7 @@ _OURS: tuple[Finder, ...] = ("ours", "map")
 
 
 def missed_table(results: Sequence[PlateResult]) -> str:
-    """A row for each plate that one of our finders missed, read wrong, or saw where none is; "" without."""
+    """Return a row for each plate that a finder of ours missed, misread, or saw where none is."""
     rows = []
     for result in results:
         for finder in _OURS:

@@ -94,7 +94,7 @@ def source_targets(results: Sequence[SourceResult]) -> tuple[Target, ...]:
 
 
 def source_tables(runs: Sequence[ListedRun], results: Sequence[SourceResult]) -> list[str]:
-    """Which runs, what came of it, and a row for each choice of sources; none without results."""
+    """Return the runs, their results, and a row for each choice of sources; none without results."""
     if not results:
         return []
     head = [
@@ -112,7 +112,7 @@ def source_tables(runs: Sequence[ListedRun], results: Sequence[SourceResult]) ->
 
 
 def _told(results: Sequence[SourceResult]) -> str:
-    """Which runs these are."""
+    """Describe the runs."""
     numbers = ", ".join(map(str, sorted({result.key.number for result in results})))
     seeds = ", ".join(map(str, sorted({result.key.seed for result in results})))
     return f"Runs {numbers}; seeds {seeds}."

@@ -53,7 +53,7 @@ CHOICES: Mapping[str, frozenset[Source]] = {
 
 
 def source_list() -> tuple[ListedRun, ...]:
-    """Some of the published runs, which have something of everything."""
+    """Return some of the published runs, which have something of everything."""
     return tuple(run for run in published_list() if run.number in NUMBERS)
 
 

@@ -29,7 +29,7 @@ class Count(NamedTuple):
     trials: int
 
     def plus(self, good: bool) -> Count:
-        """After one more."""
+        """Return the count after one more trial."""
         return Count(self.good + good, self.trials + 1)
 
 
@@ -95,7 +95,7 @@ def _events(mode: str, before: str, done: bool, found: bool) -> list[tuple[Event
 
 
 def estimated(counts: Counts, arcs: Arcs = ALL_ARCS) -> Automaton:
-    """The automaton with the relative frequencies; what was never tried counts as sure, as in the thesis."""
+    """Return the automaton with the relative frequencies; as in the thesis, an untried event is sure."""
     events = {
         event: Fraction(count.good, count.trials) if count.trials else Fraction(1)
         for event, count in counts.items()
@@ -115,7 +115,7 @@ class Interval(NamedTuple):
 
 
 def wilson(count: Count, level: float = 0.95) -> Interval:
-    """Wilson's score interval for the probability of an event; [0, 1] where it was never tried."""
+    """Return Wilson's score interval for the probability of an event; [0, 1] if it was never tried."""
     good, n = count
     if n == 0:
         return Interval(0.0, 1.0)
@@ -129,7 +129,7 @@ def wilson(count: Count, level: float = 0.95) -> Interval:
 
 
 def clopper_pearson(count: Count, level: float = 0.95) -> Interval:
-    """The exact interval: the probabilities that make neither tail rarer than half of 1 - `level`."""
+    """Return the exact interval: the probabilities that make neither tail rarer than half of 1 - `level`."""
     good, n = count
     tail = (1 - level) / 2
     low = 0.0 if good == 0 else _root(lambda p: regularized_beta(good, n - good + 1, p) - tail)
@@ -183,7 +183,7 @@ _MOST_TERMS = 10_000
 
 
 def regularized_beta(a: float, b: float, x: float) -> float:
-    """I_x(a, b), the distribution function of Beta(a, b), to about 1e-12.
+    """Return I_x(a, b), the distribution function of Beta(a, b), to about 1e-12.
 
     By its continued fraction (Abramowitz and Stegun 26.5.8), evaluated by Lentz's method.
     """

@@ -64,7 +64,7 @@ class HimmMap:
     """A local map, square, its origin in the middle. Mutable."""
 
     def __init__(self, setting: HimmSetting | None = None) -> None:
-        """An empty map."""
+        """Begin with an empty map."""
         self.setting = setting or HimmSetting()
         side = 2 * round(self.setting.half_side_mm / self.setting.cell_mm)
         self._side = side
@@ -96,7 +96,7 @@ class HimmMap:
         self._raise(row[close], column[close])
 
     def cells(self, least: int = RISE) -> Cells:
-        """The cells whose certainty is at least so much."""
+        """Return the cells whose certainty is at least so much."""
         at = np.flatnonzero(self._grid >= least)
         row, column = np.divmod(at, self._side)
         half, cell = self._side // 2, self.setting.cell_mm

@@ -65,7 +65,7 @@ class HoughSetting:
 
 
 def lines_in(cells: Cells, setting: HoughSetting | None = None) -> tuple[Line, ...]:
-    """The strongest line, and the strongest one parallel to it on either side; none where cells are few."""
+    """Return the strongest line, and the strongest parallel to it on either side; none if cells are few."""
     setting = setting or HoughSetting()
     if cells.certainty.sum() < setting.least_weight:
         return ()
@@ -85,7 +85,7 @@ def lines_in(cells: Cells, setting: HoughSetting | None = None) -> tuple[Line, .
 
 
 def _votes(cells: Cells, setting: HoughSetting) -> tuple[Floats, Floats, float]:
-    """(angles, distances): the votes; the angles of the bins, and the distance of the first bin."""
+    """Return the votes, (angles, distances), the angles of the bins, and the first bin's distance."""
     angles = np.radians(np.arange(-90.0, 90.0, setting.angle_step_deg))
     distances = np.outer(np.cos(angles), cells.left_mm) - np.outer(np.sin(angles), cells.ahead_mm)
     step = setting.distance_step_mm
@@ -119,7 +119,7 @@ def _guided(
 
 
 def _half_turned(angle_deg: Floats | float) -> Floats:
-    """The angle between directionless lines, in [-90, 90)."""
+    """Return the angle between directionless lines, in [-90, 90)."""
     return np.asarray((angle_deg + 90.0) % 180.0 - 90.0)
 
 
@@ -129,7 +129,7 @@ _STRAY = 0.02
 
 
 def _fitted(cells: Cells, angle_rad: float, distance_mm: float, setting: HoughSetting) -> Line | None:
-    """The line fitted to the cells near to it by total least squares; None where they are too few."""
+    """Fit a line to the cells near to it by total least squares; None if they are too few."""
     for _ in range(_REFINEMENTS):
         cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
         across = cosine * cells.left_mm - sine * cells.ahead_mm
@@ -160,7 +160,7 @@ def _fitted(cells: Cells, angle_rad: float, distance_mm: float, setting: HoughSe
 def _in_order(
     angle_rad: float, distance_mm: float, weight: float, ends: tuple[float, float], spread: float
 ) -> Line:
-    """A line with its angle in [-90, 90)."""
+    """Return a line with its angle in [-90, 90)."""
     angle = math.degrees(angle_rad)
     wrapped = (angle + 90.0) % 180.0 - 90.0
     sign = 1.0 if round((angle - wrapped) / 180.0) % 2 == 0 else -1.0

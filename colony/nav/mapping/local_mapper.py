@@ -88,7 +88,7 @@ def _pose(where: Position) -> Pose:
 
 
 def _scan_and_position() -> Generator[Step, Any, tuple[SonarReading | None, Position | None]]:
-    """The newest scan, and the position right after it; None for what is not known now."""
+    """Return the newest scan, and the position right after it; None for what is not known now."""
     scan = yield from asked("PServer", proximity.sonar())
     where = yield from asked("RServer", robot.position())
     return scan, where

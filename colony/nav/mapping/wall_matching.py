@@ -41,7 +41,7 @@ class Sighting(NamedTuple):
 
 
 def sighted(line: Line, origin: Pose) -> Sighting:
-    """A line of the local map that began at `origin`, in the building."""
+    """Return a line of the local map that began at `origin`, in the frame of the building."""
     angle = math.radians(line.angle_deg)
     cosine, sine = math.cos(angle), math.sin(angle)
     heading = math.radians(origin.heading_deg)
@@ -96,7 +96,7 @@ _INDEPENDENT = 4.0
 
 
 def matched(sighting: Sighting, walls: Mirrors, robot: Pose, gate: Gate = DEFAULT_GATE) -> WallMatch | None:
-    """The wall that a line is, seen from where the robot is believed to be; None where it is none.
+    """Return the wall that a line is, seen from the robot's believed pose, or None.
 
     `walls` are those near by. Pieces of wall in one line count as one wall, doors between them too; what may
     not be heard does not count.

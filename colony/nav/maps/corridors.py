@@ -79,7 +79,7 @@ class Corridor:
         return (y - self.start.y) * unit.x - (x - self.start.x) * unit.y
 
     def at(self, along_mm: float) -> Point:
-        """The place on the middle line so far after `start`."""
+        """Return the place on the middle line at this distance from `start`."""
         unit = direction(self.heading_deg)
         return Point(self.start.x + along_mm * unit.x, self.start.y + along_mm * unit.y)
 
@@ -93,7 +93,7 @@ class TurningSpace:
 
 
 def corridors_of(source: Map) -> tuple[Corridor, ...]:
-    """The corridors of a floor, by where they begin, from north to south; none where no walls face another.
+    """Return the corridors of a floor, by where they begin, from north to south; may be empty.
 
     Rooms, halls and dead ends without length are no corridors.
     """
@@ -107,7 +107,7 @@ def corridors_of(source: Map) -> tuple[Corridor, ...]:
 
 
 def turning_spaces_of(corridors: Sequence[Corridor]) -> tuple[TurningSpace, ...]:
-    """Every two corridors whose middle lines cross, in the order of `corridors`."""
+    """Return all pairs of corridors whose middle lines cross, in the order of `corridors`."""
     spaces = []
     for i, one in enumerate(corridors):
         for j in range(i + 1, len(corridors)):
@@ -205,7 +205,7 @@ def _across(one: Side, other: Side) -> float | None:
 
 
 def _strip(side: Side, width: float, low: float, high: float, edges: tuple[tuple[int, int], ...]) -> _Strip:
-    """The strip of `width` to the right of a side, from `low` to `high` after its beginning."""
+    """Return the strip of `width` to the right of a side, from `low` to `high` after its beginning."""
     heading = side.heading_deg % 180.0
     if 180.0 - heading < 1e-6:
         heading = 0.0
@@ -278,7 +278,7 @@ def _continues(floor: _Floor, one: _Strip, other: _Strip) -> bool:
 
 
 def _joined(one: _Strip, other: _Strip) -> _Strip:
-    """Both as one, in the middle of the longer ones."""
+    """Join two strips to one, in the middle of the longer ones."""
     long, more = one.high - one.low, other.high - other.low
     return replace(
         one,
@@ -326,7 +326,7 @@ def _jog(floor: _Floor, side: Side, at_its_end: bool, beyond: float) -> _Strip |
 
 
 def _corridor(floor: _Floor, strip: _Strip) -> Corridor:
-    """A strip up to the walls in front of it, or as far into what it opens into as a corridor is wide."""
+    """Extend a strip to the walls in front of it, or into what it opens into by a corridor's width."""
     low, high = strip.low, strip.high
     for seed in strip.seeds:
         at = strip.point(seed)

@@ -57,7 +57,7 @@ class Side:
 
 
 def sides_of(source: Map) -> tuple[Side, ...]:
-    """The sides of all rings, in their order."""
+    """Return the sides of all rings, in their order."""
     return tuple(side for i, ring in enumerate(source.rings) for side in _ring_sides(i, ring))
 
 
@@ -71,7 +71,7 @@ def _ring_sides(index: int, ring: Ring) -> list[Side]:
 
 
 def _cuts(ring: Ring) -> list[int]:
-    """The nodes at which a ring's walls change direction for good: its corners, where it names them."""
+    """Return the nodes at which a ring's walls change direction for good: its corners."""
     named = [i for i, node in enumerate(ring.nodes) if node.corner]
     if len(named) >= 3:
         return named

@@ -135,12 +135,12 @@ def markers_of(floor: Map) -> tuple[Marker, ...]:
 
 
 def door_name(node: str) -> str:
-    """The name of a door without the letter of its jamb: "352L" is 352, "NE.men.L" NE.men."""
+    """Return the name of a door without the letter of its jamb: "352L" is 352, "NE.men.L" NE.men."""
     return node[:-1].rstrip(".") if len(node) > 1 and node[-1] in "LR" else node
 
 
 def _rings(floor: Map) -> list[tuple[list[str], int]]:
-    """The names of each ring's nodes, and the number of its first edge."""
+    """Return the names of each ring's nodes, and the number of its first edge."""
     rings, first = [], 0
     for ring in floor.rings:
         rings.append(([node.name for node in ring.nodes], first))

@@ -20,7 +20,7 @@ class NoPlace(ValueError):
 
 
 def standing_at(floor: Map, place: str) -> Pose:
-    """The pose "X,Y,HEADING", in mm and degrees.
+    """Parse the pose "X,Y,HEADING", in mm and degrees.
 
     Raises:
         NoPlace: it is not three numbers, or outside of the building.

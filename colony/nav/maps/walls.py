@@ -47,7 +47,7 @@ class Walls:
 
 
 def walls_of(source: Map) -> Walls:
-    """The walls, doors and elevators of a map; doors and elevators are shut."""
+    """Return the walls, doors and elevators of a map; doors and elevators are shut."""
     rows = []
     for ring in source.rings:
         nodes = corners(ring)

@@ -57,7 +57,7 @@ def clerk() -> Script:
 
 
 def _reached(number: int) -> Generator[Step, Any, bool]:
-    """Until the goal is reached (True), or there is another one in its place (False)."""
+    """Wait until the goal is reached (True), or another one replaces it (False)."""
     while True:
         # Waiting for the next goal is the pause between two looks.
         if (yield from taken(GOAL_DATA, PERIOD_S)):
@@ -82,6 +82,6 @@ def _await_tracker() -> Generator[Step, Any, None]:
 
 
 def _value(name: str) -> Generator[Step, Any, Any]:
-    """A variable, or None where it was never set."""
+    """Return a variable, or None if it was never set."""
     told = yield from values(name)
     return None if told is None else told[name]

@@ -76,7 +76,7 @@ def _floor(building: Building, name: str) -> str:
 
 
 def _way(building: Building, call: Call) -> str:
-    """Which of two buttons it is, where floors have numbers."""
+    """Return which of two buttons it is, if floors have numbers."""
     here, there = (building.map_named(name).floor for name in (call.floor, call.other))
     try:
         return ", up" if int(there) > int(here) else ", down"

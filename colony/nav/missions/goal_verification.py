@@ -54,7 +54,7 @@ class SeenPlate(NamedTuple):
 
 
 def seen_plate(told: Any) -> SeenPlate | None:
-    """A value of PlateSeen; None where it is none."""
+    """Return a value of PlateSeen, or None if it is none."""
     match told:
         case [int(t_ns), int(number), str(text), int() | float() as x, int() | float() as y]:
             return SeenPlate(t_ns, number, text, float(x), float(y)) if math.isfinite(x + y) else None
@@ -84,7 +84,7 @@ def plate_at(floor: Map, node: str) -> Plate | None:
 
 
 def remember_plates() -> Generator[Step, Any, None]:
-    """Have DServer keep more than the newest plate."""
+    """Make DServer keep more than the newest plate."""
     yield from asked("DServer", data.set_history(PLATE_SEEN, REMEMBERED))
 
 

@@ -49,7 +49,7 @@ class Layout:
     bounded: Mapping[tuple[int, int], tuple[int, ...]]
 
     def corridor_at(self, ring: int, edge: int) -> int | None:
-        """Which corridor an edge bounds; where it is several in a row, the one nearest to its middle."""
+        """Return the corridor that an edge bounds; of several in a row, the one nearest to its middle."""
         found = self.bounded.get((ring, edge), ())
         if len(found) < 2:
             return found[0] if found else None
@@ -58,7 +58,7 @@ class Layout:
         return min(found, key=lambda i: _beyond(self.corridors[i], middle))
 
     def corridor_of_node(self, ring: int, node: int) -> int | None:
-        """Which corridor a node stands in: that of the edge after it, or else of the one before."""
+        """Return the corridor of a node: that of the edge after it, or else of the one before."""
         after = self.corridor_at(ring, node)
         return after if after is not None else self.corridor_at(ring, (node - 1) % len(self.nodes[ring]))
 
@@ -196,7 +196,7 @@ def _shortest(
 def _step(
     graph: Any, here: object, there: object, length: float, corridor: int | None, more: float = 0.0
 ) -> None:
-    """An edge of the graph; of several between the same places the shortest is kept."""
+    """Add an edge of the graph; of several between the same places the shortest is kept."""
     weight = length + more + _HOP_MM
     if not graph.has_edge(here, there) or graph[here][there]["weight"] > weight:
         graph.add_edge(here, there, weight=weight, length=length, corridor=corridor)
@@ -251,7 +251,7 @@ def _add_corridors(graph: Any, floor: int, layout: Layout, ends: list[Spot]) -> 
 
 
 def _parts(graph: Any, path: list[Any]) -> Way:
-    """A path of the graph, cut where it rides from floor to floor."""
+    """Cut a path of the graph where it rides from floor to floor."""
     parts: list[Stretch | Lift] = []
     origin, length = path[0], 0.0
     corridors: list[int] = []

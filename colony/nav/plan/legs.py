@@ -53,7 +53,7 @@ class Leg:
         return self.corridor.heading_deg if along >= 0.0 else (self.corridor.heading_deg + 180.0) % 360.0
 
     def at(self, along_mm: float) -> Point:
-        """The place so far after its start."""
+        """Return the place at this distance from the start."""
         unit = direction(self.heading_deg)
         return Point(self.start.x + along_mm * unit.x, self.start.y + along_mm * unit.y)
 
@@ -67,7 +67,7 @@ class Apart:
 
 
 def legs_of(corridors: tuple[Corridor, ...], origin: Point, goal: Point) -> tuple[Leg, ...] | Apart:
-    """The legs through corridors, one after the other, from abreast of one place to abreast of another."""
+    """Return the legs through corridors from abreast of one place to abreast of another."""
     order = _without_returns(list(range(len(corridors))), corridors)
     bends = []
     for i, j in pairwise(order):
@@ -102,7 +102,7 @@ def _without_returns(order: list[int], corridors: tuple[Corridor, ...]) -> list[
 def segments_of(
     legs: tuple[Leg, ...], lights: tuple[Point, ...], floor: str
 ) -> tuple[tuple[Segment, ...], str]:
-    """The segments of legs on one floor, and one letter a mode."""
+    """Return the segments of legs on one floor, and one letter a mode."""
     segments: list[Segment] = []
     modes = ""
     for i, leg in enumerate(legs):

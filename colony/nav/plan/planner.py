@@ -82,7 +82,7 @@ class Goal(NamedTuple):
 
 
 def goal_of(segment: Segment, progress_mm: float) -> Goal:
-    """The goal of a segment for a robot that is so far after its start.
+    """Return the goal of a segment for a robot at this distance from its start.
 
     Lights that are behind are left out. Where nothing is left of a segment its goal is 0 mm away, which the
     Navigator has reached at once: so the goals of a plan are as many as its segments, and in their order.

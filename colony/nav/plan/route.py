@@ -82,7 +82,7 @@ Known = dict[str, list[Spot]]
 
 
 def _known(layouts: tuple[Layout, ...]) -> Known:
-    """All nodes by their names, with and without their floors'."""
+    """Return all nodes by their names, with and without their floors'."""
     known: Known = {}
     for f, layout in enumerate(layouts):
         for r, ring in enumerate(layout.source.rings):
@@ -111,7 +111,7 @@ def _spots(layouts: tuple[Layout, ...], known: Known, name: str, what: str) -> t
 
 
 def _quoted(name: str) -> str:
-    """A name as a message quotes it: in one line, shortened."""
+    """Quote a name for a message: in one line, shortened."""
     shown = name if name.isprintable() else ascii(name)[1:-1]
     return f"`{shown if len(shown) <= 40 else shown[:37] + '...'}`"
 
@@ -199,7 +199,7 @@ def _shown(at: Point) -> str:
 
 
 def _doors(layout: Layout, spot: Spot) -> Point:
-    """The middle of an elevator's doors."""
+    """Return the middle of an elevator's doors."""
     nodes = layout.nodes[spot.ring]
     here, there = nodes[spot.node], nodes[(spot.node + 1) % len(nodes)]
     return Point((here.x + there.x) / 2, (here.y + there.y) / 2)

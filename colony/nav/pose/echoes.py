@@ -72,7 +72,7 @@ class Mirrors(NamedTuple):
     doubt: Floats
 
     def near(self, x_mm: float, y_mm: float, reach_mm: float) -> Mirrors:
-        """Those that come nearer to a point than `reach_mm`."""
+        """Return the walls that come nearer to a point than `reach_mm`."""
         to_start = self.start - (x_mm, y_mm)
         part = np.clip(-(to_start * self.along).sum(axis=1), 0.0, self.length)
         nearest = to_start + part[:, None] * self.along

@@ -117,7 +117,7 @@ class _Estimator:
         return goal == GoalKind.ELEVATOR
 
     def _fixes(self, now_ns: int) -> Generator[Step, Any, list[Told]]:
-        """The fixes that are new."""
+        """Return the fixes that are new."""
         told = yield from asked("DServer", data.get_many(_FIXES))
         if told is None:
             yield from _make_fixes()

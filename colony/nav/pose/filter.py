@@ -154,7 +154,7 @@ class PoseFilter:
         return Step(ahead, left, turned + drift)
 
     def _spread(self, way: float, turned: float) -> None:
-        """Become less certain by a step of so many mm and radians."""
+        """Add the uncertainty of a step of so many mm and radians."""
         noise, meters = self._noise, way / 1e3
         spread = noise.way_mm**2 * meters + (noise.way * way) ** 2
         self.covariance[0, 0] += spread
@@ -163,7 +163,7 @@ class PoseFilter:
         self.covariance[3, 3] += (math.radians(noise.drift_change_deg_m) / 1e3) ** 2 * meters
 
     def shift(self, x_mm: float, y_mm: float, turn_rad: float) -> None:
-        """Somebody corrected the odometry by so much: the robot did not move, its pose is another one."""
+        """Apply a correction of the odometry: the robot did not move, but its pose is another one."""
         self.state[0] += x_mm
         self.state[1] += y_mm
         self.state[2] += turn_rad
@@ -239,7 +239,7 @@ class PoseFilter:
         self.covariance[:3, :3] += max(variance, 0.0) * np.outer(axis, axis)
 
     def relocate(self, mirrors: Mirrors, ranges: Floats) -> bool:
-        """Try headings all around by one scan, and take one that explains most of it; False where none does.
+        """Try headings all around by one scan, and take one that explains most of it; False if none does.
 
         The position must be about right, as far as it can be since walls were last where they belong: a wheel
         that slips turns a robot more than it moves it.
@@ -345,5 +345,5 @@ def _is_plain(row: Row, way: float, most: Leap) -> bool:
 
 
 def _told(expected: Expected, ranges: Floats) -> NDArray[np.intp]:
-    """The sonars that are to hear a wall, and that say something."""
+    """Return the sonars that are expected to hear a wall, and have a reading."""
     return np.flatnonzero(np.isfinite(expected.sigma) & np.isfinite(ranges))

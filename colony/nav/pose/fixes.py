@@ -34,12 +34,12 @@ class Fix(NamedTuple):
 
 
 def fix_list(fix: Fix) -> list[float]:
-    """A fix as DServer keeps it: the time, then five numbers a row."""
+    """Return a fix as DServer keeps it: the time, then five numbers a row."""
     return [fix.t_ns, *(number for row in fix.rows for number in row)]
 
 
 def fix_of(told: Any) -> Fix | None:
-    """The fix in what DServer has; None where it is none: no list, cut short, not all finite numbers."""
+    """Return the fix in a value of DServer; None if it is no list, cut short, or not all finite."""
     if not isinstance(told, list | tuple) or len(told) % 5 != 1:
         return None
     if not all(isinstance(number, int | float) and math.isfinite(number) for number in told):

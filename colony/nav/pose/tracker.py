@@ -130,7 +130,7 @@ class PoseTracker:
         return PoseEstimate(self._last.t_ns, x, y, math.degrees(heading) % 360.0, *upper)
 
     def enter(self, walls: Walls) -> None:
-        """The robot is on another floor: its position is the next one that is taken."""
+        """Enter another floor: the robot's position is the next one that is taken."""
         self._mirrors, self._near = mirrors_of(walls), None
         self._last, self._waiting = None, ()
 
@@ -159,7 +159,7 @@ class PoseTracker:
         return Correction(x_mm=x - at.x, y_mm=y - at.y, heading_deg=turned)
 
     def told(self, by: Correction) -> None:
-        """The odometry was corrected: what it says next has this in it."""
+        """Record a correction of the odometry, which its next positions include."""
         if (last := self._last) is not None:
             heading = last.heading + by.heading_deg
             self._last = Position(x=last.x + by.x_mm, y=last.y + by.y_mm, heading=heading, t_ns=last.t_ns)
@@ -167,7 +167,7 @@ class PoseTracker:
     def _begin(
         self, filter_: PoseFilter, at: Position, sigma: tuple[float | None, float | None] = (None, None)
     ) -> None:
-        """The robot is somewhere else."""
+        """Restart the filter at another position."""
         filter_.reset((at.x, at.y, at.heading), *sigma)
         self._trail.clear()
         self._way_back.begin(at.t_ns)
@@ -232,7 +232,7 @@ class PoseTracker:
             filter_.consider(pose, near, scan)
 
     def _matches(self, filter_: PoseFilter, near: Mirrors) -> tuple[WallMatch, ...]:
-        """The walls that the lines in a map of the last meters are."""
+        """Match the lines in a map of the last meters to walls."""
         x, y, heading = filter_.state[:3].tolist()
         here = Pose(x, y, math.degrees(heading))
         lines = self._trail.lines(self._himm)

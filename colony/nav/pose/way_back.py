@@ -38,7 +38,7 @@ class WayBack:
         self._places.append(_Place(t_ns, 0.0, 0.0, 0.0, 0.0))
 
     def go(self, t_ns: int, step: Step) -> None:
-        """The robot has made a step, and it is `t_ns` now."""
+        """Record a step of the robot that ends at `t_ns`."""
         last = self._places[-1]
         sine, cosine = math.sin(last.heading_rad), math.cos(last.heading_rad)
         place = _Place(

@@ -52,7 +52,7 @@ class Atlas(NamedTuple):
 
 
 def atlas_of(pictures: Sequence[Picture]) -> Atlas:
-    """An atlas of pictures, which keep their numbers."""
+    """Return an atlas of pictures, which keep their numbers."""
     tables: list[Floats] = []
     rows: list[tuple[float, ...]] = []
     used = 0
@@ -78,7 +78,7 @@ def atlas_of(pictures: Sequence[Picture]) -> Atlas:
 
 @inlined
 def _at(sums: Floats, start: int, high: int, part: float, row: int, rest: float) -> float:
-    """A table between its columns and rows, `start` being the place of the column before."""
+    """Interpolate a table between its columns and rows, `start` being the place of the column before."""
     here = start + row
     left: float = sums[here] + rest * (sums[here + 1] - sums[here])
     here += high + 1

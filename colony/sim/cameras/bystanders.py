@@ -20,7 +20,7 @@ _LEAST_DEPTH_MM = 200.0
 
 @inlined
 def _robot_depth(ray: Ray, x: float, y: float, radius: float) -> tuple[float, float]:
-    """Between which depths a ray is in the hull of a robot at (x, y); infinite where it misses it."""
+    """Return the depths between which a ray is in the hull of a robot at (x, y); infinite if it misses."""
     ox, oy, squared = x - ray.x, y - ray.y, ray.length * ray.length
     ahead = ox * ray.dx + oy * ray.dy
     under_root = ahead * ahead - squared * (ox * ox + oy * oy - radius * radius)
@@ -47,7 +47,7 @@ def _person_depth(eye: Eye, ray: Ray, x: float, y: float) -> float:
 
 @inlined
 def _paint_robot(column: Floats, near: float, far: float, ray: Ray, axis: float, lens: Lens) -> None:
-    """An upright cylinder, darker at the rim, from above."""
+    """Paint an upright cylinder, darker at the rim, from above."""
     rows = column.shape[0]
     thickness = (far - near) * ray.length / (2.0 * lens.robot_radius)
     shade = _ROBOT_SHADE * (_ROBOT_RIM + (1.0 - _ROBOT_RIM) * thickness)
@@ -92,7 +92,7 @@ def paint_others(
     column: Floats, robot: int, poses: Floats2, people: Floats2, depth: float, ray: Ray, eye: Eye, lens: Lens,
     scene: Scene,
 ) -> None:  # fmt: skip
-    """The robots and people who are nearer than `depth`, from far to near."""
+    """Paint the robots and people who are nearer than `depth`, from far to near."""
     limit, robots = depth, poses.shape[0]
     more = robots > 1 or people.shape[0] > 0
     while more:

@@ -71,7 +71,7 @@ class CameraConfig:
 
 
 def lens_of(config: CameraConfig, *, robot_radius_mm: float) -> Lens:
-    """A camera as the renderer takes it."""
+    """Return a camera as the renderer takes it."""
     return Lens(
         focal=config.width / 2.0 / math.tan(math.radians(config.view_deg) / 2.0),
         above_floor=float(config.above_floor_mm),
@@ -199,7 +199,7 @@ class Camera:
         return image
 
     def _room(self, rows: int, walls: int) -> Canvas:
-        """A canvas for so many rows, and for a scene of so many walls."""
+        """Return a canvas for so many rows, and for a scene of so many walls."""
         margin = 2 * (len(self._sensor.weights) - 1)
         size = self.config.width + margin, rows + margin
         canvas = self._canvas

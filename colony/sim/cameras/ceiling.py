@@ -113,7 +113,7 @@ class UpwardLens(NamedTuple):
 
 
 def overhead_of(scenery: Scenery, width: int) -> Overhead:
-    """The ceiling of a building in one run, for images of a width."""
+    """Return the ceiling of a building in one run, for images of a width."""
     seed = scenery.seed % SEEDS
     return Overhead(
         lights=np.array([_light_row(light) for light in scenery.lights], dtype=np.float64).reshape(-1, 7),
@@ -129,7 +129,7 @@ def overhead_of(scenery: Scenery, width: int) -> Overhead:
 
 
 def lens_of(config: CeilingCameraConfig) -> UpwardLens:
-    """A camera as the renderer takes it."""
+    """Return a camera as the renderer takes it."""
     half_along = config.below_ceiling_mm * math.tan(math.radians(config.along_deg) / 2)
     half_across = config.below_ceiling_mm * math.tan(math.radians(config.across_deg) / 2)
     return UpwardLens(
@@ -277,7 +277,7 @@ class CeilingCamera:
         return self._draw(pose, t_ns, self._all_rows)
 
     def rows(self, pose: tuple[float, float, float], t_ns: int, rows: Sequence[int]) -> Bytes2:
-        """Some rows of that image alone, (rows, width): much faster than all of it.
+        """Return some rows of that image alone, (rows, width): much faster than all of it.
 
         Raises:
             ValueError: the image does not have one of them.

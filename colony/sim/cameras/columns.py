@@ -42,7 +42,7 @@ class Canvas(NamedTuple):
 
 
 def canvas_of(columns: int, rows: int, walls: int) -> Canvas:
-    """Room for a picture, in a scene of so many walls."""
+    """Return work space for a picture, in a scene of so many walls."""
     return Canvas(
         picture=np.zeros((columns, rows)),
         blurred=np.zeros((columns, rows)),
@@ -61,13 +61,13 @@ def _checkered(x: float, y: float, tile: float, contrast: float, size: float) ->
 
 @inlined
 def _floor_shade(x: float, y: float, size: float) -> float:
-    """The shade of the floor at (x, y), where a pixel covers `size` mm of it."""
+    """Return the shade of the floor at (x, y), where a pixel covers `size` mm of it."""
     return _FLOOR_SHADE + _checkered(x, y, _FLOOR_TILE_MM, _FLOOR_CONTRAST, size)
 
 
 @inlined
 def _ceiling_shade(x: float, y: float, size: float) -> float:
-    """The shade of the ceiling at (x, y), likewise."""
+    """Return the shade of the ceiling at (x, y), likewise."""
     return _CEILING_SHADE + _checkered(x, y, _CEILING_TILE_MM, _CEILING_CONTRAST, size)
 
 
@@ -75,7 +75,7 @@ def _ceiling_shade(x: float, y: float, size: float) -> float:
 def _paint_planes(
     column: Floats, top: int, bottom: int, ray: Ray, axis: float, lens: Lens, scene: Scene
 ) -> None:
-    """The ceiling above row `top`, and the floor from row `bottom` on."""
+    """Paint the ceiling above row `top`, and the floor from row `bottom` on."""
     above = scene.ceiling - lens.above_floor
     for row in range(top):
         depth = above * lens.focal / (axis - row)
@@ -112,7 +112,7 @@ def _gather(eye: Eye, reach: float, scene: Scene, near: Ints) -> int:
 
 @inlined
 def _meet_wall(ray: Ray, walls: Floats2, near: Ints, count: int) -> tuple[int, float]:
-    """The wall at which a ray ends, -1 where there is none, and its depth."""
+    """Return the wall at which a ray ends, -1 if there is none, and its depth."""
     met, nearest, behind = -1, FARTHEST_MM, FARTHEST_MM
     for number in range(count):
         wall = near[number]
@@ -142,7 +142,7 @@ def _along(wall: int, walls: Floats2, eye: Eye, right: float) -> float:
 
 @inlined
 def _span(wall: int, along: float, walls: Floats2, eye: Eye, ray: Ray) -> tuple[float, float]:
-    """From where to where along a wall a ray sees it, which meets it at `along`."""
+    """Return the range along a wall that a ray sees, which meets it at `along`."""
     one, other = (
         _along(wall, walls, eye, ray.right - ray.half),
         _along(wall, walls, eye, ray.right + ray.half),
@@ -158,7 +158,7 @@ def _hang(
     column: Floats, place: Floats, left: float, right: float, depth: float, axis: float, lens: Lens,
     atlas: Atlas, gain: float,
 ) -> None:  # fmt: skip
-    """A picture on a wall, as far as it is between `left` and `right`; `place` is a row of `Scene.hung`."""
+    """Paint a picture on a wall between `left` and `right`; `place` is a row of `Scene.hung`."""
     step = depth / lens.focal
     above = place[3] - lens.above_floor - (axis + 0.5) * step
     clip = place[3] - place[2]
@@ -176,7 +176,7 @@ def _hang(
 def _paint_wall(
     column: Floats, wall: int, depth: float, ray: Ray, eye: Eye, lens: Lens, scene: Scene
 ) -> None:
-    """A wall and what is on it; each column of it is equally far away, so equally bright."""
+    """Paint a wall and what is on it; each column of it is equally far away, so equally bright."""
     rows = column.shape[0]
     x, y = ray.x + depth * ray.dx, ray.y + depth * ray.dy
     light = 1.0 - _SIDE_LIGHT * (1.0 - abs(scene.walls[wall, 4]))

@@ -28,7 +28,7 @@ _CABIN_MM = (
 
 
 def fitted(scene: Scene, walls: NDArray[np.float64]) -> Scene:
-    """The scene among other walls, (n, 4) or more columns: x0, y0, x1, y1 in mm; none without length."""
+    """Fit the scene to other walls, (n, 4) or more columns: x0, y0, x1, y1 in mm; none without length."""
     segments = np.ascontiguousarray(walls[:, :4])
     own = scene.walls[: scene.own]
     places = {tuple(row): wall for wall, row in enumerate(own[:, :4].tolist())}
@@ -86,7 +86,7 @@ def _look(scene: Scene, row: NDArray[np.float64]) -> _Look:
 
 
 def _on_line(wall: NDArray[np.float64], row: NDArray[np.float64]) -> tuple[float, float] | None:
-    """From where to where along a wall another one lies; None where it does not lie on it."""
+    """Return the range along a wall where another one lies on it, or None if it does not."""
     spans = []
     for x, y in ((row[0], row[1]), (row[2], row[3])):
         dx, dy = x - wall[0], y - wall[1]
@@ -122,7 +122,7 @@ def _leaf_of_elevator(scene: Scene, elevator: int, start: float, end: float) -> 
 
 
 def _slid(rows: NDArray[np.float64], half: tuple[float, float], shift: float, length: float) -> _Rows:
-    """The parts of rectangles that are on one half of the doors, where the leaf has taken them."""
+    """Return the parts of rectangles that are on one half of the doors, where the leaf has taken them."""
     slid = []
     for start, end, *rest in rows.tolist():
         low = max(max(start, half[0]) + shift, 0.0)

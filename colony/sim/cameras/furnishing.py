@@ -52,7 +52,7 @@ class _Place:
 def furnished(
     floor: Map, spacings: Spacings, stream: Callable[[int], np.random.Generator]
 ) -> tuple[tuple[Poster, ...], tuple[Extinguisher, ...]]:
-    """The posters and fire extinguishers of a floor; `stream` gives an edge its chance."""
+    """Draw the posters and fire extinguishers of a floor; `stream` gives an edge its chance."""
     hung: list[Poster] = []
     extinguishers: list[Extinguisher] = []
     for place in _places(floor):
@@ -108,7 +108,7 @@ def _extinguishers(
 
 
 def _free(length: float, width: float, taken: list[_Span], rng: np.random.Generator) -> float | None:
-    """A free place of a width, which is taken then; None where a few tries find none."""
+    """Take a free place of a width; None if a few tries find none."""
     room = length - width - 2 * _CLEAR_MM
     if room <= 0.0:
         return None

@@ -73,7 +73,7 @@ class Sensor(NamedTuple):
 
 
 def sensor_of(optics: Optics, *, width: int, seed: int) -> Sensor:
-    """Optics in front of an image so many pixels wide."""
+    """Return optics in front of an image so many pixels wide."""
     sigma = optics.blur * width
     steps = np.arange(math.ceil(2.5 * sigma) + 1)
     weights = np.exp(-0.5 * (steps / sigma) ** 2) if sigma > 0.0 else np.ones(1)

@@ -58,7 +58,7 @@ class Ray(NamedTuple):
 
 @inlined
 def level_of(shade: float, distance: float) -> float:
-    """A shade as it comes out from a distance, in gray levels."""
+    """Return a shade as it appears from a distance, in gray levels."""
     return 255.0 * shade / (1.0 + distance / _HALF_LIGHT_MM)
 
 
@@ -79,7 +79,7 @@ def light_at(x: float, y: float, lighting: Lighting) -> float:
 
 @inlined
 def row_below(height: float, depth: float, axis: float, lens: Lens, rows: int) -> int:
-    """The first row, from 0 to `rows`, that looks below a height at a depth."""
+    """Return the first row, from 0 to `rows`, that looks below a height at a depth."""
     row = axis - lens.focal * (height - lens.above_floor) / depth
     return int(min(max(math.ceil(row), 0.0), rows + 0.0))
 

@@ -71,7 +71,7 @@ class _Shelf(NamedTuple):
 
 
 def scene_of(floor: Map, scenery: Scenery | None = None) -> Scene:
-    """The scene of a map, as it is in one run: with its posters, its lights, and its doors open or shut.
+    """Return the scene of a map in one run: with its posters, its lights, and its doors open or shut.
 
     Without a scenery all doors are shut, all lights are on, and nothing hangs there but plates and markers.
     """
@@ -155,7 +155,7 @@ def _panels(wall: int, kind: EdgeKind, is_glass: bool, length: float) -> Iterabl
 
 
 def _signs(floor: Map, shelf: _Shelf) -> Iterator[Hung]:
-    """Plates and markers; a marker's halves are on the two leaves, the gap between them is shut."""
+    """Return the plates and markers; a marker's halves are on the two leaves, the gap between is shut."""
     for sign in plates_of(floor):
         yield _at_height(sign.edge, sign.start_mm, sign.end_mm, PLATE_HEIGHT_MM, shelf.plates[sign.text])
     for mark in markers_of(floor):

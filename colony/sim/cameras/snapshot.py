@@ -85,7 +85,7 @@ def snapshots(
 
 
 def png_of(image: Bytes2) -> bytes:
-    """An image, (height, width), as the content of a PNG file."""
+    """Encode an image, (height, width), as a PNG file."""
     from io import BytesIO
 
     from PIL import Image

@@ -159,7 +159,7 @@ def scene(
 
 
 def atlas_with(pictures: Sequence[Picture]) -> Atlas:
-    """An atlas of people, whom every building has, and of pictures, whose numbers begin at `PEOPLE`."""
+    """Return an atlas of people, for every building, and of pictures, whose numbers begin at `PEOPLE`."""
     return atlas_of((*people(), *pictures))
 
 
@@ -172,7 +172,7 @@ def _numbers(found: Iterable[int]) -> Ints:
 
 
 def _by_wall(things: Iterable[tuple[int, tuple[float, ...]]], walls: int) -> tuple[Floats2, Ints]:
-    """Things, each with the number of its wall, sorted by that, and where those of each wall begin."""
+    """Return things, each with its wall's number, sorted by that, and where each wall's things begin."""
     ordered = sorted(things, key=lambda thing: thing[0])
     counts = np.bincount(np.array([wall for wall, _ in ordered], dtype=np.int64), minlength=walls)
     first = np.concatenate([[0], counts.cumsum()]).astype(np.int64)

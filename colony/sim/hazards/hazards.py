@@ -137,7 +137,7 @@ class Hazards:
 
     @staticmethod
     def none() -> Hazards:
-        """A building in which nothing goes wrong."""
+        """Return the hazards of a building in which nothing goes wrong."""
         return Hazards(on=frozenset())
 
     def without(self, *hazards: Hazard) -> Hazards:
@@ -194,7 +194,7 @@ def _glass(hazards: Hazards, premises: Premises, seed: int) -> tuple[int, ...]:
 
 
 def _doors(hazards: Hazards, premises: Premises, seed: int) -> list[tuple[OpenDoor, bool]]:
-    """The doors that stand open, and whether they hang where they begin."""
+    """Draw the doors that stand open, and whether they hang where they begin."""
     drawn = _stream(seed, Hazard.DOORS).random((len(premises.walls), 3)).tolist()
     low, high = hazards.door_deg
     return [
@@ -268,7 +268,7 @@ def _people(hazards: Hazards, premises: Premises, seed: int) -> Iterator[Person]
 
 
 def _joints(hazards: Hazards, premises: Premises, seed: int) -> tuple[Joint, ...]:
-    """Between the wings, and every so many meters of all corridors, laid end to end."""
+    """Draw the joints between the wings, and every so many meters of all corridors, laid end to end."""
     phase = _stream(seed, Hazard.SLIP).random()
     if Hazard.SLIP not in hazards.on:
         return ()

@@ -52,7 +52,7 @@ class Premises:
 
 @lru_cache(maxsize=16)
 def premises_of(floor: Map) -> Premises:
-    """A floor as hazards take it; kept, as experiments ask for the same floor a thousand times."""
+    """Return a floor as hazards take it; cached, as experiments ask for the same floor often."""
     walls, corridors = walls_of(floor), corridors_of(floor)
     tracks = tuple(_track(corridor) for corridor in corridors)
     rooms = {
@@ -82,7 +82,7 @@ def _track(corridor: Corridor) -> Track:
 
 
 def _light(x: float, y: float, tracks: tuple[Track, ...]) -> CeilingLight:
-    """A light, along the corridor whose middle line is nearest."""
+    """Return a light, along the corridor whose middle line is nearest."""
     nearest = min(tracks, key=lambda track: round(_distance(track, x, y)), default=None)
     return CeilingLight(x_mm=x, y_mm=y, heading_deg=0.0 if nearest is None else nearest.heading_deg)
 
@@ -93,7 +93,7 @@ def _distance(track: Track, x: float, y: float) -> float:
 
 
 def _walk(track: Track, walls: NDArray[np.float64]) -> Track | None:
-    """The part of a corridor that people walk: not up to its ends, and as wide as the walls leave it."""
+    """Return the part of a corridor that people walk: short of its ends, as wide as the walls leave it."""
     length = track.length_mm - 2 * _TURN_MM
     if length < _LEAST_WALK_MM:
         return None
@@ -125,7 +125,7 @@ def _clearance(track: Track, walls: NDArray[np.float64]) -> float:
 
 
 def _wing_joints(corridors: tuple[Corridor, ...], tracks: tuple[Track, ...]) -> list[Joint]:
-    """A joint across the narrower of two corridors of different wings, at each of its mouths."""
+    """Return a joint across the narrower of two corridors of different wings, at each of its mouths."""
     joints: list[Joint] = []
     for space in turning_spaces_of(corridors):
         one, other = sorted(space.corridors, key=lambda c: corridors[c].width_mm)

@@ -30,7 +30,7 @@ class Track:
     half_width_mm: float
 
     def at(self, along_mm: float, aside_mm: float = 0.0) -> Point:
-        """The place so far along the line, and so far to its left."""
+        """Return the place at this distance along the line, and this far to its left."""
         unit = direction(self.heading_deg)
         x = self.x_mm + along_mm * unit.x - aside_mm * unit.y
         return Point(x, self.y_mm + along_mm * unit.y + aside_mm * unit.x)
@@ -42,7 +42,7 @@ class Track:
         return dx * unit.x + dy * unit.y, dy * unit.x - dx * unit.y
 
     def joint(self, along_mm: float) -> Joint:
-        """A joint across the corridor."""
+        """Return a joint across the corridor."""
         left, right = self.at(along_mm, self.half_width_mm), self.at(along_mm, -self.half_width_mm)
         return Joint(x0_mm=left.x, y0_mm=left.y, x1_mm=right.x, y1_mm=right.y)
 
@@ -200,5 +200,5 @@ class Scenery:
 
 
 def bare(walls: NDArray[np.float64], *, seed: int = 0) -> Scenery:
-    """Walls, (n, 4) in mm, and nothing else."""
+    """Return walls, (n, 4) in mm, and nothing else."""
     return Scenery(seed=seed, walls=walls, silent=np.zeros(len(walls), dtype=np.bool_))

@@ -57,7 +57,7 @@ class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def plant_socket(folder: Path) -> Path:
-    """The socket of the plant in a robot's folder."""
+    """Return the socket of the plant in a robot's folder."""
     return folder / "plant"
 
 
@@ -115,7 +115,7 @@ def _camera(look: Look) -> CameraConfig | CeilingCameraConfig:
 
 
 def main() -> None:
-    """The entry of the process."""
+    """Run the process."""
     from colony.text.diagnostics import Failure
 
     drop_what_cannot_be_printed()

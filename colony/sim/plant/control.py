@@ -58,7 +58,7 @@ class PlantControl:
         self._ask(Place(robot=robot, x=x, y=y, heading=heading))
 
     def advance(self, dt_ns: int) -> None:
-        """In logical time: let so much of it pass."""
+        """Let logical time pass."""
         self._ask(Advance(dt_ns=dt_ns))
 
     def close(self) -> None:

@@ -81,7 +81,7 @@ class Devices:
         self.reached_ns = now_ns
 
     def number(self, robot: str) -> int:
-        """The number of a robot.
+        """Return the number of a robot.
 
         Raises:
             ValueError: there is none of this name.
@@ -128,7 +128,7 @@ class Devices:
         self.reached_ns += dt_ns
 
     def _guard(self) -> None:
-        """The watchdogs of the bases."""
+        """Stop the bases whose watchdogs have expired."""
         for robot, command in enumerate(self._commands):
             if command.at_ns is not None and not self._in_time(command.at_ns):
                 self.halt(robot)
@@ -158,7 +158,7 @@ class Devices:
         return at_ns is not None and self._in_time(at_ns)
 
     def place(self, robot: int, x: float, y: float, heading: float) -> None:
-        """Carry a robot there; `ValueError` where it has no room, or a number is not finite."""
+        """Carry a robot there; `ValueError` if it has no room, or a number is not finite."""
         self._world.place(robot, (x, y, heading))
 
     # --- readings ------------------------------------------------------------------------------------

@@ -91,7 +91,7 @@ class _Cable(Generic[R]):
         return None if self._attached else self._problem
 
     def newest(self) -> R | None:
-        """The newest reading, however old; in logical time one that is asked for now."""
+        """Return the newest reading, however old; in logical time ask for one now."""
         return self.ask(lambda number: Sense(number=number)) if self._logical else self._newest
 
     def tell(self, message: ToPlant) -> bool:
@@ -130,7 +130,7 @@ class _Cable(Generic[R]):
         return self._logical
 
     def close(self) -> None:
-        """Pull the cable; the device notices. Again is nothing."""
+        """Close the connection; the device notices. Idempotent."""
         self._closed.set()
         with self._guard:
             if self._sock is not None:

@@ -156,7 +156,7 @@ def _devices(options: PlantOptions, clock: Callable[[], int]) -> Devices:
 
 @contextmanager
 def _listening(path: Path) -> Iterator[socket.socket]:
-    """A socket at `path`, in place of one that a killed process left behind."""
+    """Open a socket at `path`, in place of one that a killed process left behind."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     found = path.parent.stat()
     if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
@@ -286,7 +286,7 @@ class _Server:
             self._send(connection, pack(reply))
 
     def _make_room(self, port: AttachBase) -> None:
-        """A base has one cable: who drives keeps it, and who does not loses it to the next."""
+        """Make room for a base's new connection: a driver in command keeps its own, an idle one loses it."""
         for other in tuple(self._connections):
             if other.port == port:
                 if self._devices.driven(self._devices.number(port.robot)):

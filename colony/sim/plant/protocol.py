@@ -195,13 +195,13 @@ _to_plant: msgspec.msgpack.Decoder[ToPlant] = msgspec.msgpack.Decoder(ToPlant)
 
 
 def pack(message: ToPlant | FromPlant) -> bytes:
-    """A message as it goes over a socket."""
+    """Pack a message for a socket."""
     body = _encoder.encode(message)
     return (len(body) + 1).to_bytes(_LENGTH, "big") + bytes([VERSION]) + body
 
 
 def read_to_plant(payload: bytes) -> ToPlant:
-    """The message in a payload.
+    """Read the message in a payload.
 
     Raises:
         BadBytes: there is none.
@@ -210,7 +210,7 @@ def read_to_plant(payload: bytes) -> ToPlant:
 
 
 def read_from_plant(payload: bytes) -> FromPlant:
-    """Likewise, for the other direction."""
+    """Read the message in a payload, for the other direction."""
     return _read(payload, _from_plant)
 
 
@@ -231,7 +231,7 @@ class Unpacker:
         self._rest = bytearray()
 
     def feed(self, data: bytes) -> Iterator[bytes]:
-        """Every payload that is complete.
+        """Return every payload that is complete.
 
         Raises:
             BadBytes: one claims to be empty or larger than allowed.

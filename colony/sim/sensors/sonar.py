@@ -87,7 +87,7 @@ def _rays_of(config: RobotConfig) -> tuple[int, float]:
 
 
 def fan_of(config: RobotConfig) -> Fan:
-    """The rays of a robot."""
+    """Return the rays of a robot."""
     on_a_side, step_deg = _rays_of(config)
     axes = np.radians((np.arange(CHANNELS) - AHEAD) * SPACING_DEG)
     offsets = np.radians(np.arange(-on_a_side, on_a_side + 1) * step_deg)
@@ -119,7 +119,7 @@ def ears_of(config: RobotConfig) -> Ears:
 
 
 def wall_table(walls: Floats2) -> Floats2:
-    """Walls as the compiled functions take them.
+    """Return walls as the compiled functions take them.
 
     Args:
         walls: (n, 4), x0, y0, x1, y1 in mm; none without length.
@@ -133,7 +133,7 @@ def wall_table(walls: Floats2) -> Floats2:
 
 
 def corner_reflectors(walls: Floats2) -> Bools2:
-    """Which ends of walls are corners that send sound back, seen from which side.
+    """Return which ends of walls are corners that send sound back, seen from which side.
 
     Args:
         walls: (n, 7), as `wall_table` gives them.
@@ -158,7 +158,7 @@ def corner_reflectors(walls: Floats2) -> Bools2:
 
 @inlined
 def _cones(low: float, high: float, half_beam: float) -> tuple[int, int]:
-    """The first transducer whose cone meets the bearings from low to high (rad), and how many do.
+    """Return the first transducer whose cone meets the bearings from low to high (rad), and their count.
 
     What is in the cone of a transducer is, seen from the robot's center, even closer to its axis.
     """
@@ -295,7 +295,7 @@ def _nearest_echo(
     channel: int, x: float, y: float, sine: float, cosine: float, walls: Floats2, reflectors: Bools2,
     ears: Ears, fan: Fan,
 ) -> float:  # fmt: skip
-    """The nearest thing that a transducer of a robot at (x, y) hears, at most the full range."""
+    """Return the nearest thing that a transducer of a robot at (x, y) hears, at most the full range."""
     u, v = fan.origin_u[channel], fan.origin_v[channel]
     from_x, from_y = x - u * sine - v * cosine, y + u * cosine - v * sine
     nearest = ears.full_range
@@ -312,7 +312,7 @@ def _nearest_echo(
 
 @inlined
 def _talked_over(talk: Talk, step: int, channel: int, reading: float) -> float:
-    """A reading, or the sound of another transducer in its place."""
+    """Return a reading, or the sound of another transducer in its place."""
     if chance(talk.seed, CROSS_TALK, step, channel) < talk.probability and reading > _LEAST_FALSE_MM:
         part = chance(talk.seed, CROSS_TALK, step, channel + CHANNELS)
         reading = _LEAST_FALSE_MM + part * (reading - _LEAST_FALSE_MM)

@@ -58,7 +58,7 @@ class Bases(NamedTuple):
 
 
 def bases_at(poses: Floats2, scales: Floats2) -> Bases:
-    """Robots that stand at `poses`, (robots, 3), and believe so, with no room yet for what is near."""
+    """Return bases that stand at `poses`, (robots, 3), with such odometry, and an empty work space."""
     count = len(poses)
     return Bases(
         poses=poses,
@@ -96,7 +96,7 @@ class Drivetrain(NamedTuple):
 
 @inlined
 def _wall_vector(walls: Floats2, wall: int, x: float, y: float) -> tuple[float, float]:
-    """The vector from a point to the nearest point of a wall."""
+    """Return the vector from a point to the nearest point of a wall."""
     ax, ay, ex, ey = walls[wall, 0] - x, walls[wall, 1] - y, walls[wall, 4], walls[wall, 5]
     part = min(max(-(ax * ex + ay * ey), 0.0), walls[wall, 6])
     return ax + part * ex, ay + part * ey
@@ -104,20 +104,20 @@ def _wall_vector(walls: Floats2, wall: int, x: float, y: float) -> tuple[float, 
 
 @inlined
 def _wall_distance(walls: Floats2, wall: int, x: float, y: float) -> float:
-    """From a point to a wall."""
+    """Return the distance from a point to a wall."""
     dx, dy = _wall_vector(walls, wall, x, y)
     return math.sqrt(dx * dx + dy * dy)
 
 
 @inlined
 def _approach(speed: float, wanted: float, most: float) -> float:
-    """`speed`, changed toward `wanted` by `most` at most."""
+    """Return `speed`, changed toward `wanted` by `most` at most."""
     return speed + min(max(wanted - speed, -most), most)
 
 
 @inlined
 def _arc(heading: float, distance: float, turn: float) -> tuple[float, float]:
-    """The displacement of a drive over `distance` while the heading changes by `turn` degrees."""
+    """Return the displacement of a drive over `distance` while the heading changes by `turn` degrees."""
     half = math.radians(turn) / 2.0
     chord = distance * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
     along = math.radians(heading) + half
@@ -192,7 +192,7 @@ def _gather(robot: int, bases: Bases, walls: Floats2, crowd: Crowd, reach: float
 
 @inlined
 def _half(heading: float, dx: float, dy: float) -> int:
-    """Which half of the hull is in the direction (dx, dy): 0 the front, 1 the rear."""
+    """Return the half of the hull in the direction (dx, dy): 0 the front, 1 the rear."""
     angle = math.radians(heading)
     return 0 if dy * math.cos(angle) - dx * math.sin(angle) >= 0.0 else 1
 

@@ -60,7 +60,7 @@ class Cabin:
         return dx * ex + dy * ey, dy * ex - dx * ey
 
     def at(self, along_mm: float, deep_mm: float) -> tuple[float, float]:
-        """The place so far from the middle of the doors: `inside` the other way around."""
+        """Return the place so far from the middle of the doors: `inside` the other way around."""
         ex, ey = self._along
         x, y = (self.x0_mm + self.x1_mm) / 2, (self.y0_mm + self.y1_mm) / 2
         return x + along_mm * ex - deep_mm * ey, y + along_mm * ey + deep_mm * ex
@@ -76,7 +76,7 @@ class Cabin:
         return aside and radius_mm <= deep <= CABIN_DEPTH_MM - radius_mm
 
     def walls(self, opening: float) -> list[tuple[float, float, float, float]]:
-        """The cabin, and its doors: `opening` is 0 where they are shut, 1 where they are open."""
+        """Return the walls of the cabin, and its doors: `opening` is 0 if they are shut, 1 if open."""
         half, side = self.width_mm / 2, max(CABIN_WIDTH_MM, self.width_mm) / 2
         corners = [(-half, 0.0), (-side, 0.0), (-side, CABIN_DEPTH_MM)]
         corners += [(-along, deep) for along, deep in reversed(corners)]
@@ -87,7 +87,7 @@ class Cabin:
 
 
 def cabin_of(floor: Map, node: str) -> Cabin:
-    """The elevator whose edge begins at a node.
+    """Return the elevator whose edge begins at a node.
 
     Raises:
         ValueError: no elevator begins there.
@@ -153,7 +153,7 @@ class Elevators:
         self._at(node).to_open = False
 
     def cabin(self, node: str) -> Cabin:
-        """The elevator at a node of this floor.
+        """Return the elevator at a node of this floor.
 
         Raises:
             ValueError: no elevator begins there.
@@ -234,7 +234,7 @@ class Elevators:
         return *there.at(along, deep), pose.heading_deg + there.heading_deg - here.heading_deg
 
     def _walls(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """The walls of this floor, with the cabins whose doors were used in place of their edges."""
+        """Return the walls of this floor, with the cabins of used doors in place of their edges."""
         scenery = self._sceneries[self.floor]
         walls, silent = scenery.walls, scenery.silent
         for doors in self._doors.values():

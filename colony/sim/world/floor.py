@@ -39,7 +39,7 @@ class Floor(NamedTuple):
 
 
 def floor_of(joints: Sequence[Joint], slip: Slip, *, crossings: Ints, seed: int) -> Floor:
-    """A floor; `crossings`, (robots,), are counted on there."""
+    """Return a floor; `crossings`, (robots,), are counted on there."""
     ends = [(j.x0_mm, j.y0_mm, j.x1_mm, j.y1_mm) for j in joints]
     return Floor(
         joints=np.array(ends, dtype=np.float64).reshape(-1, 4),
@@ -69,7 +69,7 @@ def _crosses(floor: Floor, x0: float, y0: float, x1: float, y1: float) -> bool:
 
 @inlined
 def _slip(robot: int, floor: Floor, poses: Floats2, odometry: Floats2, ahead: float) -> None:
-    """A robot crosses a joint, driving forward (`ahead` is 1) or backward (-1)."""
+    """Let a robot slip that crosses a joint, driving forward (`ahead` is 1) or backward (-1)."""
     event = floor.crossings[robot] + 1_000_000 * robot
     floor.crossings[robot] += 1
     if chance(floor.seed, SLIPS, event, 0) < floor.probability:

@@ -94,7 +94,7 @@ class _Ride:
         self.there = call.node
 
     def done(self, delay_s: float, ride_s: float) -> Generator[Step, Any, None]:
-        """From the call to the open doors on the other floor, as long as the robot wants it."""
+        """Serve a call until the doors are open on the other floor, as long as the robot wants it."""
         cabin, radius_mm = self._elevators.cabin(self._call.node), self._world.config.radius_mm
         if not (yield from self._stands(lambda: waits_before(cabin, self._pose))):
             return
@@ -120,7 +120,7 @@ class _Ride:
         return self._world.true_pose(self._robot)
 
     def _stands(self, there: Callable[[], bool]) -> Generator[Step, Any, bool]:
-        """Until the robot has stood there for a while; False where it does not call any more."""
+        """Wait until the robot has stood there for a while; False if it does not call any more."""
         stood_s = 0.0
         while stood_s < STANDS_S:
             yield from sleep(LOOK_S)

@@ -57,7 +57,7 @@ class Crowd(NamedTuple):
 
 
 def crowd_of(people: Sequence[Person], *, seed: int) -> Crowd:
-    """People where they begin."""
+    """Return people where they begin."""
     places = np.zeros((len(people), 17))
     for row, person in zip(places, people, strict=True):
         track = person.track

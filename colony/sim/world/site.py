@@ -72,7 +72,7 @@ class Site:
         return self.elevators.floor
 
     def eyes(self, made: Callable[[Map, Scenery], _Eye]) -> Callable[[], _Eye]:
-        """A camera a floor, made when it is first wanted; gives that of the floor on which the robot is."""
+        """Return a function that gives the camera of the robot's present floor; made when first wanted."""
         kept: dict[str, _Eye] = {}
 
         def here() -> _Eye:

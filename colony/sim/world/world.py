@@ -185,7 +185,7 @@ class World:
         return seen
 
     def bumper(self, robot: int) -> Bumper:
-        """Which halves of a robot's hull are touched by a wall, a person or another robot."""
+        """Return which halves of a robot's hull are touched by a wall, a person or another robot."""
         return Bumper(*self._now().contacts[self._index(robot)])
 
     def bumps(self, robot: int) -> int:
@@ -229,7 +229,7 @@ class World:
         return Speed(*self._now().speeds[self._index(robot)])
 
     def wheel_speed(self, robot: int) -> float:
-        """The mean magnitude of the speeds of both wheels, in mm/s."""
+        """Return the mean magnitude of the speeds of both wheels, in mm/s."""
         speed = self.speed(robot)
         half = math.radians(speed.turn_deg_s) * self.config.wheel_base_mm / 2.0
         return (abs(speed.velocity_mm_s - half) + abs(speed.velocity_mm_s + half)) / 2.0
@@ -308,7 +308,7 @@ class World:
         return robot
 
     def _now(self) -> _Snapshot:
-        """The present state as plain Python numbers, made once a step."""
+        """Return the present state as plain Python numbers, made once a step."""
         if self._snapshot is None:
             arrays = (self._bases.poses, self._bases.odometry, self._bases.speeds, self._bases.contacts)
             self._snapshot = _Snapshot(*(array.tolist() for array in arrays))

@@ -64,12 +64,12 @@ class Layout:
 
 
 def layout(network: Network) -> Layout:
-    """Actuators in order, then the wires that are used several times, then those that drive nothing."""
+    """Lay out actuators in order, then wires that are used several times, then wires that drive nothing."""
     return Layout(diagrams=tuple(_Drawing(network).diagrams()))
 
 
 def inputs(node: NetworkNode) -> tuple[int, ...]:
-    """Dominant and inferior, or nothing of a module."""
+    """Return the dominant and the inferior input, or nothing for a module."""
     return () if isinstance(node, ModuleLeaf) else (node.dominant, node.inferior)
 
 
@@ -108,7 +108,7 @@ class _Drawing:
             yield self.diagram(root, self.names[root], actuator=False, used=True)
 
     def diagram(self, root: int, ends_in: str, *, actuator: bool, used: bool) -> Diagram:
-        """One tree. Rows are given from the dominant side down, columns once the inputs have theirs."""
+        """Lay out one tree, rows from the dominant side down, columns once the inputs have theirs."""
         places: list[Place] = []
         connections: list[Connection] = []
         done: list[int] = []  # places of inputs whose node is still to come

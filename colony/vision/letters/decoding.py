@@ -25,7 +25,7 @@ _BEAM = 12
 
 
 def likely_texts(log_probabilities: Floats) -> dict[str, float]:
-    """The most probable texts with their probabilities, by a search that keeps the best dozen of beginnings.
+    """Return the most probable texts with their probabilities, by a beam search of a dozen beginnings.
 
     Args:
         log_probabilities: of each class at each column, (columns, classes).
@@ -49,7 +49,7 @@ def _longer(
     characters: Sequence[tuple[str, float]],
     column: npt.NDArray[np.float64],
 ) -> dict[str, tuple[float, float]]:
-    """The beginnings after one more column, each with the probabilities that it ends in a blank, or not."""
+    """Extend the beginnings by a column, each with the probabilities to end in a blank, or not."""
     longer: dict[str, tuple[float, float]] = {}
     for text, (ended, going) in beam.items():
         both = ended + going
@@ -82,7 +82,7 @@ class States(NamedTuple):
 
 
 def states_of(texts: Sequence[str]) -> States:
-    """The states of some texts, one at least; any of them may be empty."""
+    """Return the states of some texts, one at least; any of them may be empty."""
     longest = max(len(text) for text in texts)
     classes = np.full((len(texts), 2 * longest + 1), BLANK)
     valid = np.zeros(classes.shape, bool)

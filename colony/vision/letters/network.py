@@ -100,7 +100,7 @@ class LetterNet:
 
 @cache
 def network() -> LetterNet:
-    """The network with the weights of the package; they are read once.
+    """Return the network with the weights of the package; the file is read once.
 
     Raises:
         ValueError: the file of the weights is not one of this version.
@@ -114,7 +114,7 @@ def network() -> LetterNet:
 
 
 def packed(net: LetterNet) -> dict[str, npt.NDArray[np.generic]]:
-    """The arrays of a file of weights."""
+    """Return the arrays of a file of weights."""
     arrays: dict[str, npt.NDArray[np.generic]] = {
         "sharpness": np.array(net.sharpness),
         "trust": np.array(net.trust),
@@ -129,7 +129,7 @@ def packed(net: LetterNet) -> dict[str, npt.NDArray[np.generic]]:
 
 
 def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> LetterNet:
-    """The network whose weights are in these arrays.
+    """Return the network whose weights are in these arrays.
 
     Raises:
         ValueError: an array is missing, or the layers do not fit together.
@@ -166,7 +166,7 @@ def _check(layers: Sequence[Layer], channels: Sequence[int]) -> None:
 
 
 def _convolved(x: Floats, layer: Layer, pad: tuple[int, int]) -> Floats:
-    """(rows, columns, channels) of a convolution without strides."""
+    """Return the convolution without strides, (rows, columns, channels)."""
     high, wide, channels, out = layer.kernel.shape
     if pad != (0, 0):
         framed = np.zeros((x.shape[0] + 2 * pad[0], x.shape[1] + 2 * pad[1], channels), np.float32)
@@ -182,7 +182,7 @@ def _convolved(x: Floats, layer: Layer, pad: tuple[int, int]) -> Floats:
 
 
 def _pooled(x: Floats, pool: tuple[int, int]) -> Floats:
-    """The greatest of each cell of so many rows and columns."""
+    """Return the maximum of each cell of so many rows and columns."""
     rows, columns, channels = x.shape
     high, wide = pool
     if wide > 1:

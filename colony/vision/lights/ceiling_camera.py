@@ -77,11 +77,11 @@ class CeilingCamera:
         return self.left_mm + self.mm_a_row * ((self.rows - 1) / 2.0 - row)
 
     def column_of(self, ahead_mm: float) -> float:
-        """Which column sees the ceiling so far ahead; it may be outside of the image."""
+        """Return the column that sees the ceiling so far ahead; it may be outside of the image."""
         return (self.columns - 1) / 2.0 + (ahead_mm - self.ahead_mm) / self.mm_a_column
 
     def row_of(self, left_mm: float) -> float:
-        """Which row sees the ceiling so far to the left; it may be outside of the image."""
+        """Return the row that sees the ceiling so far to the left; it may be outside of the image."""
         return (self.rows - 1) / 2.0 - (left_mm - self.left_mm) / self.mm_a_row
 
 

@@ -120,7 +120,7 @@ def ceiling_lights(lines: Lines, camera: CeilingCamera, *, tilt_deg: float = 0.0
 
 
 def line_lights(lines: Lines, camera: CeilingCamera) -> tuple[tuple[LineLight, ...], ...]:
-    """The lights in each line, by itself.
+    """Return the lights in each line, by itself.
 
     Raises:
         ValueError: the lines are not as long as the camera's.
@@ -134,7 +134,7 @@ def line_lights(lines: Lines, camera: CeilingCamera) -> tuple[tuple[LineLight, .
 
 
 def _edges(lines: Lines) -> list[list[_Edge]]:
-    """The edges of each line, in the order of their columns."""
+    """Return the edges of each line, in the order of their columns."""
     sums = np.zeros((lines.shape[0], lines.shape[1] + 1))
     np.cumsum(lines, axis=1, out=sums[:, 1:])
     gradient = (sums[:, 2 * REACH :] - 2.0 * sums[:, REACH:-REACH] + sums[:, : -2 * REACH]) / REACH
@@ -180,7 +180,7 @@ def _steps(
 
 
 def _refined(gradient: NDArray[np.float64], border: int, rise: float) -> _Edge:
-    """An edge at the center of gravity of the gradient about its peak: a step makes a triangle of it."""
+    """Return an edge at the centroid of the gradient about its peak: a step makes a triangle of it."""
     half = min(REACH - 1, border, len(gradient) - 1 - border)
     weights = np.maximum(gradient[border - half : border + half + 1] * math.copysign(1.0, rise), 0.0)
     center = border + float(weights @ _OFFSETS[REACH - half : REACH + half + 1]) / float(weights.sum())
@@ -200,7 +200,7 @@ def _separate(edges: list[_Edge]) -> list[_Edge]:
 
 
 def _paired(edges: list[_Edge], camera: CeilingCamera) -> tuple[LineLight, ...]:
-    """Every pair of edges that is a light, and every edge whose other one is beyond the image."""
+    """Return the pairs of edges that are lights, and the edges whose other one is beyond the image."""
     lights = [
         light
         for near in edges
@@ -270,7 +270,7 @@ def _single(light: LineLight, left_mm: float, tilt_deg: float, lines: int) -> Li
 
 
 def _agreed(group: tuple[tuple[LineLight, float], ...], tilt_deg: float, lines: int) -> Light | None:
-    """The light that these lines see, if one tilt explains all of their edges."""
+    """Return the light that these lines see, if one tilt explains all of their edges."""
     near = [(light.near_mm, left) for light, left in group if light.near_mm is not None]
     far = [(light.far_mm, left) for light, left in group if light.far_mm is not None]
     slope = _slope(near, far)

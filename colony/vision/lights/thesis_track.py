@@ -38,7 +38,7 @@ class ThesisTrack:
 
     @classmethod
     def start(cls, goal: LightGoal, passed: int = 0) -> ThesisTrack:
-        """At the start of a goal, or at one of its lights."""
+        """Start at the beginning of a goal, or at one of its lights."""
         return cls(goal=goal, passed=passed, since_mm=goal.lights_mm[passed - 1] if passed else 0.0)
 
     @property
@@ -64,7 +64,7 @@ class ThesisTrack:
         return replace(self, passed=self.found.number, found=None), self.found
 
     def to_next(self, progress_mm: float) -> float | None:
-        """Not known: only images tell."""
+        """Return None: only images show the next light."""
         return None
 
     def _verified(self, distance_mm: float) -> int | None:

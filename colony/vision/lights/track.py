@@ -70,7 +70,7 @@ class LightGoal:
         return (x_mm - self.x_mm) * east + (y_mm - self.y_mm) * north
 
     def tilt(self, heading_deg: float) -> float:
-        """A heading less the direction, in degrees counterclockwise, from -180 to 180."""
+        """Return a heading less the direction, in degrees counterclockwise, from -180 to 180."""
         return math.remainder(heading_deg - self.direction_deg, 360.0)
 
 
@@ -145,7 +145,7 @@ class LightTrack:
 
     @classmethod
     def start(cls, goal: LightGoal, scale: Scale, passed: int = 0, *, blind: bool = False) -> LightTrack:
-        """At the start of a goal, or at one of its lights, with what is known of the odometry's scale."""
+        """Start at the beginning of a goal, or at one of its lights, with the known scale of the odometry."""
         at_mm = goal.lights_mm[passed - 1] if passed else 0.0
         return cls(goal=goal, reckoning=Reckoning(at_mm=at_mm, scale=scale), passed=passed, blind=blind)
 
@@ -299,7 +299,7 @@ def tolerance_mm(reckoning: Reckoning, lights_mm: Sequence[float]) -> float:
 
 
 def _lost_by(strays: tuple[_Stray, ...], lights_mm: Sequence[float]) -> float | None:
-    """The error of the reported progress by which two strays are two lights, the least one; None: none."""
+    """Return the least error of the progress by which two strays are two lights; None if there is none."""
     if len(strays) < 2 or min(stray.times for stray in strays) < _STRAY_TIMES:
         return None
     first, second = (stray.place_mm for stray in strays)

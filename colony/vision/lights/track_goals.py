@@ -42,7 +42,7 @@ def new_goal() -> Generator[Step, Any, bool]:
 
 
 def take_goal() -> Generator[Step, Any, LightGoal]:
-    """The goal that the Planner set, from where the robot is; CeilingLight counts from 0 for it.
+    """Return the goal that the Planner set, from where the robot is; CeilingLight counts from 0 for it.
 
     Raises:
         ValueError: there is not an offset for each light.
@@ -60,7 +60,7 @@ def take_goal() -> Generator[Step, Any, LightGoal]:
 
 
 def unfinished_goal() -> Generator[Step, Any, Unfinished | None]:
-    """The goal of a tracker that was ended before its last light, if it is still meant."""
+    """Return the goal of a tracker that was ended before its last light, if it is still meant."""
     told = yield from values(*_TOLD, CEILING_LIGHT, TRACK_START)
     if told is None or not told[TRACK_START] or (yield from is_given_up()):
         return None
@@ -75,13 +75,13 @@ def unfinished_goal() -> Generator[Step, Any, Unfinished | None]:
 
 
 def end_goal() -> Generator[Step, Any, None]:
-    """Tell the Planner that the last light was passed; Overshoot is set."""
+    """Notify the Planner that the last light was passed; Overshoot is set."""
     yield from do("DServer", data.signal(END_L_MODE))
     yield from give_up()
 
 
 def give_up() -> Generator[Step, Any, None]:
-    """The present goal is not to be taken up again."""
+    """Return the present goal is not to be taken up again."""
     yield from do("DServer", data.set(TRACK_START, []))
 
 

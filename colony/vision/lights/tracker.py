@@ -74,7 +74,7 @@ def light_tracker(
     geometry: CeilingCamera | Sequence[CeilingCamera] = UPWARD,
     thesis: bool = False,
 ) -> Script:
-    """CTracker, which looks at its cameras itself.
+    """Return CTracker, which looks at its cameras itself.
 
     Args:
         cameras: without any, lights are passed by the position alone.
@@ -131,7 +131,7 @@ class _Tracking:
         return self._track.reckoning.scale if isinstance(self._track, LightTrack) else known
 
     def run(self) -> Generator[Step, Any, bool]:
-        """Until all lights were passed or given up; True: until there was a new goal in place of this one."""
+        """Run until all lights are passed or given up; return True if a new goal replaces this one."""
         if self._track.done:
             yield from do("DServer", data.set(OVERSHOOT, 0.0))
             yield from end_goal()
@@ -193,7 +193,7 @@ class _Tracking:
                 yield from self._tell_fix(self._track.found, None)
 
     def _tell(self, passing: Passing) -> Generator[Step, Any, None]:
-        """A light was passed."""
+        """Return a light was passed."""
         if passing.sighting is not None:
             yield from self._tell_fix(passing.sighting, passing.turned_deg)
         told: dict[str, object] = {CEILING_LIGHT: passing.number}
@@ -230,7 +230,7 @@ class _Tracking:
         return None if told is None else pose_of(told[POSE])
 
     def _believe(self, pose: PoseEstimate | None) -> None:
-        """Trust the reported position as far as the estimator does, once it knows of the last fix."""
+        """Trust the reported position as far as the estimator does, once it has the last fix."""
         newest = self._positions[-1]
         if pose is None or not isinstance(self._track, LightTrack) or pose.t_ns <= self._told_ns:
             return
@@ -243,7 +243,7 @@ class _Tracking:
         return self._track.goal.progress(position.x, position.y)
 
     def _wait_s(self) -> float:
-        """Until the next look; less, where the robot's center comes below a light before."""
+        """Return the seconds until the next look: fewer if the robot's center comes below a light before."""
         period_s = self._period_s
         newest = self._positions[-1]
         rest_mm = self._track.to_next(self._progress(newest))

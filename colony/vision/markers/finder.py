@@ -69,7 +69,7 @@ def marker_finder(
     camera: str = "CServerFront",
     geometry: LevelCamera = AHEAD,
 ) -> Script:
-    """Tell where the marker of the elevator is that the robot is to take; never ends.
+    """Publish the place of the marker of the elevator that the robot is to take; never ends.
 
     Args:
         floors: the markers of each floor, by the name of its map (`nav.signs.markers_of`).
@@ -125,12 +125,12 @@ class _Finder:
         self._newest_ns = -1
 
     def forget(self) -> None:
-        """The robot is elsewhere when it looks again."""
+        """Forget the last sighting: the robot is elsewhere when it looks again."""
         self._positions.clear()
         self._rows = self._middle_half
 
     def look(self, doors_deg: float) -> Generator[Step, Any, bool]:
-        """One look, and tell what is seen; False where the camera has no new image.
+        """Look once, and publish what is seen; False if the camera has no new image.
 
         Args:
             doors_deg: the heading at which the robot faces the doors, as far as it knows.
@@ -158,7 +158,7 @@ class _Finder:
     def _told(
         self, boxes: Sequence[MarkerBox]
     ) -> Generator[Step, Any, tuple[MarkerBox, MarkerPose, tuple[Marker, ...]] | None]:
-        """The marker that is meant: its box, where it is, and which of the map it may be."""
+        """Return the marker that is meant: its box, its pose, and the map's marker that it may be."""
         seen = [(box, pose) for box in boxes if (pose := marker_pose(box, self.geometry)) is not None]
         if not seen:
             return None
@@ -171,7 +171,7 @@ class _Finder:
         return box, pose, tuple(marker for marker in markers if marker.code == box.code)
 
     def _meant(self) -> Generator[Step, Any, tuple[Marker | None, Sequence[Marker]]]:
-        """The marker of the elevator that is called, and those that the floor has: only that one then."""
+        """Return the called elevator's marker, which then is the only one that counts, and the floor's."""
         floor = yield from values(FLOOR)
         call = yield from values(ELEVATOR_CALL)
         name = floor[FLOOR] if floor is not None else None
@@ -182,7 +182,7 @@ class _Finder:
         return meant, markers if meant is None else (meant,)
 
     def _confining(self, band: Image, box: MarkerBox) -> range:
-        """The rows around a marker, within the middle half of the image."""
+        """Return the rows around a marker, within the middle half of the image."""
         first = max(band.first_row + box.first_row - _MARGIN_ROWS, self._middle_half.start)
         end = min(band.first_row + box.last_row + 1 + _MARGIN_ROWS, self._middle_half.stop)
         return range(first, end)
@@ -215,7 +215,7 @@ def is_there(pose: MarkerPose, marker: Marker, here: Position) -> bool:
 
 
 def _from_there(pose: MarkerPose, then: Position, now: Position) -> tuple[float, float]:
-    """The bearing and the distance of a marker for a robot that has moved on since."""
+    """Return the bearing and the distance of a marker for a robot that has moved on since."""
     along = math.radians(then.heading + pose.bearing_deg)
     east = then.x - pose.distance_mm * math.sin(along) - now.x
     north = then.y + pose.distance_mm * math.cos(along) - now.y
@@ -224,5 +224,5 @@ def _from_there(pose: MarkerPose, then: Position, now: Position) -> tuple[float,
 
 
 def _only(floors: Mapping[str, Sequence[Marker]]) -> Sequence[Marker]:
-    """The markers of the building, where it has one floor."""
+    """Return the markers of the building, if it has one floor."""
     return next(iter(floors.values())) if len(floors) == 1 else ()

@@ -126,7 +126,7 @@ def find_markers(
 
 
 def _patterns(levels: Levels) -> list[_Pattern]:
-    """The patterns of all rows; each once, however many thresholds show it."""
+    """Return the patterns of all rows; each once, however many thresholds show it."""
     gradients = _gradients(levels)
     found: dict[tuple[int, int, int], _Pattern] = {}
     rows, columns, values = _peaks(gradients, THRESHOLDS[0])
@@ -141,7 +141,7 @@ def _patterns(levels: Levels) -> list[_Pattern]:
 
 
 def _smoothed(band: Gray) -> Levels:
-    """Each row with a little of its neighbors, against noise: markers are upright."""
+    """Smooth each row with a little of its neighbors, against noise: markers are upright."""
     levels = band.astype(np.float32)
     padded = np.concatenate([levels[:1], levels, levels[-1:]])
     smoothed: Levels = np.float32(0.25) * (padded[:-2] + padded[2:]) + np.float32(0.5) * levels
@@ -149,7 +149,7 @@ def _smoothed(band: Gray) -> Levels:
 
 
 def _gradients(levels: Levels) -> Levels:
-    """At each border between pixels; column k is that between pixels k + 1 and k + 2."""
+    """Return the gradient at each border; column k is that between pixels k + 1 and k + 2."""
     inner = levels[:, 2:-1] - levels[:, 1:-2]
     outer = levels[:, 3:] - levels[:, :-3]
     gradients: Levels = np.float32(0.5) * (inner + outer)
@@ -190,7 +190,7 @@ def _alternating(rows: NDArray[np.intp], columns: Floats, values: Levels) -> _Ed
 
 
 def _matches(edges: _Edges, levels: Levels) -> Iterator[_Pattern]:
-    """The patterns among the edges of rows."""
+    """Return the patterns among the edges of rows."""
     for template in _TEMPLATES:
         count = len(template.edges)
         starts = np.flatnonzero(edges.falls[: max(len(edges.falls) - count + 1, 0)])
@@ -233,7 +233,7 @@ def _are_striped(levels: Levels, rows: NDArray[np.intp], columns: Floats) -> NDA
 
 
 def _runs(patterns: list[_Pattern]) -> list[list[_Pattern]]:
-    """Patterns that are alike in neighboring rows."""
+    """Group patterns that are alike in neighboring rows."""
     runs: list[list[_Pattern]] = []
     for pattern in patterns:
         run = next((run for run in reversed(runs) if _continues(run[-1], pattern)), None)

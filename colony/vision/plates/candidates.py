@@ -29,7 +29,7 @@ _LEAST_FILL = 0.3  # of the bounding box: the characters may be cut out of it
 
 
 def candidates(gray: Gray, horizon: float) -> tuple[Patch, ...]:
-    """The dark patches that might be plates, those that stand out at most thresholds first.
+    """Return the dark patches that might be plates; patches at most thresholds come first.
 
     Args:
         gray: an image, or a band of one, about 240 columns wide.

@@ -37,7 +37,7 @@ class Border(NamedTuple):
 
 
 def traced(binary: NDArray[np.bool_], column: int, row: int) -> Border | None:
-    """The border of a bright region, clockwise from a pixel on whose left it is dark.
+    """Trace the border of a bright region, clockwise from a pixel on whose left it is dark.
 
     None where it is not closed within the image: it meets the image's rim, or is a single pixel.
     """
@@ -79,7 +79,7 @@ def cornerness(codes: NDArray[np.int64], *, longest_arm: int = LONGEST_ARM) -> F
 
 
 def corners(border: Border) -> NDArray[np.int64]:
-    """The corners at which a closed border turns to the right, (n, 2) of column and row, in its order."""
+    """Return the corners at which a closed border turns to the right, (n, 2) of column and row, in order."""
     value = cornerness(border.codes)
     apart = max(SEGMENTS)
     count = len(value)

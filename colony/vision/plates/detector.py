@@ -89,7 +89,7 @@ def find_plates(
 
 
 def _plates(gray: Gray, camera: LevelCamera, horizon: float, tilt_deg: float | None) -> list[PlateBox]:
-    """The dark patches that are plates, and the plates about lines of text."""
+    """Return the dark patches that are plates, and the plates about lines of text."""
     small, factor = _small(gray)
     row = (horizon - (factor - 1) / 2.0) / factor
     found: list[PlateBox] = []
@@ -113,7 +113,7 @@ def _plates(gray: Gray, camera: LevelCamera, horizon: float, tilt_deg: float | N
 
 
 def _small(gray: Gray) -> tuple[Gray, int]:
-    """The image made about as small as `WORKING_COLUMNS`, and by how much."""
+    """Return the image reduced to about `WORKING_COLUMNS`, and the factor."""
     import cv2
 
     factor = max(1, round(gray.shape[1] / WORKING_COLUMNS))
@@ -199,7 +199,7 @@ def _within(value: float, expected: float, good: float, bad: float) -> float:
 
 
 def _apart(plates: Iterable[PlateBox]) -> tuple[PlateBox, ...]:
-    """The best ones of those that overlap."""
+    """Keep the best of plates that overlap."""
     kept: list[PlateBox] = []
     for plate in sorted(plates, key=lambda plate: -plate.score):
         if not any(_overlap(plate.corners[0][0], plate.corners[1][0], other) for other in kept):

@@ -94,7 +94,7 @@ def face_of(gray: Gray, outline: Outline) -> Face | None:
 
 
 def contrast_of(gray: Gray, outline: Outline) -> float:
-    """Between what is bright and what is dark within an outline, in gray levels."""
+    """Return the contrast of bright and dark within an outline, in gray levels."""
     left, right = max(math.ceil(outline.left), 0), max(math.floor(outline.right), 0) + 1
     top, bottom = max(math.ceil(outline.left_top), 0), max(math.floor(outline.left_bottom), 0) + 1
     within = np.sort(gray[top:bottom, left:right], axis=None)
@@ -104,7 +104,7 @@ def contrast_of(gray: Gray, outline: Outline) -> float:
 
 
 def _rectified(gray: Gray, outline: Outline) -> Floats:
-    """The plate with its surroundings, faced."""
+    """Rectify the plate with its surroundings."""
     import cv2
 
     near, right, lower = _BORDER - 0.5, _BORDER + _COLUMNS - 0.5, _BORDER + _ROWS - 0.5
@@ -117,7 +117,7 @@ def _rectified(gray: Gray, outline: Outline) -> Floats:
 
 
 def _edged(patch: Floats) -> float:
-    """Along which part of the outline it is lighter outside than within the margin."""
+    """Return the part of the outline along which it is lighter outside than within the margin."""
     rows, columns = slice(_BORDER, -_BORDER), slice(_BORDER, -_BORDER)
     inside, outside = _BORDER + _MARGIN // 2, _BORDER - _OUTSIDE
     steps = (
@@ -139,7 +139,7 @@ def _rim(patch: Floats) -> float:
 
 
 def _written(line: Floats) -> tuple[int, int]:
-    """From which column to before which one there is writing."""
+    """Return the columns between which there is writing: the first, and the one after the last."""
     columns = line[:, _MARGIN:-_MARGIN].mean(axis=0)
     level = 0.4 * float(np.sort(columns)[int(0.95 * columns.size)])
     written = np.flatnonzero(columns >= level)
@@ -170,7 +170,7 @@ def _plate_rows(mm_a_pixel: int) -> tuple[Floats, Floats]:
     ramp = _BLUR_PIXELS * mm_a_pixel
 
     def after(edge: float) -> Floats:
-        """1 below an edge, 0 above it, and a ramp between."""
+        """Return 1 below an edge, 0 above it, and a ramp between."""
         return np.asarray(np.clip((at - edge) / ramp + 0.5, 0.0, 1.0))
 
     text = after(_MARGIN_MM) - after(PLATE_HEIGHT_MM - _MARGIN_MM)

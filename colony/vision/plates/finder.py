@@ -127,7 +127,7 @@ def _finder(
 
 
 def _tell_plates(untold: deque[list[object]]) -> Generator[Step, Any, None]:
-    """Tell DServer of plates, the oldest one first, as long as it takes them."""
+    """Publish plates at DServer, the oldest one first, as long as it takes them."""
     while untold:
         try:
             yield from do("DServer", data.set(PLATE_SEEN, untold[0]))
@@ -144,7 +144,7 @@ class _Maps:
         self.floor = next(iter(floors), "")
 
     def known(self) -> Generator[Step, Any, Known]:
-        """The plates of the present floor; none where there is no map of it."""
+        """Return the plates of the present floor; none if there is no map of it."""
         told = yield from _answer("DServer", data.get(FLOOR))
         if isinstance(told, str):
             self.floor = told
@@ -166,7 +166,7 @@ class _Eye:
         self._seen_ns = -1
 
     def prepare(self) -> Generator[Step, Any, None]:
-        """Have the camera be ready, if it is there."""
+        """Prepare the camera, if it is there."""
         self._ready = yield from made_ready(self._name, self._geometry, self._period_s)
 
     def look(self) -> Generator[Step, Any, View | None]:
@@ -192,7 +192,7 @@ class _Eye:
         return View(band.t_ns, gray, band.first_row, _pose(then), _tilt(then.heading, goal), distance)
 
     def _grab(self) -> Generator[Step, Any, Image | None]:
-        """The rows around the middle of the newest image.
+        """Return the rows around the middle of the newest image.
 
         They come in one answer, and so are of one image; as printed, they are under the lock all the same.
         """

@@ -36,16 +36,16 @@ class WallView(NamedTuple):
         return self._reach_mm(self.tilt_deg + view_deg / 2.0)
 
     def right_mm(self, view_deg: float) -> float:
-        """r: likewise to the right, with alpha, the angle between the normal and the right ray."""
+        """Return r: likewise to the right, with alpha, the angle between the normal and the right ray."""
         alpha = view_deg / 2.0 - self.tilt_deg
         return self._reach_mm(alpha)
 
     def place_of(self, camera: LevelCamera, column: float) -> float:
-        """Which place along the wall a column sees; the column's ray must meet the wall."""
+        """Return the place along the wall that a column sees; the column's ray must meet the wall."""
         return self.distance_mm * math.tan(math.radians(self.tilt_deg + camera.bearing_of(column)))
 
     def column_of(self, camera: LevelCamera, place_mm: float) -> float:
-        """In which column a place is seen, in the image or beside it; the place is ahead of the camera."""
+        """Return the column of a place, in the image or beside it; the place is ahead of the camera."""
         return camera.column_of(math.degrees(math.atan(place_mm / self.distance_mm)) - self.tilt_deg)
 
     def _reach_mm(self, angle_deg: float) -> float:

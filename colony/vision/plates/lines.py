@@ -31,7 +31,7 @@ _THINNEST, _THICKEST = 0.1, 3.6  # the width of a patch by its height: an I, and
 
 
 def lines_of_text(gray: Gray, horizon: float) -> tuple[Patch, ...]:
-    """The lines of bright patches; those that are found at several thresholds first.
+    """Return the lines of bright patches; lines at several thresholds come first.
 
     Args:
         gray: an image, or a band of one, about 240 columns wide.
@@ -78,7 +78,7 @@ def _is_likely(stats: NDArray[np.int32], rows: int, horizon: float) -> NDArray[n
 
 
 def _lines(stats: NDArray[np.int32], columns: int) -> list[Patch]:
-    """Neighbors of the same height, put together; but not what goes on beyond the image."""
+    """Join neighbors of the same height to lines; but not what goes on beyond the image."""
     patches = sorted((x, y, x + w, y + h) for x, y, w, h, _ in stats.tolist())
     lines: list[Patch] = []
     for left, top, right, bottom in patches:

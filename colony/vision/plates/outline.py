@@ -58,7 +58,7 @@ class Outline(NamedTuple):
 
 
 def outline_of(gray: Gray, box: Patch, horizon: float) -> Outline | None:
-    """The outline of a candidate; None where an edge of it is not to be seen."""
+    """Return the outline of a candidate, or None if an edge of it is not visible."""
     upper, lower = _edge(gray, box, lower=False), _edge(gray, box, lower=True)
     left, right = _side(gray, box, right=False), _side(gray, box, right=True)
     if upper is None or lower is None or left is None or right is None or right - left < _LEAST_COLUMNS:
@@ -105,7 +105,7 @@ class _Halves(NamedTuple):
     spread: float
 
     def at(self, column: float) -> float:
-        """The height of a half in a column."""
+        """Return the height of a half in a column."""
         return self.base + self.slope * column
 
 
@@ -154,7 +154,7 @@ def _reach(box: Patch) -> int:
 
 
 def _edge(gray: Gray, box: Patch, *, lower: bool, least_drop: float = LEAST_DROP) -> _Edge | None:
-    """The upper or lower edge; None where too few columns show one."""
+    """Return the upper or lower edge, or None if too few columns show one."""
     inset = max(1, (box.right - box.left) // 16)
     columns = slice(box.left + inset, box.right - inset)
     at, reach = box.bottom if lower else box.top, _reach(box)
@@ -172,7 +172,7 @@ def _edge(gray: Gray, box: Patch, *, lower: bool, least_drop: float = LEAST_DROP
 
 
 def _line(x: Floats, y: Floats) -> tuple[float, float, float]:
-    """A straight line through points, of which some are far off: y = a + b x, and their median distance."""
+    """Fit a line to points with outliers: y = a + b x; return it and the median distance."""
     weight = np.ones_like(x)
     a = b = 0.0
     for _ in range(_ROUNDS):
@@ -187,7 +187,7 @@ def _line(x: Floats, y: Floats) -> tuple[float, float, float]:
 
 
 def _side(gray: Gray, box: Patch, *, right: bool, least_drop: float = LEAST_DROP) -> float | None:
-    """The column of the left or right edge; None where there is none to be seen."""
+    """Return the column of the left or right edge, or None if none is visible."""
     inset = max(1, (box.bottom - box.top) // 6)
     at, reach = box.right if right else box.left, _reach(box)
     first, last = max(at - reach - 1, 0), min(at + reach + 1, gray.shape[1])

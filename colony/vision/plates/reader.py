@@ -121,7 +121,7 @@ def combined(readings: Iterable[Reading]) -> Reading:
 
 
 def _reading(weights: dict[str, float]) -> Reading:
-    """The texts by their probabilities, which are proportional to the exponentials of the weights."""
+    """Return the texts by their probabilities, in proportion to the exponentials of the weights."""
     top = max(weights.values())
     shares = {text: math.exp(weight - top) for text, weight in weights.items()}
     whole = sum(shares.values())
@@ -132,7 +132,7 @@ def _reading(weights: dict[str, float]) -> Reading:
 
 
 def _softplus(x: float) -> float:
-    """log(1 + exp(x)): minus the logarithm of a probability whose log odds are -x."""
+    """Return log(1 + exp(x)): minus the logarithm of a probability whose log odds are -x."""
     return max(x, 0.0) + math.log1p(math.exp(-abs(x)))
 
 

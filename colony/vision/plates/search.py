@@ -133,7 +133,7 @@ class PlateSearch:
         return self._tracks.see(view.t_ns, view.robot, seen)
 
     def _identified(self, track: Track, known: Known) -> Plate | None:
-        """Which plate of the map a track is."""
+        """Return the map's plate that a track is."""
         if track.door is None and track.count >= KNOWN_LOOKS:
             reading = self._read(track)
             x, y = track.place.tolist()
@@ -214,7 +214,7 @@ class ThesisSearch:
         return Found(tuple(self._told(view, view.band, box) for box in boxes))
 
     def _start(self, wall: WallView, here: Pose) -> int:
-        """From which column on there is wall that was not in the last image with a plate."""
+        """Return the first column of wall that was not in the last image with a plate."""
         if self._last is None:
             return 0
         before, there = self._last

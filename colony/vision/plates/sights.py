@@ -127,7 +127,7 @@ def fix_of_plate(seen: Seen, plate: Plate) -> Fix:
 
 
 def _bearing_row(seen: Seen, plate: Plate) -> Row:
-    """The plate is on the line of sight: n (plate - robot) = 0, n across it; the heading turns it."""
+    """Return the row of the line of sight: n (plate - robot) = 0, n across it; the heading turns it."""
     x, y = seen.ray
     nx, ny = y, -x
     away = x * (plate.middle.x - seen.robot.x_mm) + y * (plate.middle.y - seen.robot.y_mm)

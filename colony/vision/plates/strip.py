@@ -33,7 +33,7 @@ Corners = tuple[Corner, Corner, Corner, Corner]
 
 
 def plate_strip(image: Gray, corners: Corners) -> Floats | None:
-    """The strip of a plate.
+    """Cut out the strip of a plate.
 
     Args:
         image: uint8, (rows, columns), or with a last axis of one or three channels.

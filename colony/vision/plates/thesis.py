@@ -37,13 +37,13 @@ _LEAST_CORNERS = 4
 
 
 def scan_band(camera: LevelCamera) -> tuple[int, int]:
-    """The first one of the rows that are looked at, and how many they are."""
+    """Return the first one of the rows that are searched, and their number."""
     count = min(camera.rows, round(SCAN_LINES * camera.rows / 120))
     return (camera.rows - count) // 2, count
 
 
 def stretched(level: float) -> float:
-    """The gray level that a level of the negative becomes; 0 stays 0."""
+    """Return the gray level that a level of the negative becomes; 0 stays 0."""
     if level <= MIDDLE_LEVEL:
         return float((level / MIDDLE_LEVEL) ** LOWER_EXPONENT * MIDDLE_LEVEL)
     above = 255.0 - MIDDLE_LEVEL
@@ -107,7 +107,7 @@ def _transitions(binary: NDArray[np.bool_], middle: int) -> list[tuple[int, int]
 
 
 def _plate(found: NDArray[np.int64], camera: LevelCamera) -> PlateBox | None:
-    """The bounding box of corners, if it has the size of a plate."""
+    """Return the bounding box of corners, if it has the size of a plate."""
     left, top = (float(n) - 0.5 for n in found.min(axis=0))
     right, bottom = (float(n) + 0.5 for n in found.max(axis=0))
     nearest, farthest = camera.focal / NEAREST_MM, camera.focal / FARTHEST_MM

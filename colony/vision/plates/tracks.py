@@ -96,13 +96,13 @@ class Track:
 
     @classmethod
     def begun(cls, seen: Seen) -> Track:
-        """A track of one look."""
+        """Begin a track with one look."""
         track = cls(place=np.array(seen.place), covariance=_covariance(seen))
         track._note(seen)
         return track
 
     def take(self, seen: Seen) -> None:
-        """One more look: a step of a Kalman filter of a place that hardly moves."""
+        """Take in one more look: a step of a Kalman filter of a place that hardly moves."""
         noise = _covariance(seen)
         prior = self.covariance + np.eye(2) * _DRIFT_MM**2
         gain = prior @ np.linalg.inv(prior + noise)
@@ -111,7 +111,7 @@ class Track:
         self._note(seen)
 
     def moved(self, rotation: Floats, here: Floats, there: Floats) -> None:
-        """All places turn about `here`, and go to where that is `there`."""
+        """Turn all places about `here`, and move them so that `here` becomes `there`."""
 
         def at(place: Floats) -> Floats:
             return np.asarray(there + rotation @ (place - here))
@@ -206,7 +206,7 @@ def _covariance(seen: Seen) -> Floats:
 
 
 def _nearest(look: Seen, tracks: Sequence[Track]) -> Track | None:
-    """The track that a look is of."""
+    """Return the track to which a look belongs."""
     x, y = look.ray
     near: list[tuple[float, Track]] = []
     for track in tracks:

@@ -34,11 +34,11 @@ class Trained(Protocol):
         ...
 
     def forward(self, x: Floats) -> Floats:
-        """Its output."""
+        """Return the output."""
         ...
 
     def backward(self, gradient: Floats) -> Floats:
-        """The gradient by its input, given that by its output; those of the parameters are stored."""
+        """Return the gradient by the input from that by the output; store the parameters' gradients."""
         ...
 
 
@@ -154,7 +154,7 @@ class Normalization:
         return result
 
     def folded(self, kernel: Floats) -> tuple[Floats, Floats]:
-        """The kernel and the bias of a convolution that does the same as one with `kernel` and then this."""
+        """Return the kernel and bias of the convolution equal to one with `kernel` and then this."""
         factor = self.scale.value / np.sqrt(self.variance + np.float32(_EPSILON))
         return kernel * factor, self.shift.value - self.mean * factor
 

@@ -72,13 +72,13 @@ def calibrated(net: LetterNet, fonts: Sequence[Path], count: int, random: np.ran
 def plate_score(
     net: LetterNet, font: Path, height_px: float, count: int, random: np.random.Generator
 ) -> Score:
-    """Single looks at plates with texts as on doors, in a font, with characters of a height in pixels."""
+    """Score single looks at plates with texts as on doors, in a font, at a height in pixels."""
     looks = (plate_look(door_text(random), font, height_px, random) for _ in range(count))
     return Score(count, sum(read(net, look).text == look.text for look in looks))
 
 
 def junk_score(net: LetterNet, fonts: Sequence[Path], count: int, random: np.random.Generator) -> JunkScore:
-    """Single looks at what is no plate."""
+    """Score single looks at what is no plate."""
     looks = [junk_look(fonts[i % len(fonts)], random) for i in range(count)]
     found = [reading for reading in (read(net, look) for look in looks) if reading.text]
     return JunkScore(count, len(found), sum(reading.confidence >= 0.9 for reading in found))
@@ -91,6 +91,6 @@ def read(net: LetterNet, look: Look) -> Reading:
 
 
 def _surprise(reading: Reading, text: str) -> float:
-    """The negative logarithm of the probability that a reading gives to a text."""
+    """Return the negative logarithm of the probability that a reading gives to a text."""
     share = dict(((reading.text, reading.confidence), *reading.alternatives)).get(text, 0.0)
     return -math.log(max(share, _LEAST))

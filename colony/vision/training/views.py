@@ -31,7 +31,7 @@ class View(NamedTuple):
 
 
 def drawn_height(random: np.random.Generator) -> float:
-    """A height of characters in pixels; small ones, which are hard, most often."""
+    """Draw a height of characters in pixels; small ones, which are hard, most often."""
     if random.random() < 0.7:
         return float(random.uniform(LOWEST_PX, 16.0))
     return float(random.uniform(16.0, HIGHEST_PX))
@@ -83,7 +83,7 @@ def jittered(corners: Corners, random: np.random.Generator) -> Corners:
 
 
 def misplaced(corners: Corners, random: np.random.Generator) -> Corners:
-    """A box that holds a part of the plate only, or much more than it."""
+    """Draw a box that holds a part of the plate only, or much more than it."""
     true = np.array(corners)
     along, down = true[1] - true[0], true[3] - true[0]
     match int(random.integers(4)):
@@ -104,7 +104,7 @@ def misplaced(corners: Corners, random: np.random.Generator) -> Corners:
 
 
 def _projected(height_px: float, slant_deg: float, random: np.random.Generator) -> Doubles:
-    """The plate's corners in the image, (4, 2), the optical axis being the origin."""
+    """Return the plate's corners in the image, (4, 2), the optical axis being the origin."""
     depth = CHARACTER_HEIGHT_MM * SIDE.focal / height_px
     slant = math.radians(slant_deg)
     across = random.uniform(-0.5, 0.5) * depth
@@ -121,7 +121,7 @@ def _projected(height_px: float, slant_deg: float, random: np.random.Generator) 
 
 
 def _wall(rows: int, columns: int, random: np.random.Generator) -> Gray:
-    """A wall, with the edge of something on it now and then."""
+    """Draw a wall, with the edge of something on it now and then."""
     shade = random.uniform(40.0, 240.0)
     wall = np.full((rows, columns), shade, np.float32)
     wall += np.linspace(0.0, random.uniform(-30.0, 30.0), columns, dtype=np.float32)

@@ -184,7 +184,7 @@ def crosses_any(segments: NDArray[np.float64], begin: Point, end: Point) -> bool
 
 
 def _side_of(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Positive where r is left of the line from p to q, negative where right; broadcast over (..., 2)."""
+    """Return a positive value if r is left of the line from p to q, negative if right; (..., 2)."""
     u, v = q - p, r - p
     side: NDArray[np.float64] = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
     # Adjacent edges share a corner up to rounding: that is touching.

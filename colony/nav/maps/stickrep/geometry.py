@@ -25,7 +25,7 @@ class Point(NamedTuple):
 
 
 def direction(heading_deg: float) -> Point:
-    """The unit vector of a heading, exact along the four axes."""
+    """Return the unit vector of a heading, exact along the four axes."""
     exact = _EXACT.get(heading_deg % 360.0)
     if exact is not None:
         return Point(*exact)
@@ -73,7 +73,7 @@ def trace(ring: Ring) -> Trace:
 
 
 def corners(ring: Ring) -> tuple[Point, ...]:
-    """The places of a ring's nodes, in mm, with its gap spread over it by the compass rule."""
+    """Return the places of a ring's nodes, in mm, with its gap spread over it by the compass rule."""
     walked = trace(ring)
     gap = walked.gap
     total = math.fsum(edge.length_mm for edge in ring.edges)
@@ -95,7 +95,7 @@ class Projection(NamedTuple):
 
 
 def projections(ring: Ring) -> tuple[Projection, ...]:
-    """All projections of a ring's lights, in the order of the ring."""
+    """Return all projections of a ring's lights, in the order of the ring."""
     nodes = corners(ring)
     out = []
     for i, edge in enumerate(ring.edges):

@@ -156,7 +156,7 @@ class Map:
     light_offsets: LightOffsets = "incremental"
 
     def edges(self) -> Iterator[Edge]:
-        """All edges, ring by ring, in the order of the file."""
+        """Return all edges, ring by ring, in the order of the file."""
         for ring in self.rings:
             yield from ring.edges
 

@@ -117,7 +117,7 @@ class _Reader:
         self.node_names: dict[str, Span] = {}
 
     def read(self) -> Map | None:
-        """The map, or None where `problems` says why not."""
+        """Read the map; None if there are `problems`."""
         lines = lines_of_words(self.source)
         if not self._is_stickrep(next(lines, None)):
             return None
