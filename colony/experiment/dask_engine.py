@@ -19,11 +19,12 @@ REACHED_S = 10.0
 
 
 class DaskEngine:
-    """Does the work on the workers of a cluster.
+    """An engine that does the work on the workers of a cluster.
 
     Args:
-        address: of its scheduler, `tcp://HOST:8786`; "" begins one on this machine, which ends with the work.
-        workers: how many processes that has; by default one a core.
+        address: address of its scheduler, `tcp://HOST:8786`; "" begins one on this machine, which ends with
+            the work.
+        workers: number of processes of the latter; by default one a core.
     """
 
     def __init__(self, address: str = "", workers: int | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Which of a building's hazards lay on a robot's way, in words."""
+"""The hazards of a building that lay on a robot's way, in words."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ Mode = Literal["L", "C", "D"]
 MODES: tuple[Mode, ...] = ("L", "C", "D")
 
 Failure = Literal["", "stuck", "too long", "astray", "script"]
-"""Why a run failed; "" where it did not.
+"""Reason why a run failed; "" if it did not.
 
 stuck: for a minute the robot neither came out of a circle nor got a new goal. too long: it took three times
 as long as expected. astray: the planner says that it is done, but the robot is not at the goal. script: a
@@ -22,7 +22,7 @@ client raised an exception.
 
 
 class RunKey(NamedTuple):
-    """Which run it is: of which list, its number there, the seed of all chance in it, the variant run."""
+    """The key of a run: its list, its number there, the seed of all chance in it, and its variant."""
 
     runs: str
     number: int
@@ -107,5 +107,5 @@ class RunResult:
 
     @property
     def mean_mm_s(self) -> float:
-        """As published: the distance along the rings by the run time."""
+        """Mean speed as published: the distance along the rings by the run time."""
         return self.distance_mm / self.time_s if self.time_s > 0.0 else 0.0

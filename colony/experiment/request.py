@@ -1,4 +1,4 @@
-"""From what a user asks for to an experiment: which list, in which building, what is switched on and off."""
+"""The translation of a user's request to an experiment: the list, the building, and the switches."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from colony.runtime.library.ask import Ask
 T = TypeVar("T")
 
 _NOT_YET = ("no value", "unknown", "unset")
-"""The codes of servers that have nothing to tell so far."""
+"""Codes of servers that have no answer yet."""
 
 
 def taken(semaphore: str, wait_s: float) -> Generator[Step, Any, bool]:

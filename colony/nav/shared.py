@@ -40,7 +40,7 @@ GOAL_DIRECTION = "GoalDirection"
 """The heading along which to proceed, in degrees, 0 north, 90 west."""
 
 GOAL_DISTANCE = "GoalDistance"
-"""In the light-tracking mode the number of lights to track, else how far to travel, in millimeters."""
+"""Number of lights to track in the light-tracking mode, else the distance to travel, in millimeters."""
 
 GOAL_TYPE = "GoalType"
 """The mode: a `GoalKind` as a number."""
@@ -108,7 +108,7 @@ ELEVATOR_CALL = "ElevatorCall"
 the other one. Empty when the ride is over."""
 
 FLOOR_REACHED = "FloorReached"
-"""Set by the operator, who presses the buttons: 1 when the elevator stands at the other floor, else 0."""
+"""Set by the operator of the buttons: 1 when the elevator stands at the other floor, else 0."""
 
 
 class GoalKind(IntEnum):

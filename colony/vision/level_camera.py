@@ -18,10 +18,10 @@ class LevelCamera:
     """A camera on the robot's axis.
 
     Attributes:
-        columns, rows: of the image, in pixels.
+        columns, rows: size of the image, in pixels.
         view_deg: the full angle that the columns see, below 180.
-        yaw_deg: where it looks, counterclockwise from ahead: 90 is to the left.
-        height_mm: of the lens above the floor.
+        yaw_deg: its direction, counterclockwise from ahead: 90 is to the left.
+        height_mm: height of the lens above the floor.
 
     Raises:
         ValueError: a number is not in its range.

@@ -1,6 +1,6 @@
-"""Which plates and markers of a map a camera at a pose looks at, and where in its image they are.
+"""The plates and markers of a map in the view of a camera at a pose, and their places in its image.
 
-This is what a map says: doors are shut, and nobody stands before them.
+The map is taken as it is: doors are shut, and no people stand before them.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def corners_of(
     if (sign.middle.x - pose[0]) * into.x + (sign.middle.y - pose[1]) * into.y <= 0.0:
         return None
     ends = []
-    for half in (-wide / 2, wide / 2):  # the left end first, as seen by who faces it
+    for half in (-wide / 2, wide / 2):  # the left end first, as seen facing it
         dx = sign.middle.x + half * into.y - pose[0]
         dy = sign.middle.y - half * into.x - pose[1]
         depth, right = dx * ahead.x + dy * ahead.y, dx * ahead.y - dy * ahead.x

@@ -21,7 +21,7 @@ from colony.vision.periods import PERIOD_S
 
 
 def light_witness(on_look: Callable[[Look], None]) -> Script:
-    """Look at the ceiling as often as CTracker, with what it knows of the heading, and tell each look."""
+    """Look at the ceiling as often as CTracker, with its knowledge of the heading, and report each look."""
     yield from hurry((CEILING_CAMERA,), PERIOD_S)
     looks = cameras_looker((CEILING_CAMERA,), (UPWARD,))
     while True:

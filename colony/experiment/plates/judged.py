@@ -18,13 +18,13 @@ from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Pose
 
 NEAR_MM = 500.0
-"""Between a sighting and its plate, at most; plates hang at least 1.7 m apart."""
+"""Largest distance of a sighting from its plate; plates hang at least 1.7 m apart."""
 
 LONG_ENOUGH_NS = 500_000_000
 """A plate that was in view for less than this, the period of the Camera Server, may be in no image at all."""
 
 AGAIN, INSTEAD = " again", " instead of "
-"""In the name of what is false: a plate that was seen before, and one that is taken for another."""
+"""Parts of the names of false sightings: of a plate seen before, and of one taken for another."""
 
 
 class Sighting(NamedTuple):

@@ -1,11 +1,11 @@
-"""Which door plates a robot really passed on its left, and for how long its side camera had them in view.
+"""The door plates that a robot really passed on its left, and the time that they were in view.
 
-This is the truth that plate finders are held against: it comes from the map and the true path. A plate is
-*passed* when the robot crosses the normal of the wall through the plate's middle, with the plate to its left,
-no farther than `FARTHEST_MM` and no wall in between. It is *in view* while both of its ends are in the
-camera's field, it is no farther than that, and the camera is turned away from the normal by less than
-`STEEPEST_DEG`, beyond which finders do not look (thesis section 5.7). Who stands in front of it does not
-count here: that is the finder's bad luck.
+This is the ground truth for plate finders: it comes from the map and the true path. A plate is *passed* when
+the robot crosses the normal of the wall through the plate's middle, with the plate to its left, no farther
+than `FARTHEST_MM` and no wall in between. It is *in view* while both of its ends are in the camera's field,
+it is no farther than that, and the camera is turned away from the normal by less than `STEEPEST_DEG`, beyond
+which finders do not look (thesis section 5.7). People in front of it are ignored here: that is the finder's
+bad luck.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FARTHEST_MM = 2500.0
 """Largest distance of a plate's middle from the camera."""
 
 STEEPEST_DEG = 50.0
-"""Between the camera's axis and the normal of the wall."""
+"""Largest angle between the camera's axis and the normal of the wall."""
 
 _BEFORE_WALL_MM = 20.0
 

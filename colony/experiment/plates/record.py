@@ -10,7 +10,7 @@ from colony.experiment.record import Failure, RunKey
 from colony.experiment.results import KEY_COLUMNS, Table
 
 Finder = Literal["thesis", "ours", "map"]
-"""As printed in the thesis; ours, which knows only images, heading and sonar; ours with the map."""
+"""A finder: the thesis's as printed; ours, which knows only images, heading and sonar; ours with the map."""
 
 FINDERS: tuple[Finder, ...] = ("thesis", "ours", "map")
 

@@ -16,8 +16,10 @@ from colony.experiment.tables import markdown, targets_markdown
 ALL_SOURCES, ODOMETRY = "all", "odometry alone"
 
 HONEST = (0.85, 0.999)
-"""Which part of the true poses is in the ellipsoid that should hold 95 in 100: within these bounds the
-covariance is right within a factor of about two, in either direction."""
+"""Range of the part of true poses in the ellipsoid that should hold 95 in 100.
+
+Within these bounds the covariance is right within a factor of about two, in either direction.
+"""
 
 
 class PoseErrors(NamedTuple):
@@ -65,7 +67,7 @@ class SourceResult:
 
     @property
     def failure(self) -> Failure:
-        """Why the run failed that had all sources."""
+        """Reason why the run with all sources failed."""
         return self.outcomes[ALL_SOURCES].failure
 
 

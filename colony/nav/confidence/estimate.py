@@ -108,7 +108,7 @@ PUBLISHED = estimated(PUBLISHED_COUNTS, PUBLISHED_ARCS)
 
 
 class Interval(NamedTuple):
-    """From `low` to `high`, both between 0 and 1."""
+    """The interval from `low` to `high`, both between 0 and 1."""
 
     low: float
     high: float

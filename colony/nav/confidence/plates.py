@@ -114,7 +114,7 @@ TABLE_6_6_COUNTS: Mapping[PlateEvent, Count | None] = {
     "E8": Count(10, 11),
     "E9": Count(11, 162),
 }
-"""As published; E3 is assumed to be 1 there."""
+"""Counts as published; E3 is assumed to be 1 there."""
 
 TABLE_6_6 = plate_events(TABLE_6_6_COUNTS)
-"""As published, from the eleven walks of Table 6.3."""
+"""Probabilities as published, from the eleven walks of Table 6.3."""

@@ -116,4 +116,4 @@ def _run(row: str) -> PublishedRun:
 
 
 PUBLISHED_RUNS: tuple[PublishedRun, ...] = tuple(_run(row) for row in _TABLE.strip().splitlines()[1:])
-"""All of them, in the order of the tables."""
+"""All published runs, in the order of the tables."""

@@ -37,7 +37,7 @@ class Line(NamedTuple):
 
     @property
     def length_mm(self) -> float:
-        """From its first cell to its last one."""
+        """Length of the line, from its first cell to its last one."""
         return self.end_mm - self.begin_mm
 
 
@@ -125,7 +125,7 @@ def _half_turned(angle_deg: Floats | float) -> Floats:
 
 _REFINEMENTS = 3
 _STRAY = 0.02
-"""So much of a line at either end does not count for where it ends: cells that happen to lie in its way."""
+"""Part of a line at either end that does not count for its end: cells that happen to lie in its way."""
 
 
 def _fitted(cells: Cells, angle_rad: float, distance_mm: float, setting: HoughSetting) -> Line | None:

@@ -1,4 +1,4 @@
-"""Which way along a hallway: lines have no direction, robots do (thesis section 5.5)."""
+"""The direction along a hallway: lines have no direction, robots do (thesis section 5.5)."""
 
 from __future__ import annotations
 

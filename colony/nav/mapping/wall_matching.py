@@ -36,7 +36,7 @@ class Sighting(NamedTuple):
 
     @property
     def length_mm(self) -> float:
-        """From end to end."""
+        """Length of the line."""
         return math.hypot(self.x1_mm - self.x0_mm, self.y1_mm - self.y0_mm)
 
 

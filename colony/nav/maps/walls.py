@@ -33,7 +33,7 @@ class Walls:
 
     @property
     def glass(self) -> tuple[bool, ...]:
-        """Which segments are panes of glass, which sonars may not see: the remark says `glass`.
+        """True for segments that are panes of glass, which sonars may miss: the remark says `glass`.
 
         Glass bricks are none: their surface is rough, and they are seen.
         """

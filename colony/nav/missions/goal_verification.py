@@ -29,7 +29,7 @@ REMEMBERED = 16
 """Number of plates that DServer remembers: those of a corridor's last meters."""
 
 BEFORE_NS = 3_000_000_000
-"""So long before its last segment a robot may have read the plate: that may begin right beside the goal."""
+"""Time before its last segment at which a robot may already have read the plate beside the goal."""
 
 PATIENCE_S, LOOK_S = 2.0, 0.25
 """Timeout for the plate to be read after the arrival, and the interval between two checks, in seconds."""

@@ -33,11 +33,11 @@ class Layout:
 
     Attributes:
         source: the map.
-        nodes: where the nodes stand, a tuple a ring.
-        headings_deg: where the edges lead, a tuple a ring.
+        nodes: places of the nodes, a tuple a ring.
+        headings_deg: headings of the edges, a tuple a ring.
         corridors, spaces: as `colony/nav/maps/corridors.py` finds them.
         lights: (x, y) of the ceiling lights in mm.
-        bounded: which corridors an edge bounds, (ring, edge) by their indices.
+        bounded: the corridors that an edge bounds, (ring, edge) by their indices.
     """
 
     source: Map
@@ -131,7 +131,7 @@ class Stretch:
 
 
 Way = tuple[Stretch | Lift, ...]
-"""In order; from floor to floor there is a lift."""
+"""The parts of a way, in order; a lift joins two floors."""
 
 
 @dataclass(frozen=True, slots=True, order=True)

@@ -217,7 +217,7 @@ def _ride(layouts: tuple[Layout, ...], lift: Lift) -> Segment:
         doors = _doors(layout, spot)
         places.append(Place(*corridor.at(corridor.abreast(*doors)), layout.source.name))
         ways.append(abs(corridor.beside(*doors)))
-        # The elevator is behind its doors, on the left of who walks along the wall.
+        # The elevator is behind its doors, on the left along the wall.
         headings.append((layout.headings_deg[spot.ring][spot.node] + 90.0) % 360.0)
     ring = layouts[lift.one.floor].source.rings[lift.one.ring]
     assert ring.edges[lift.one.node].kind is EdgeKind.ELEVATOR

@@ -36,14 +36,14 @@ def pose_estimator(
     sources: frozenset[Source] = ALL,
     period_s: float = 0.1,
 ) -> Script:
-    """Estimate the robot's pose from all sources together, and correct RServer's position, for ever.
+    """Estimate the robot's pose from all sources together, and correct RServer's position, forever.
 
     While RServer, or what a source needs, is away or has nothing to say, it waits, or goes on without.
 
     Args:
         floors: the walls of each floor, by the names that FLOOR has; the first one until it is set.
-        sources: what is believed besides the odometry.
-        period_s: from one look at the sonars and the position to the next.
+        sources: the sources besides the odometry.
+        period_s: seconds between two looks at the sonars and the position.
 
     Raises:
         ValueError: there is no floor; later, in the script: FLOOR is none of them.
@@ -82,7 +82,7 @@ class _Estimator:
             yield from self._take(fresh, where)
 
     def _take(self, scan: SonarReading | None, where: Position) -> Generator[Step, Any, None]:
-        """Take in a scan, a position, and what landmarks tell; and tell what comes of it."""
+        """Take in a scan, a position and the fixes of landmarks, and publish the result."""
         ranges = None
         at = where
         if scan is not None:

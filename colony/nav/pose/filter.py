@@ -65,13 +65,13 @@ _HUBER = 1.5
 _GATE = 3.5
 _AS_EXPECTED = 1.5
 _SLIPPED = 2.5
-# Readings that change by so much a radian tell of a slip; those of walls straight ahead of a sonar do not.
+# Readings that change by so much a radian reveal a slip; those of walls straight ahead of a sonar do not.
 _TURNING_MM = 200.0
 _FEWEST_TURNING = 4
 
 _STILL = 1e-6
-_FEWEST = 3  # readings that tell anything; fewer are mostly a stretch of wall between two openings
-_AGREEMENT_RATE = 0.3  # a few scans, so that people who pass do not count as being lost
+_FEWEST = 3  # informative readings; fewer are mostly a stretch of wall between two openings
+_AGREEMENT_RATE = 0.3  # a few scans, so that passing people do not count as being lost
 _LOST = 0.65  # open doors and people spoil up to a third of the readings
 
 # Relocation: headings up to 35 degrees away, each fitted to the scan from half-way to the next one.

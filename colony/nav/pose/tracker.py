@@ -187,7 +187,7 @@ class PoseTracker:
             self._trail.add(step, scan)
 
     def _look_at(self, filter_: PoseFilter, told: Iterable[Told]) -> None:
-        """Take in what landmarks tell of moments that are over."""
+        """Take in the landmarks' fixes of moments that are over."""
         heard = (*self._waiting, *(one for one in told if one.source in self._sources))
         self._waiting = tuple(one for one in heard if one.fix.t_ns > self._way_back.t_ns)[-_MOST_WAITING:]
         for source, fix in heard:

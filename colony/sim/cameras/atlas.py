@@ -29,8 +29,8 @@ class Picture:
 
     Attributes:
         shades: (rows, columns), from 0, black, to 1.
-        cover: likewise, how much of what is behind each texel hides; None: all.
-        wraps: whether it repeats to the sides.
+        cover: likewise, the opacity of each texel; None: all opaque.
+        wraps: True if it repeats to the sides.
     """
 
     shades: Floats2

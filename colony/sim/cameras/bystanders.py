@@ -92,7 +92,7 @@ def paint_others(
     column: Floats, robot: int, poses: Floats2, people: Floats2, depth: float, ray: Ray, eye: Eye, lens: Lens,
     scene: Scene,
 ) -> None:  # fmt: skip
-    """Paint the robots and people who are nearer than `depth`, from far to near."""
+    """Paint the robots and people nearer than `depth`, from far to near."""
     limit, robots = depth, poses.shape[0]
     more = robots > 1 or people.shape[0] > 0
     while more:

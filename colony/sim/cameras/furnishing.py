@@ -21,7 +21,7 @@ _POSTER_MIDDLE_MM = (1250.0, 1550.0)
 _ON_DOOR_MIDDLE_MM = (1300.0, 1450.0)
 _TRIES = 8
 
-_PANE = re.compile(r"\b(glass|window)", re.IGNORECASE)  # nobody hangs anything there
+_PANE = re.compile(r"\b(glass|window)", re.IGNORECASE)  # nothing is hung there
 
 _Span = tuple[float, float]
 

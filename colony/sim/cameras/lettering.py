@@ -23,7 +23,7 @@ from colony.nav.maps.signs import (
 from colony.sim.cameras.atlas import Picture
 from colony.sim.compiled import Floats2
 
-if TYPE_CHECKING:  # who draws no letters loads no library for it
+if TYPE_CHECKING:  # a process that draws no letters need not load the library
     from PIL.Image import Image
 
 TEXEL_MM = 2.0

@@ -21,7 +21,7 @@ from colony.sim.sensors.sonar import wall_table
 CEILING_MM = 2700.0
 WALL_SHADE = 0.78
 BARE = -1
-"""In place of the number of a cover: the wall has one shade."""
+"""Number in place of a cover's: the wall has one shade."""
 
 
 class Panel(NamedTuple):

@@ -57,14 +57,14 @@ class OpenDoor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Person:
-    """Somebody who walks up and down a corridor.
+    """A person who walks up and down a corridor.
 
     Attributes:
         track: the corridor.
-        along_mm: where on the track at the beginning.
-        offset_mm: how far to the left of the middle line (as the track runs) they like to walk.
-        forward: whether they begin along the track, or against it.
-        speed_mm_s: of their walk.
+        along_mm: place on the track at the beginning.
+        offset_mm: preferred distance to the left of the middle line, as the track runs.
+        forward: True if the person begins along the track, False against it.
+        speed_mm_s: walking speed.
     """
 
     track: Track

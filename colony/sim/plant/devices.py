@@ -43,14 +43,14 @@ class _Command:
 
 
 class Devices:
-    """The devices of all robots of a world, in steps of one length. Mutable: up to when time has passed.
+    """The devices of all robots of a world, in steps of one length. Mutable: the time reached.
 
     Args:
         world: the robots.
-        names: of the robots, in the order of their numbers.
-        cameras: what each robot sees with, by name.
+        names: names of the robots, in the order of their numbers.
+        cameras: cameras of each robot, by name.
         now_ns: the present.
-        step_ns: of the simulation.
+        step_ns: step of the simulation.
         watchdog_ns: after so much time without a command a base stops; None: never.
 
     Raises:

@@ -1,9 +1,9 @@
 """Drivers of devices in another process, the plant (`colony.sim.plant.process`).
 
-Each keeps a connection in a thread of its own, which takes what the device reports and connects again, ever
-more patiently, when the plant or the connection dies. Who reads a driver gets the newest report at once, and
-None when it is older than `FRESH_NS`: a robot whose hardware is gone reads "no value", it does not go on with
-what was.
+Each keeps a connection in a thread of its own, which takes the device's reports and reconnects, with growing
+delays, when the plant or the connection dies. A reader of a driver gets the newest report at once, and None
+when it is older than `FRESH_NS`: a robot without hardware reads "no value", and does not go on with old
+readings.
 
 Commands are sent once, when they are given, and never repeated here: the device stops by itself when they
 cease to come.
@@ -87,7 +87,7 @@ class _Cable(Generic[R]):
 
     @property
     def problem(self) -> str | None:
-        """Why there is no connection; None while there is one."""
+        """Reason why there is no connection; None while there is one."""
         return None if self._attached else self._problem
 
     def newest(self) -> R | None:
@@ -203,7 +203,7 @@ class _Remote(Generic[R]):
 
     @property
     def problem(self) -> str | None:
-        """Why there is no connection to the device; None while there is one."""
+        """Reason why there is no connection to the device; None while there is one."""
         return self._cable.problem
 
     def close(self) -> None:

@@ -49,10 +49,10 @@ from colony.sim.plant.protocol import (
 from colony.sim.world.world import World
 
 REPORT_NS = 20_000_000
-"""From one report of a base or a ring to the next."""
+"""Time between two reports of a base or a ring."""
 
 IMAGE_NS = 100_000_000
-"""From one image of a camera to the next."""
+"""Time between two images of a camera."""
 
 _CONNECTIONS = 1000
 _IDLE_S = 0.1

@@ -38,14 +38,14 @@ Taken = TypeVar("Taken")
 
 
 class _Message(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=True):
-    """In bytes, an array that begins with the message's name."""
+    """A message: in bytes, an array that begins with the message's name."""
 
 
 # --- to the plant --------------------------------------------------------------------------------
 
 
 class AttachBase(_Message, frozen=True, kw_only=True):
-    """This is the cable of a robot's base; who drives has it, another one gets it when it is idle."""
+    """A request for a robot's base; a driver in command keeps it, an idle one loses it to the next."""
 
     robot: str
 
@@ -101,7 +101,7 @@ class Place(_Message, frozen=True, kw_only=True):
 
 
 class Advance(_Message, frozen=True, kw_only=True):
-    """In logical time: let so much of it pass."""
+    """A request to let logical time pass."""
 
     dt_ns: int
 

@@ -74,7 +74,7 @@ class Ears(NamedTuple):
 
 
 class Talk(NamedTuple):
-    """With which probability a reading is false, and the seed of that."""
+    """The probability that a reading is false, and the seed of that."""
 
     probability: float
     seed: int

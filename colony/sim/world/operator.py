@@ -1,12 +1,12 @@
-"""Somebody who presses the buttons of elevators for a robot (thesis section 5.4.6): one more script.
+"""The operator, who presses the buttons of elevators for a robot (thesis section 5.4.6): one more script.
 
     scripts["operator"] = operator(elevators, world, seed=7)
 
 It hears at DServer which elevator the robot is to take (ElevatorCall), and sees as people do where the robot
 stands and how far doors are open. When the robot waits before the doors it presses the button, some time
 later; when the robot has turned around in the cabin, that of the other floor; when the doors are open there
-it says so (FloorReached). What it presses is of the simulated building; all that the robot hears of it comes
-by the servers.
+it says so (FloorReached). It acts on the simulated building; all that the robot hears of it comes by the
+servers.
 """
 
 from __future__ import annotations
@@ -24,11 +24,10 @@ from colony.sim.world.elevators import Cabin, Elevators
 from colony.sim.world.world import World
 
 DELAY_S = (2.0, 20.0)
-"""Between which times doors open after a robot has come to wait before them: it has to be noticed, and the
-cabin to come."""
+"""Range of the time until doors open for a waiting robot, which has to be noticed, and the cabin to come."""
 
 RIDE_S = (4.0, 15.0)
-"""Between which times doors begin to open on the other floor after they have shut."""
+"""Range of the time from the shutting of the doors to their opening on the other floor."""
 
 LOOK_S = 0.25
 """Seconds between two looks of the operator."""
@@ -60,9 +59,9 @@ def operator(elevators: Elevators, world: World, *, seed: int, robot: int = 0) -
     """Take a robot along whenever it calls; never ends.
 
     Args:
-        elevators: whose buttons are pressed.
-        world: where the robot is seen.
-        seed: of how long everything takes.
+        elevators: the elevators.
+        world: the world of the robot.
+        seed: seed of the delays.
         robot: its number there.
     """
     chance = random.Random(seed)
@@ -82,10 +81,9 @@ def operator(elevators: Elevators, world: World, *, seed: int, robot: int = 0) -
 
 
 class _Ride:
-    """One call. Mutable: `there`, the node of the doors that the operator is at.
+    """A call. Mutable: `there`, the node of the doors that the operator is at.
 
-    Where the robot calls no more, or for another elevator, it is given up: nobody is there for whom a button
-    could be pressed.
+    The ride is given up if the robot calls no more, or for another elevator.
     """
 
     def __init__(self, elevators: Elevators, world: World, robot: int, call: Call) -> None:

@@ -33,10 +33,10 @@ _HALT_MM = 1100.0  # nearer than this to a robot they stop
 _BERTH_MM = 60.0
 _PASSING_MM = 850.0  # how far aside of a robot they like to pass, middle to middle, and what must do
 _TIGHT_MM = 740.0
-_WIDE_MM = 1600.0  # who minds a robot goes on to do so until it is so far aside, or behind
+_WIDE_MM = 1600.0  # a person minds a robot until it is so far aside, or behind
 _SIDE_MM_S = 500.0
 _CALM_S = 60.0
-_PATIENCE_S = 4.0  # who cannot get past for so long turns around
+_PATIENCE_S = 4.0  # a person who cannot get past for so long turns around
 _WALL_MM = 50.0
 _START_MM = 2000.0
 

@@ -30,15 +30,16 @@ _Eye = TypeVar("_Eye")
 class Site:
     """The floors of a plan, and the robot at its beginning. Mutable: the world, the elevators.
 
-    `building` is what there is of it: those floors, the one first on which the plan begins.
+    `building` has only those floors, the one first on which the plan begins.
 
     Args:
-        building: whose first floor is drawn from `seed`, and each other one from that plus its number.
-        plan: only the floors through which it leads are there.
-        hazards: what goes wrong on them.
-        seed: of the floors.
-        noise_seed: of the robot's own errors; that of the floors where nothing is said.
-        config: what the robot is like.
+        building: the building; its first floor is drawn from `seed`, and each other one from that plus its
+            number.
+        plan: the plan; the site has only the floors through which it leads.
+        hazards: the hazards of the floors.
+        seed: seed of the floors.
+        noise_seed: seed of the robot's own errors; by default that of the floors.
+        config: the parameters of the robot.
     """
 
     def __init__(

@@ -40,7 +40,7 @@ class Speed(NamedTuple):
 
 
 class Bumper(NamedTuple):
-    """Which halves of the hull are touched."""
+    """The halves of the hull that are touched."""
 
     front: bool
     rear: bool

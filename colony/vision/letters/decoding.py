@@ -1,4 +1,4 @@
-"""From the classes of single columns to texts: how probable each text is as a whole.
+"""The decoding of single columns' classes to texts, each with its probability as a whole.
 
 A text is written in the columns in many ways: each character over one column or several, with blanks between
 them, and always between two equal ones. Its probability is the sum over all ways (connectionist temporal
@@ -28,7 +28,7 @@ def likely_texts(log_probabilities: Floats) -> dict[str, float]:
     """Return the most probable texts with their probabilities, by a beam search of a dozen beginnings.
 
     Args:
-        log_probabilities: of each class at each column, (columns, classes).
+        log_probabilities: the log probability of each class at each column, (columns, classes).
     """
     probabilities = np.exp(log_probabilities.astype(np.float64))
     beam: dict[str, tuple[float, float]] = {"": (1.0, 0.0)}

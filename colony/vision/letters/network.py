@@ -31,7 +31,7 @@ FRAMES = 32
 """Number of columns for which the network gives classes: one for two columns of the strip."""
 
 HEAD_AFTER = 4
-"""After how many convolutions the head begins."""
+"""Number of convolutions before the head."""
 
 HEAD_POOL = (1, 4)
 """Rows and columns that are pooled before the head."""

@@ -29,7 +29,7 @@ WORDS = (
     "JAN", "JANIT", "KITCH", "LAB", "LADIE", "LIBRA", "LIFT", "LOBBY", "LOUNG", "MAIL", "MECH", "MEETI",
     "MEN", "OFFIC", "PRINT", "ROOM", "SHOP", "STAFF", "STAIR", "STORA", "STUDY", "TOILE", "WC", "WOMEN",
 )  # fmt: skip
-"""On doors anywhere; a plate has at most five characters."""
+"""Words on doors anywhere; a plate has at most five characters."""
 
 WORD_SHARE = 0.06
 """Fraction of plates that have one of these words."""

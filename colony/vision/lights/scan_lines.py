@@ -48,10 +48,10 @@ STEP = 0.6
 no sunshine, and the step this part of the gradient, so that it is no thin line, as seams are."""
 
 CLEAR_PARTIAL = 3.0
-"""From how many times the least gradient on an edge alone may be a light that goes on beyond the image."""
+"""Least gradient, in units of the threshold, of a lone edge as a light that goes on beyond the image."""
 
 CLEAR = 1.3
-"""From how many times the least gradient on the edges of a light in a single line are clear enough."""
+"""Least gradient, in units of the threshold, of the edges of a light in a single line."""
 
 STEEPEST_DEG = 25.0
 """The largest tilt of the heading against the corridor that lines may agree upon."""
@@ -81,8 +81,9 @@ class LineLight(NamedTuple):
 class Light(NamedTuple):
     """A ceiling light: its center is `ahead_mm` ahead of the robot, along the corridor, and negative behind.
 
-    `tilt_deg` is the robot's heading less the corridor's, counterclockwise, None where the lines do not tell;
-    `lines` how many lines agree upon it, `whole` that both of its edges are seen, `quality` in [0, 1].
+    `tilt_deg` is the robot's heading less the corridor's, counterclockwise, None if the lines do not show it;
+    `lines` is the number of lines that agree upon it, `whole` is True if both of its edges are seen,
+    `quality` is in [0, 1].
     """
 
     ahead_mm: float
@@ -93,7 +94,7 @@ class Light(NamedTuple):
 
 
 class _Edge(NamedTuple):
-    """At `column`, to a part of a pixel; `rise` is its gradient in units of the least one, signed."""
+    """An edge at `column`, to a part of a pixel; `rise` is its signed gradient in units of the threshold."""
 
     column: float
     rise: float

@@ -77,9 +77,9 @@ def light_tracker(
     """Return CTracker, which looks at its cameras itself.
 
     Args:
-        cameras: without any, lights are passed by the position alone.
-        geometry: of all cameras, or of each.
-        thesis: count as printed, and tell no fix.
+        cameras: the cameras; without any, lights are passed by the position alone.
+        geometry: geometry of all cameras, or of each.
+        thesis: count as printed, and publish no fix.
 
     Raises:
         ValueError: there is not a geometry for each camera; later, in the script: the variables of a goal are

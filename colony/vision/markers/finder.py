@@ -46,7 +46,7 @@ from colony.vision.markers.rows import find_markers
 from colony.vision.sightings import MarkerBox
 
 PERIOD_S = 0.2
-"""From one look to the next: 6 degrees of a sweep."""
+"""Seconds between two looks: 6 degrees of a sweep."""
 
 IDLE_S = 0.5
 """Seconds between two checks whether an elevator is to be taken."""

@@ -44,12 +44,12 @@ _UNITS = 2 * MARKER_BITS + 1
 
 
 class MarkerPose(NamedTuple):
-    """A marker relative to the robot, and the standard deviations of that.
+    """A marker relative to the robot, with standard deviations.
 
     Attributes:
-        bearing_deg: where its middle is, counterclockwise from ahead.
-        distance_mm: how far away it is.
-        facing_deg: how far the robot has to turn counterclockwise to face the doors squarely.
+        bearing_deg: direction of its middle, counterclockwise from ahead.
+        distance_mm: its distance.
+        facing_deg: turn that makes the robot face the doors squarely, counterclockwise.
     """
 
     bearing_deg: float

@@ -42,7 +42,7 @@ MOST_MISFIT, MOST_MISFIT_PX = 0.10, 0.45
 """Tolerances of an edge's place in its pattern: a part of a unit, plus pixels of measurement error."""
 
 MOST_MEAN_MISFIT, MOST_MEAN_MISFIT_PX = 0.06, 0.12
-"""Likewise of the mean of all rows."""
+"""Tolerances of the mean of all rows, likewise."""
 
 MOST_WIDENING = 0.6
 """Largest difference in width of a pattern's last unit from its middle one, as a part."""

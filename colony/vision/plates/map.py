@@ -1,4 +1,4 @@
-"""Which plate of the map one is that was seen: the nearest one to its place, if that is likely."""
+"""The map's plate that an observed plate is: the nearest one to its place, if that is likely."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FACING_DEG = 60.0
 """A plate that is seen hangs on a wall that the camera faces, more or less."""
 
 SURE = 0.9
-"""From this confidence on what is read decides: another text is another plate."""
+"""Confidence from which on the text decides: another text is another plate."""
 
 _BESIDE = 0.5  # of the gate: a plate that is nearer than this may have been misread
 

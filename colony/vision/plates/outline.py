@@ -48,7 +48,7 @@ class Outline(NamedTuple):
 
     @property
     def corners(self) -> tuple[Corner, Corner, Corner, Corner]:
-        """From the upper left one clockwise."""
+        """Corners, clockwise from the upper left one."""
         return (
             (self.left, self.left_top),
             (self.right, self.right_top),

@@ -23,7 +23,7 @@ class Patch(NamedTuple):
 
     @property
     def area(self) -> int:
-        """In pixels."""
+        """Area in pixels."""
         return (self.right - self.left) * (self.bottom - self.top)
 
 

@@ -40,8 +40,7 @@ MOST_RISE_MM = 20.0
 """Largest height of a plate above or below the camera, by all looks."""
 
 LEAST_AGREEMENT = 0.45
-"""In which part of the looks what is written must be read alike: what is no plate reads now as this, now as
-that, or as nothing."""
+"""Least part of the looks with the same text: what is no plate reads differently each time."""
 
 KNOWN_LOOKS, KNOWN_EVIDENCE = 2, 0.6
 """Looks and evidence for a plate that the map has at this place."""

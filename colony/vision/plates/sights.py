@@ -76,11 +76,11 @@ class PlateSight:
 
     Attributes:
         t_ns: the time of the image in which it was seen well enough.
-        door: of the map, where the finder knows it.
-        text, confidence: what is written on it; "" and 0 where nobody reads.
-        place: where its middle is, x and y in mm, relative to where the robot believed to be.
-        robot: where the robot believed to be in that image.
-        looks: in how many images it was seen by then.
+        door: its door on the map, if the finder knows it.
+        text, confidence: its text and the confidence; "" and 0 without a reader.
+        place: place of its middle, x and y in mm, relative to the robot's believed pose.
+        robot: believed pose of the robot in that image.
+        looks: number of images in which it was seen by then.
     """
 
     t_ns: int

@@ -32,13 +32,13 @@ FORGET_MM = 6_000.0
 """A plate that is so far away is forgotten: if the robot comes back, it is counted again."""
 
 MOST_LOOKS = 24
-"""So many looks at a plate are remembered."""
+"""Number of looks at a plate that are remembered."""
 
 _CROSS_SIGMA = 0.012  # of the range: the heading
 _LEAST_SIGMA_MM = 10.0
 _DRIFT_MM = 12.0  # of the odometry, from look to look
 _SURE_MISSES = 4
-_BASE_MM = 240.0  # looks that are nearer to each other tell nothing of how far away a thing is
+_BASE_MM = 240.0  # looks that are nearer to each other do not show how far away a thing is
 _RIM = 8.0  # pixels: a plate that is so near to the rim of an image need not be found
 _FASTEST_MM_S, _FASTEST_DEG_S = 800.0, 100.0
 _SLACK_MM, _SLACK_DEG = 20.0, 1.5
@@ -73,7 +73,7 @@ class Track:
 
     @property
     def hits(self) -> float:
-        """In which part of the images in which it should be it was found."""
+        """Part of the images that should show it in which it was found."""
         return self.count / (self.count + self.misses)
 
     @property
@@ -139,7 +139,7 @@ class PlateTracks:
 
     @property
     def tracks(self) -> tuple[Track, ...]:
-        """All of them, the oldest first."""
+        """All tracks, the oldest first."""
         return tuple(self._tracks)
 
     def see(self, t_ns: int, robot: Pose, seen: Sequence[Seen]) -> tuple[Track, ...]:

@@ -46,8 +46,8 @@ class Convolution:
     """A convolution without strides, with zeros around its input.
 
     Args:
-        size: of the kernel, rows and columns; `channels`: in and out; `pad`: rows and columns of zeros.
-        first: nobody asks for the gradient by its input, which is then left out.
+        size: size of the kernel, rows and columns; `channels`: in and out; `pad`: rows and columns of zeros.
+        first: the gradient by its input is not needed, and left out.
         last: it has a bias, and begins with small weights, so that all classes are about equally probable.
     """
 

@@ -33,7 +33,7 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.'-]{0,63}", re.ASCII)
 
 
 class TooMany(Exception):
-    """So many problems that the text is hardly a map; those found so far are enough."""
+    """Too many problems for a map; the ones found so far are enough."""
 
 
 class Problems(list[Diagnostic]):

@@ -49,7 +49,7 @@ class Trace:
 
     @property
     def gap(self) -> Point:
-        """From the first node to where the last edge ends, in mm."""
+        """Vector from the first node to the end of the last edge, in mm."""
         return Point(self.points[-1].x - self.points[0].x, self.points[-1].y - self.points[0].y)
 
 

@@ -20,7 +20,7 @@ LightOffsets = Literal["incremental", "cumulative"]
 """The offsets of an edge's lights in a file: each from the light before, or all from the node."""
 
 Travel = Literal["either", "wall-on-left"]
-"""Which way paths follow the rings: both ways, or only as the rings are traced, the wall on the left hand."""
+"""Direction in which paths follow the rings: both ways, or only with the wall on the left hand."""
 
 DEFAULT_TOLERANCE_MM = 50.8
 """Default closure error that a ring may have: two inches, a brick's slack."""
