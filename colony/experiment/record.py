@@ -61,16 +61,16 @@ class RunResult:
     """One run.
 
     Attributes:
-        key: which one.
+        key: key of the run.
         origin, goal: nodes of the map.
-        failure, failed_mode: why it failed, and in which mode; "" where it reached the goal.
-        remark: for people: what a script raised, say.
-        along_mm: how far beyond the goal the robot stood at last, along the last leg; negative: short of it.
-        off_mm: how far from the goal, as the crow flies.
-        distance_mm: of the path along the rings, which is what the published tables give.
-        travelled_mm: what the robot really drove.
+        failure, failed_mode: why it failed, and in which mode; "" if it reached the goal.
+        remark: text for people: what a script raised, say.
+        along_mm: final distance of the robot beyond the goal, along the last leg; negative: short of it.
+        off_mm: straight-line distance from the goal.
+        distance_mm: length of the path along the rings, which is what the published tables give.
+        travelled_mm: distance that the robot really drove.
         time_s: from the start to the end of the planner.
-        top_mm_s: the fastest that it was.
+        top_mm_s: its highest speed.
         modes: by mode, L, C, D.
         letters, completed: a letter a mode of the plan, and how many of them were completed.
         first_light: whether, on the leg of lights that it failed on, it had found the first one.

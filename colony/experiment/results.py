@@ -42,7 +42,7 @@ class Table(Generic[R]):
     """A table of results of one kind.
 
     Attributes:
-        name: of the table.
+        name: name of the table.
         kind: the class of the results; `rows.py` makes rows of them.
         columns: their names; `KEY_COLUMNS` come first.
     """
@@ -74,7 +74,7 @@ class Results(Generic[R]):
     """A file of results of one kind; made where there is none. Mutable: the file.
 
     Args:
-        path: of the file; None: in memory, for this process alone.
+        path: path of the file; None: in memory, for this process alone.
         table: the kind; there may be others in the same file.
 
     Raises:

@@ -46,10 +46,10 @@ class Watcher:
     """Looks at a run after every frame. Mutable: what it has seen.
 
     Args:
-        plan: what is driven.
+        plan: the plan.
         loop: the run.
-        world: where its robot is number 0.
-        expected_s: how long the plan takes where nothing goes wrong.
+        world: the world, in which its robot is number 0.
+        expected_s: duration of the plan if nothing goes wrong.
         begun: the numbers of the segments that the planner has begun, from 0; it goes on growing.
     """
 

@@ -19,7 +19,7 @@ class RobotConfig:
     """A differential-drive robot with a round hull; lengths in mm, angles in degrees, times in seconds.
 
     Attributes:
-        radius_mm: of the hull, which is bumper all around.
+        radius_mm: radius of the hull, which is bumper all around.
         wheel_base_mm: from wheel to wheel.
         max_velocity_mm_s, max_turn_deg_s: what commands are clamped to, either sign.
         acceleration_mm_s2, turn_acceleration_deg_s2: how fast the speeds follow the commands.

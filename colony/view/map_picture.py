@@ -71,8 +71,8 @@ def draw_map(
         drawn: the map.
         paths: the ways of robots, each (n, 2) or (n, 3), x and y in mm, in the order in which they were
             driven; places that are not finite are left out.
-        title: what to write above; the map's name by default.
-        names: what the robots are called in the legend.
+        title: the title; the map's name by default.
+        names: names of the robots in the legend.
     """
     walls = walls_of(drawn)
     sheet, placed = _sheet_for(drawn, walls)

@@ -28,7 +28,7 @@ def draw_plan(drawn: Map, plan: Plan, title: str | None = None) -> Figure:
     Args:
         drawn: the map of the floor.
         plan: made with that map, or with a building that it is a floor of.
-        title: what to write above.
+        title: the title.
     """
     segments = [s for s in plan.segments if drawn.name in (s.start.floor, s.end.floor)]
     stretches = _stretches(segments, drawn.name)

@@ -51,10 +51,10 @@ class PlateResult:
     """One run with several finders that looked at the same images.
 
     Attributes:
-        key: which one.
+        key: key of the run.
         origin, goal: nodes of the map.
         failure: why the drive failed; "" where it reached the goal. What was found until then counts.
-        time_s: of the drive.
+        time_s: duration of the drive.
         outcomes: of each finder, in the order of their times.
     """
 

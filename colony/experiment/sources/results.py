@@ -55,7 +55,7 @@ class SourceResult:
     """One run, driven once for each choice of sources.
 
     Attributes:
-        key: which one.
+        key: key of the run.
         origin, goal: nodes of the map.
         outcomes: by what was left out, as "no lights"; `ALL_SOURCES` and `ODOMETRY` are among them.
     """

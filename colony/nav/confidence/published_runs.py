@@ -14,12 +14,12 @@ class PublishedRun:
     """A run, and what became of it.
 
     Attributes:
-        wing, number: which table, and which of its rows.
+        wing, number: the table, and the row in it.
         origin, goal: nodes of `maps/msu_engineering_3.stickrep`.
         began: date and time of day, ISO 8601.
         distance_mm: from jamb to jamb along the ring, rounded down to millimeters in the tables.
         beyond_goal_mm: where the robot stopped; negative is before the goal, None a failed run.
-        seconds: how long it took; None for failed runs.
+        seconds: its duration; None for failed runs.
         done, needed: how often the modes l, c and d were gone through, and how often they had to be. Where
             a mode failed, the tables count it in some rows and in others not.
         failed_mode: the mode in which a failed run failed.

@@ -22,9 +22,9 @@ class Line(NamedTuple):
 
     Attributes:
         angle_deg: its direction, counterclockwise from ahead, in [-90, 90).
-        distance_mm: how far it passes to the left of the origin, as seen along its direction.
+        distance_mm: its distance to the left of the origin, as seen along its direction.
         weight: the sum of the certainties of its cells.
-        begin_mm, end_mm: how far along its direction its cells reach, from the foot of the origin.
+        begin_mm, end_mm: the range of its cells along its direction, from the foot of the origin.
         spread_mm: the standard deviation of its cells across it.
     """
 

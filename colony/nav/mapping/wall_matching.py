@@ -74,7 +74,7 @@ class WallMatch(NamedTuple):
     """A line that is a wall.
 
     Attributes:
-        turn_deg: what is to be added to the heading, for the line to run along the wall.
+        turn_deg: correction of the heading, for the line to run along the wall.
         shift_mm: how far the pose is to move along the wall's normal then, away from the wall.
         normal_x, normal_y: that direction, a unit vector.
         turn_sd_deg, shift_sd_mm: the standard deviations of both.

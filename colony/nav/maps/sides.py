@@ -20,10 +20,10 @@ class Side:
     Attributes:
         ring: its index.
         begin, end: the corners, in mm.
-        heading_deg: of most of its length.
+        heading_deg: heading of most of its length.
         inset: how far to the right of `begin` the line is on which most of it lies, in mm.
         edges: (ring, edge) by their indices, in order.
-        turn_before, turn_after: by how much the walker turns at either end, counterclockwise, in degrees.
+        turn_before, turn_after: the turn of the ring at either end, counterclockwise, in degrees.
     """
 
     ring: int

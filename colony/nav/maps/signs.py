@@ -42,8 +42,8 @@ class Sign:
 
     Attributes:
         edge: the number of the map's edge on which it hangs, in the order of `Map.edges`.
-        start_mm, end_mm: from where to where along that edge, from its node.
-        middle: where its middle is in the plane, in mm.
+        start_mm, end_mm: its range along that edge, from its node.
+        middle: place of its middle in the plane, in mm.
         heading_deg: where a robot looks that faces it: into the wall, perpendicular to it.
     """
 

@@ -23,7 +23,7 @@ class Walls:
     Attributes:
         segments: (n, 4) float64, read-only: x0, y0, x1, y1 in mm, x east and y north, in the order of the
             map. The free space lies to the right of each; each ring is closed exactly.
-        kinds: what each segment is.
+        kinds: the kind of each segment.
         attributes: the map's remark on each segment's surface, as "wood, room 12", or "".
     """
 

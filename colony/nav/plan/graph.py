@@ -161,7 +161,7 @@ def shortest_way(
         lifts: the elevators between them.
         origin: the node where the way begins.
         goal: the node where it ends.
-        travel: how all floors are traveled; None: each as its map says.
+        travel: direction of travel on all floors; None: on each as its map says.
     """
     if origin.floor == goal.floor:
         alone = _shortest(layouts, (), origin, goal, travel)

@@ -35,7 +35,7 @@ def plan(source: Map | Building, origin: str, goal: str, *, travel: Travel | Non
         source: a floor, or all that elevators join.
         origin: name of the node or door where the path begins.
         goal: name of the node or door where it ends.
-        travel: which way rings are followed, in place of what the maps say.
+        travel: direction in which rings are followed, in place of what the maps say.
 
     Raises:
         NoPlan: a name is unknown, both are one place, or no path leads from one to the other.

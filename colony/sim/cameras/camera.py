@@ -38,9 +38,9 @@ class CameraConfig:
     """A camera on the robot's axis, looking along the floor.
 
     Attributes:
-        width, height: of the image in pixels, which are square.
+        width, height: size of the image in pixels, which are square.
         view_deg: the angle that the image's width sees, below 180.
-        yaw_deg: where it looks, counterclockwise from ahead: 90 is to the left.
+        yaw_deg: its direction, counterclockwise from ahead: 90 is to the left.
         above_floor_mm: the height of the lens; below the ceiling.
         optics: its lens and sensor.
 

@@ -40,11 +40,11 @@ class CeilingCameraConfig:
     """A camera that looks straight up, the image's columns along the direction of travel.
 
     Attributes:
-        width, height: of the image in pixels.
+        width, height: size of the image in pixels.
         along_deg, across_deg: the angles that the width and the height see.
         below_ceiling_mm: how far below the ceiling the lens is.
         blur_mm: on the ceiling; edges are ramps of twice this width.
-        vignetting: by which part the image is darker in its corners.
+        vignetting: part by which the image is darker in its corners.
         noise: the standard deviation of a pixel, in gray levels.
 
     Raises:

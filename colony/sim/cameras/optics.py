@@ -27,10 +27,10 @@ class Optics:
     """A lens and a sensor.
 
     Attributes:
-        rays: how many rays make a column, spread over its width and over the exposure.
+        rays: number of rays a column, spread over its width and over the exposure.
         blur: the standard deviation of the lens's blur, as a part of the image's width.
-        vignetting: by which part the image is darker in its corners.
-        exposure_s: for how long light is gathered; what moves is smeared.
+        vignetting: part by which the image is darker in its corners.
+        exposure_s: exposure time; what moves is smeared.
         gain: by which part the gain that the camera chooses is off at most; it changes from place to place.
         noise: the standard deviation of a pixel, in gray levels.
 

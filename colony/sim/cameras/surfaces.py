@@ -82,11 +82,11 @@ class Scene(NamedTuple):
         hung: (k, 6), `Hung` likewise.
         first_hung: (n + 1,), where those of each wall begin.
         atlas: the pictures; the first ones are people.
-        lighting: how light it is.
+        lighting: the light levels.
         ceiling: its height in mm.
         doors, elevators: the numbers of walls that are doors or elevators, and may open.
         rooms: the cover of the walls of rooms that are seen through open doors, or `BARE`.
-        own: how many walls the building itself has; those after them came with doors that are open.
+        own: number of walls of the building itself; those after them came with doors that are open.
     """
 
     walls: Floats2

@@ -67,19 +67,19 @@ class Hazard(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hazards:
-    """Which hazards there are, and how bad they are; lengths in mm, angles in degrees, times in seconds.
+    """The hazards and their rates; lengths in mm, angles in degrees, times in seconds.
 
     Attributes:
         on: the hazards that are switched on.
         slip: the probability that wheels slip when a robot's middle crosses a metal joint.
         slip_turn_deg: the standard deviation of the turn that goes with it.
-        slip_loss_mm: between which lengths the wheels spin.
+        slip_loss_mm: range of the length that the wheels spin.
         joint_spacing_mm: so much corridor has one joint, besides those between the wings.
         glass: the probability that a glass door is not noticed by sonar and infrared in this run.
         light_out, light_dim: the probabilities of a light; `dim_brightness` is that of a dim one.
         sunlit: the probability that a corridor's ceiling is lit by the sun.
         person_spacing_mm: so much corridor has one person in the mean.
-        walk_mm_s: between which speeds people walk.
+        walk_mm_s: range of people's walking speed.
         open_door: the probability of a door; `door_deg` are the angles between which it stands open.
         cross_talk: the probability that a sonar reading is false.
         encoder_scale: the standard deviation of a factor common to both wheels.

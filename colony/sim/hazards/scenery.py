@@ -168,13 +168,13 @@ class Scenery:
     """A building in one run.
 
     Attributes:
-        seed: of what is decided while a robot drives: slips, cross-talk, what people do.
+        seed: seed of the chance while a robot drives: slips, cross-talk, people.
         walls: (n, 4) float64, read-only: x0, y0, x1, y1 in mm: all that is solid and stands still.
         silent: (n,) bool, read-only: which of them neither sonar nor infrared notices.
-        doors: those that stand open.
+        doors: the doors that stand open.
         glass: the edges of the map that are silent.
         lights, sun: on the ceiling.
-        people: who walks there.
+        people: the people who walk there.
         joints, slip: of the floor.
         cross_talk: the probability that a sonar reading is false.
         encoder_scale: what both wheels report of a millimeter, beyond their own errors.

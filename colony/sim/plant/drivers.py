@@ -65,7 +65,7 @@ class _Cable(Generic[R]):
     """One connection to the plant, and the newest reading. Mutable: both; used by two threads.
 
     Args:
-        path: of the plant's socket.
+        path: path of the plant's socket.
         attach: what to attach to.
         kind: what comes from it.
     """
@@ -235,9 +235,9 @@ class RemoteBase(_Remote[BaseReading]):
     """The base of a robot in the plant.
 
     Args:
-        path: of the plant's socket.
+        path: path of the plant's socket.
         robot: its name.
-        base_ns: where the robot's time begins, on the plant's clock.
+        base_ns: begin of the robot's time, on the plant's clock.
         clock: the plant's clock, the machine's monotonic one.
         config: what the robot is like; the plant's is not asked.
     """

@@ -119,7 +119,7 @@ class Elevators:
 
     Args:
         world: the robots, on `floor`.
-        building: which elevators lead where.
+        building: the building, with its elevators.
         sceneries: each floor, by the name of its map.
         floor: the name of the map on which the robots are.
 

@@ -24,9 +24,9 @@ class Floor(NamedTuple):
 
     Attributes:
         joints: (n, 4), x0, y0, x1, y1 in mm.
-        crossings: (robots,), how many each robot has crossed so far, on this floor and others before it.
+        crossings: (robots,), the number that each robot has crossed so far, on this floor and others before it.
         probability, turn_deg, least_mm, most_mm: as in `Slip`.
-        seed: of the slips.
+        seed: seed of the slips.
     """
 
     joints: Floats2

@@ -77,7 +77,7 @@ class World:
                 with its people, joints and whatever else goes wrong in it.
             poses: one (x, y, heading) a robot, in mm and degrees counterclockwise from north. People who
                 stand there begin elsewhere.
-            config: what the robots are like; RoME by default.
+            config: the parameters of the robots; RoME by default.
             seed: where the randomness of the robots' own errors comes from.
 
         Raises:

@@ -21,9 +21,9 @@ class CeilingCamera:
     """A camera that looks straight up, `height_mm` below the ceiling.
 
     Attributes:
-        columns, rows: of the image, in pixels.
+        columns, rows: size of the image, in pixels.
         length_deg, across_deg: the full angles that the columns and the rows see, below 180.
-        height_mm: from the lens to the ceiling.
+        height_mm: distance from the lens to the ceiling.
         ahead_mm, left_mm: where it is mounted, from the robot's center.
 
     Positions in the image are in pixels, pixel i reaching from i - 0.5 to i + 0.5; offsets on the ceiling are

@@ -74,7 +74,7 @@ def marker_finder(
     Args:
         floors: the markers of each floor, by the name of its map (`nav.signs.markers_of`).
         camera: the server of the camera that looks ahead.
-        geometry: of that camera.
+        geometry: the geometry of that camera.
 
     Raises:
         ValueError: in the script, where the camera's images are not as large as `geometry` says.

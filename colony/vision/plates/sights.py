@@ -33,14 +33,14 @@ class Seen(NamedTuple):
     """A plate in an image.
 
     Attributes:
-        t_ns: when the image was taken.
-        robot: where the robot believed to be then.
+        t_ns: time of the image.
+        robot: believed pose of the robot then.
         axis_deg: the heading of the optical axis, counterclockwise from north.
         bearing_deg: where the plate's middle is, counterclockwise from the optical axis.
         depth_mm: how far that is along the optical axis, by the plate's height in the image.
-        rise_mm: by how much its middle is above the camera.
+        rise_mm: height of its middle above the camera.
         score: how plate-like it is, from 0 to 1.
-        reading: what is written on it.
+        reading: its reading.
     """
 
     t_ns: int
