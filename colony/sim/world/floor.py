@@ -24,7 +24,7 @@ class Floor(NamedTuple):
 
     Attributes:
         joints: (n, 4), x0, y0, x1, y1 in mm.
-        crossings: (robots,), the number that each robot has crossed so far, on this floor and others before it.
+        crossings: (robots,), joints crossed by each robot so far, on this floor and those before it.
         probability, turn_deg, least_mm, most_mm: as in `Slip`.
         seed: seed of the slips.
     """
