@@ -15,7 +15,7 @@
 | CeilingLight  |         | read      | write    | read        |
 | Overshoot     | read    |           | write    |             |
 
-CTracker also reads GoalDirection, along which the lights tell the position, and GoalType. A Planner that
+CTracker also reads GoalDirection, along which the lights give the position, and GoalType. A Planner that
 starts downs the semaphores that an earlier Planner upped and no client took.
 
 Three more variables belong to the Navigator alone: GoalNumber, GoalReached and GoalAnswered. It is a compiled

@@ -2,7 +2,7 @@
 
 A line is taken for a wall where it runs nearly along it, not far from it, beside it for a good part of its
 length, and with the robot on the wall's free side. So the leaf of an open door, which stands at an angle, and
-the back wall of a room, which is too far away, are nobody's line. Two walls along a hallway give the heading
+the back wall of a room, which is too far away, match no line. Two walls along a hallway give the heading
 and the place across it; a wall ahead, in a turning space or at a hallway's end, the place along it as well.
 """
 

@@ -67,7 +67,7 @@ def _reached(number: int) -> Generator[Step, Any, bool]:
 
 
 def _await_tracker() -> Generator[Step, Any, None]:
-    """If lights are the goal, hold it back until CeilingLight no longer belongs to the goal before.
+    """Hold back a goal of lights until CeilingLight no longer belongs to the goal before.
 
     CTracker sets it to 0 when it has taken its data. A network that saw the goal first would take the old
     count for the new one, and the goal for reached.

@@ -63,7 +63,7 @@ class Layout:
         return after if after is not None else self.corridor_at(ring, (node - 1) % len(self.nodes[ring]))
 
     def joined(self, corridors: tuple[int, ...]) -> tuple[int, ...]:
-        """Corridors with those between them that a way leaves out which changes its ring in a turning space.
+        """Return corridors with those between them that a way skips when it changes rings in a turning space.
 
         Where two of them have no turning space, and no other corridors join them, they stay as they are.
         """

@@ -123,7 +123,7 @@ def _turn_around(row: Floats) -> None:
 
 @inlined
 def _decide(row: Floats, person: int, seed: int, aside: float) -> None:
-    """Decide what a person does who has just met a robot."""
+    """Decide what a person does after meeting a robot."""
     event = int(row[MEETINGS]) + 1_000_000 * person
     row[MEETINGS] += 1.0
     no_room = math.isnan(aside)

@@ -2,7 +2,7 @@
 
 *Edges.* The gradient at a pixel border is the mean of the pixels after it less the mean of those before it.
 An edge is where its magnitude is greatest and above a threshold that comes from the line itself: from its
-noise, which the differences of neighboring pixels tell whatever the ceiling looks like. So a dim light, and
+noise, which the differences of neighboring pixels show whatever the ceiling looks like. So a dim light, and
 one on a ceiling in the sun, have edges as one on a dark ceiling has. Where the gradient's peak has its center
 of gravity is the edge, to a small part of a pixel.
 

@@ -6,13 +6,13 @@ counts. Since nothing is known of the exposure, a row is looked at with several 
 
 *Patterns.* A pattern is a run of edges that begins with one from white to black. Its stripes are one unit
 wide each, or three where a black bit lies between its separators, so five codes have five patterns of 8, 6 or
-4 edges. Who looks aslant sees units that widen toward one side: a pattern's edges are where a parabola over
+4 edges. Seen aslant, units widen toward one side: a pattern's edges are where a parabola over
 the units has them, to a small part of a unit. And its white stripes are all about as bright, and much
 brighter than its black ones, which are all about as dark; beside it there is nothing but door.
 
 *Rows.* Patterns of neighboring rows that have the same code and edges are one marker if their mean edges are
 exactly where they should be, if these rows are as many as a marker is high at the distance and the angle that
-the edges tell, and if there are no stripes above and below them. Printing, glass bricks and mortar have
+the edges show, and if there are no stripes above and below them. Printing, glass bricks and mortar have
 stripes, too, so each of these conditions counts.
 """
 

@@ -1,7 +1,7 @@
 """The search for plates, image by image: ours, with the map or without it, and the thesis's (section 5.7).
 
 A search is shown what the camera sees, with where the robot believes to be, and gives the plates that it
-counts and what those that it knows from the map tell of the robot's pose.
+counts and, from plates known from the map, observations of the robot's pose.
 """
 
 from __future__ import annotations
