@@ -234,7 +234,7 @@ def _pursue(goal: Goal) -> Generator[Step, Any, float]:
 
 
 def _change_floor(ride: Segment) -> Generator[Step, Any, None]:
-    """The base reckoned as if it had stayed on its floor; from here on it counts in the other floor's map."""
+    """Move the base's position from the map of the floor left behind to that of the other floor."""
     here = yield from do("RServer", robot.position())
     there = landing(ride, here.x, here.y)
     yield from do("RServer", robot.adjust_position(there.x - here.x, there.y - here.y, ride.turn_deg))

@@ -27,7 +27,7 @@ _JUNK_LOOKS = 1_000
 
 
 def main() -> None:
-    """The command."""
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="python -m colony.vision.training", description=__doc__)
     parser.add_argument("--seed", type=int, default=1, help="of all that is random (default: 1)")
     parser.add_argument("--steps", type=int, default=STEPS, help=f"of {BATCH} samples (default: {STEPS})")
