@@ -1,0 +1,1 @@
+"""Experiments: lists of runs, their results, and the comparison with the targets."""

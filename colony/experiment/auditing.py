@@ -19,7 +19,7 @@ from colony.verify.reference.interpreter import Interpreter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuditedRun:
-    """How many frames were compared, and how the first one differs that does; "" where none does."""
+    """The number of frames compared in a run, and how the first different one differs; "" if none does."""
 
     key: RunKey
     frames: int
@@ -55,6 +55,6 @@ def audit(spec: RunSpec) -> AuditedRun:
 
 
 def audited(spec: RunSpec, part: float) -> bool:
-    """Whether a run is of those that are audited, `part` of all: the same ones whenever it is asked."""
+    """Return True if a run belongs to the audited ones, a fixed `part` of all."""
     number = spec.key.number * 2_654_435_761 + spec.key.seed * 40_503 + 97
     return (number % 10_007) / 10_007 < part

@@ -19,24 +19,24 @@ from colony.robots.variants import CEILING_CAMERA, SIDE_CAMERA, VARIANTS, Varian
 from colony.sim.hazards.hazards import Hazard, Hazards
 
 _KINDS = (".py", ".npz")
-"""Of files that results depend on: programs, and the weights of the reader."""
+"""Suffixes of the files on which results depend: programs, and the weights of the reader."""
 
 _SOURCES = ("experiment", "nav", "robots", "runtime", "sim", "vision")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """What is run.
+    """An experiment.
 
     Attributes:
-        name: of the list.
+        name: name of the list.
         map_path: the building.
-        runs: the list, or what was chosen of it.
-        seeds: each run is run with each of them.
-        variant: what drives.
-        hazards: what goes wrong.
-        sources: what the pose is estimated from; not with the variant of the thesis, which estimates none.
-        cameras: what the robot has.
+        runs: the list, or the chosen runs of it.
+        seeds: the seeds; each run is run with each of them.
+        variant: the program that drives.
+        hazards: the hazards.
+        sources: sources of the pose estimate; not with the variant of the thesis, which has no estimate.
+        cameras: cameras of the robot.
     """
 
     name: str
@@ -60,7 +60,7 @@ class Experiment:
         return "/".join([self.variant, *([",".join(other)] if other else [])])
 
     def specs(self) -> tuple[RunSpec, ...]:
-        """All of its runs, seed by seed."""
+        """Return all runs, seed by seed."""
         return tuple(
             RunSpec(
                 key=RunKey(self.name, run.number, seed, self.label),
@@ -76,7 +76,7 @@ class Experiment:
         )
 
     def made_with(self) -> str:
-        """Names all that results depend on besides their keys: program, map, hazards, and our own code."""
+        """Name all that results depend on besides their keys: program, map, hazards, and our own code."""
         digest = sha256()
         digest.update(behavior_of(VARIANTS[self.variant].behavior).source.encode())
         digest.update(repr(replace(self.hazards, on=frozenset())).encode())
@@ -101,11 +101,14 @@ def conduct(
     *,
     tell: Callable[[int, int, R], None] = lambda done, of, result: None,
 ) -> None:
-    """Run what is not there yet; each result is kept as it comes.
+    """Run what has no result yet; each result is kept as it comes.
 
     Args:
+        experiment: the experiment.
         work: a run, as `runs.run` or another one that gives a result of its own kind.
-        tell: is told how many of how many runs are done, and the result of the newest.
+        results: the file of results.
+        engine: runs the work.
+        tell: called with the number of runs done, the number of all runs, and the newest result.
 
     Raises:
         NoPlan, Failure: a run cannot be planned, or the map or behavior is bad.
@@ -121,7 +124,7 @@ def conduct(
 
 
 TellAudit = Callable[[int, int, AuditedRun], None]
-"""Is told how many of how many runs are audited, and the newest."""
+"""Callback with the number of runs audited, the number of all runs to audit, and the newest one."""
 
 
 def conduct_audit(
@@ -131,7 +134,7 @@ def conduct_audit(
     *,
     tell: TellAudit = lambda done, of, run: None,
 ) -> tuple[AuditedRun, ...]:
-    """Hold `part` of the runs, at least one, against the reference interpreter; in the order of the runs."""
+    """Compare `part` of the runs, at least one, with the reference interpreter; in their order."""
     specs = experiment.specs()
     chosen = [spec for spec in specs if audited(spec, part)] or list(specs[:1])
     found = []
@@ -142,7 +145,7 @@ def conduct_audit(
 
 
 def of_experiment(experiment: Experiment, results: Results[R]) -> tuple[R, ...]:
-    """Its results, by number and seed: of the runs and seeds that it has."""
+    """Return the experiment's results, by number and seed: of the runs and seeds that it has."""
     numbers, seeds = {run.number for run in experiment.runs}, set(experiment.seeds)
     kept = results.of(experiment.name, experiment.label)
     return tuple(r for r in kept if r.key.number in numbers and r.key.seed in seeds)

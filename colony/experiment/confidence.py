@@ -19,7 +19,7 @@ from colony.nav.confidence.estimate import (
 
 
 def run_modes(results: Sequence[RunResult]) -> list[RunModes]:
-    """What became of the modes of each run."""
+    """Return the modes of each run and how many of them it completed."""
     return [
         RunModes(
             modes=r.letters,
@@ -31,7 +31,7 @@ def run_modes(results: Sequence[RunResult]) -> list[RunModes]:
 
 
 def event_table(results: Sequence[RunResult]) -> str:
-    """The probability of each event, with its exact 95 % interval, beside the published one."""
+    """Return the probability of each event, with its exact 95 % interval, beside the published one."""
     rows = []
     for event, (good, trials) in counts_of(run_modes(results)).items():
         if trials == 0:
@@ -51,7 +51,7 @@ def event_table(results: Sequence[RunResult]) -> str:
 
 
 def path_table(results: Sequence[RunResult]) -> str:
-    """The confidence of the paths of Table 6.5, beside the published one."""
+    """Return the confidence of the paths of Table 6.5, beside the published one."""
     counts = counts_of(run_modes(results))
     if any(trials == 0 for _, trials in counts.values()):
         return ""

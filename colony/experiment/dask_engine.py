@@ -15,15 +15,16 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 REACHED_S = 10.0
-"""For how long a scheduler is looked for."""
+"""Timeout of the search for a scheduler."""
 
 
 class DaskEngine:
-    """Does the work on the workers of a cluster.
+    """An engine that does the work on the workers of a cluster.
 
     Args:
-        address: of its scheduler, `tcp://HOST:8786`; "" begins one on this machine, which ends with the work.
-        workers: how many processes that has; by default one a core.
+        address: address of its scheduler, `tcp://HOST:8786`; "" begins one on this machine, which ends with
+            the work.
+        workers: number of processes of the latter; by default one a core.
     """
 
     def __init__(self, address: str = "", workers: int | None = None) -> None:
@@ -31,6 +32,7 @@ class DaskEngine:
         self._workers = workers
 
     def results(self, work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+        """Yield the result of `work` for each item, as the Dask workers finish them."""
         expect_extras("dask")
         distributed: Any = import_module("distributed")
         with ExitStack() as holds:

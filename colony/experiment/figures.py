@@ -17,13 +17,13 @@ MM_S_TO_M_MIN = 0.06
 
 
 def percentile(values: Sequence[float], part: float) -> float:
-    """The value that `part` of all do not exceed, between neighbors in proportion; NaN of none."""
+    """Return the value that `part` of all do not exceed, interpolated linearly; NaN of none."""
     return float(np.quantile(values, part)) if values else math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """What was promised, what came of it, and whether it is met."""
+    """A target: what is measured, the result, the promised value, and whether it is met."""
 
     what: str
     found: str
@@ -38,14 +38,15 @@ NONE_REACHED = "no run reached its goal"
 TOP_MM_S = 500.0
 
 CONTACT_MM_S = 50.0
-"""What touches something at this speed or less does no harm."""
+"""Largest speed of a harmless contact."""
 
 
 def targets(results: Sequence[RunResult], *, published: bool) -> tuple[Target, ...]:
-    """How results stand to what was promised.
+    """Compare results with the promised values.
 
     Args:
-        published: they are of the published runs, which have wings, instead of a list of somebody's own.
+        results: the results.
+        published: they are of the published runs, which have wings, not of a user's list.
     """
     if not results:
         return ()
@@ -63,7 +64,7 @@ def targets(results: Sequence[RunResult], *, published: bool) -> tuple[Target, .
 
 
 def wing_of(result: RunResult) -> Wing:
-    """Where a published run was done."""
+    """Return the wing of a published run."""
     return PUBLISHED_RUNS[result.key.number - 1].wing
 
 
@@ -73,7 +74,7 @@ def _reached(results: Sequence[RunResult], promised: float) -> Target:
 
 
 def _missions(results: Sequence[RunResult], promised: float) -> Target:
-    """Of rides to other floors: a robot that has run into the doors has not done well."""
+    """Return the target of rides to other floors: a run with a collision with the doors does not count."""
     good = sum(r.reached and r.contacts.fastest_mm_s <= CONTACT_MM_S for r in results)
     what = f"runs that reached the goal on its floor, with no contact above {CONTACT_MM_S:g} mm/s"
     return _rate(what, good, len(results), promised)
@@ -155,12 +156,12 @@ def _contacts(results: Sequence[RunResult]) -> Target:
 
 
 def percent(part: int, whole: int) -> str:
-    """A rate for people."""
+    """Format a rate for people."""
     return f"{100 * part / whole:.1f} %" if whole else "none"
 
 
 def rate(count: Count) -> str:
-    """A rate with its exact 95 % interval (Clopper and Pearson), for people."""
+    """Format a rate with its exact 95 % interval (Clopper and Pearson), for people."""
     if count.trials == 0:
         return "none"
     low, high = clopper_pearson(count)

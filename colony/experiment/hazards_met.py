@@ -1,4 +1,4 @@
-"""Which of a building's hazards lay on a robot's way, in words."""
+"""The hazards of a building that lay on a robot's way, in words."""
 
 from __future__ import annotations
 
@@ -17,10 +17,12 @@ _BESIDE_MM = 3000.0
 
 
 def hazards_met(site: Site, plan: Plan, slips: int) -> str:
-    """What was drawn for the way of a plan, and what came of it: "lights out: 1, doors open: 3, slips: 1".
+    """Return what hazards there were on the way of a plan: "lights out: 1, doors open: 3, slips: 1".
 
     Args:
-        slips: how often the wheels slipped.
+        site: the site.
+        plan: the plan.
+        slips: number of times that the wheels slipped.
     """
     found: Counter[str] = Counter()
     for name, floor in site.maps.items():
@@ -31,7 +33,7 @@ def hazards_met(site: Site, plan: Plan, slips: int) -> str:
 
 
 def _met(scenery: Scenery, walls: NDArray[np.float64], legs: NDArray[np.float64]) -> dict[str, int]:
-    """What there is along the legs, (m, 4), of one floor, whose edges are (n, 4), all in mm."""
+    """Count the hazards along the legs, (m, 4), of one floor, whose edges are (n, 4), all in mm."""
     lights = [(light.x_mm, light.y_mm, light.brightness) for light in scenery.lights]
     near = _near([light[:2] for light in lights], legs, _BESIDE_MM / 3)
     levels = [light[2] for light, on_way in zip(lights, near, strict=True) if on_way]
@@ -58,7 +60,7 @@ def _count(places: object, legs: NDArray[np.float64], beside_mm: float) -> int:
 
 
 def _near(places: object, legs: NDArray[np.float64], beside_mm: float) -> NDArray[np.bool_]:
-    """Which places, (n, 2), are no farther than that from any of the legs, (m, 4)."""
+    """Return which places, (n, 2), are no farther than that from any of the legs, (m, 4)."""
     at = np.array(places, dtype=np.float64).reshape(-1, 1, 2)
     start, along = legs[:, :2], legs[:, 2:] - legs[:, :2]
     squares = np.maximum((along**2).sum(axis=1), 1.0)

@@ -18,7 +18,7 @@ from colony.nav.plan.route import JAMBS, NoPlan, plan
 from colony.shipped import Shipped
 
 PUBLISHED = "thesis"
-"""What the list of the published runs is called."""
+"""Name of the list of the published runs."""
 
 PUBLISHED_MAP = Shipped.MAP.path("msu_engineering_3")
 
@@ -26,17 +26,20 @@ LIST_BYTES = 1024 * 1024
 """Largest file of a list."""
 
 _TRIES = 200
-"""How many random pairs are drawn for each that is wanted, before it is given up."""
+"""Number of random pairs that are drawn for each wanted one before the search is given up."""
 
 
 class ListProblem(Exception):
-    """A list of runs is no good; the message tells where, what was found and what was expected."""
+    """A list of runs is no good; the message says where, what was found and what was expected."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListedRun:
-    """A run of a list: its number there, from 1, the maps through which its path leads (none: the first one
-    of the building alone), and what was published of it, if anything."""
+    """A run of a list.
+
+    Its number there, from 1, the maps through which its path leads (none: the first one of the building
+    alone), and its published result, if any.
+    """
 
     number: int
     origin: str
@@ -46,12 +49,12 @@ class ListedRun:
 
     @property
     def rides(self) -> bool:
-        """Whether its path takes an elevator."""
+        """True if its path takes an elevator."""
         return len(self.floors) > 1
 
 
 def published_list() -> tuple[ListedRun, ...]:
-    """The forty runs of the thesis: 1 to 27 in the old wing, 28 to 40 in the new one."""
+    """Return the forty runs of the thesis: 1 to 27 in the old wing, 28 to 40 in the new one."""
     return tuple(
         ListedRun(number=number, origin=run.origin, goal=run.goal, published=run)
         for number, run in enumerate(PUBLISHED_RUNS, 1)
@@ -59,7 +62,7 @@ def published_list() -> tuple[ListedRun, ...]:
 
 
 def plate_list() -> tuple[ListedRun, ...]:
-    """The eleven walks of the thesis past door plates (Table 6.3)."""
+    """Return the eleven walks of the thesis past door plates (Table 6.3)."""
     return tuple(
         ListedRun(number=number, origin=walk.origin, goal=walk.goal)
         for number, walk in enumerate(PUBLISHED_WALKS, 1)
@@ -67,10 +70,11 @@ def plate_list() -> tuple[ListedRun, ...]:
 
 
 def own_list(path: Path, building: Building) -> tuple[ListedRun, ...]:
-    """The runs of a CSV file: two columns, from and to, which its first line may name.
+    """Return the runs of a CSV file: two columns, from and to, which its first line may name.
 
     Raises:
-        ListProblem: it cannot be read, or a line is no run in this building; the first such line is told.
+        ListProblem: it cannot be read, or a line is no run in this building; the message names the first such
+            line.
     """
     try:
         lines = StringIO(read_file(path, LIST_BYTES).decode("utf-8"), newline="")
@@ -94,7 +98,7 @@ def own_list(path: Path, building: Building) -> tuple[ListedRun, ...]:
 
 
 def random_list(floor: Map, pairs: int, seed: int) -> tuple[ListedRun, ...]:
-    """Random pairs of doors between which a path leads.
+    """Draw random pairs of doors between which a path leads.
 
     Raises:
         ListProblem: there are no such pairs, or next to none.
@@ -107,7 +111,7 @@ def random_list(floor: Map, pairs: int, seed: int) -> tuple[ListedRun, ...]:
 
 
 def floors_list(building: Building, pairs: int, seed: int) -> tuple[ListedRun, ...]:
-    """Random pairs of doors on different floors between which a path leads, either way.
+    """Draw random pairs of doors on different floors between which a path leads, either way.
 
     Raises:
         ListProblem: there are no such pairs, or next to none.
@@ -122,7 +126,7 @@ def floors_list(building: Building, pairs: int, seed: int) -> tuple[ListedRun, .
 
 
 def _drawn(source: Map | Building, pairs: int, draw: Callable[[], tuple[str, ...]]) -> tuple[ListedRun, ...]:
-    """So many of the pairs that are drawn, those between which a path leads."""
+    """Take so many of the drawn pairs, without pairs that no path joins."""
     runs: list[ListedRun] = []
     for _ in range(_TRIES * pairs):
         if len(runs) == pairs:
@@ -139,7 +143,7 @@ def _drawn(source: Map | Building, pairs: int, draw: Callable[[], tuple[str, ...
 
 
 def _run(source: Map | Building, number: int, origin: str, goal: str) -> ListedRun:
-    """A run of one's own.
+    """Return a run of a user's list.
 
     Raises:
         NoPlan: no path leads there.
@@ -149,7 +153,7 @@ def _run(source: Map | Building, number: int, origin: str, goal: str) -> ListedR
 
 
 def rooms_of(floor: Map) -> tuple[str, ...]:
-    """The names of the nodes where doors begin, in the order of the map; one a room."""
+    """Return the names of the nodes where doors begin, in the order of the map; one a room."""
     names: dict[str, str] = {}
     for ring in floor.rings:
         for node, edge in zip(ring.nodes, ring.edges, strict=True):
@@ -159,7 +163,7 @@ def rooms_of(floor: Map) -> tuple[str, ...]:
 
 
 def chosen(runs: Sequence[ListedRun], text: str) -> tuple[ListedRun, ...]:
-    """Those that a text names: "1-5,22".
+    """Return the runs that a text names: "1-5,22".
 
     Raises:
         ListProblem: it names none, or others.

@@ -25,14 +25,14 @@ _AHEAD = 3
 
 
 class WorkersLost(Exception):
-    """A worker died in the midst of its work; the message tells what may help."""
+    """A worker died during its work; the message suggests a remedy."""
 
 
 class Engine(Protocol):
     """Does work somewhere."""
 
     def results(self, work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-        """What `work` gives for each item, in the order in which they are done. Both can be pickled.
+        """Yield the result of `work` for each item, in the order in which they finish. Both can be pickled.
 
         Raises:
             WorkersLost: they cannot be done.
@@ -44,6 +44,7 @@ class SerialEngine:
     """Does the work in this process, in order."""
 
     def results(self, work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+        """Yield the result of `work` for each item, in order."""
         return map(work, items)
 
 
@@ -54,6 +55,7 @@ class PoolEngine:
         self.workers = workers or os.cpu_count() or 1
 
     def results(self, work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+        """Yield the result of `work` for each item, as the worker processes finish them."""
         context = multiprocessing.get_context("spawn")
         before = set(multiprocessing.active_children())
         count = max(1, min(self.workers, len(items)))
@@ -84,8 +86,11 @@ def _results_of(done: set[Future[R]]) -> Iterator[R]:
 
 
 def _begin_worker() -> None:
-    """Ctrl-C reaches every process of a terminal, and only the first is to act on it; but when that one is
-    gone, however it ended, nobody wants the work any more."""
+    """Make a worker ignore Ctrl-C, and end with its parent.
+
+    Ctrl-C reaches every process of a terminal, and only the first is to act on it; when that one is gone,
+    however it ended, the work is of no use.
+    """
     # Before numpy is loaded: each worker has a core, and more threads would wait for those of the others.
     for library in ("OPENBLAS", "OMP", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")

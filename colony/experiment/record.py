@@ -1,4 +1,4 @@
-"""What came of one run, as data."""
+"""The result of one run, as data."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Mode = Literal["L", "C", "D"]
 MODES: tuple[Mode, ...] = ("L", "C", "D")
 
 Failure = Literal["", "stuck", "too long", "astray", "script"]
-"""Why a run failed; "" where it did not.
+"""Reason why a run failed; "" if it did not.
 
 stuck: for a minute the robot neither came out of a circle nor got a new goal. too long: it took three times
 as long as expected. astray: the planner says that it is done, but the robot is not at the goal. script: a
@@ -22,7 +22,7 @@ client raised an exception.
 
 
 class RunKey(NamedTuple):
-    """Which run it is: of which list, its number there, the seed of all chance in it, the variant run."""
+    """The key of a run: its list, its number there, the seed of all chance in it, and its variant."""
 
     runs: str
     number: int
@@ -31,7 +31,7 @@ class RunKey(NamedTuple):
 
 
 class ModeCount(NamedTuple):
-    """How often a mode was entered and completed, and how often the plan needs it."""
+    """Counts of a mode: how often it was entered, completed, and needed by the plan."""
 
     entered: int
     completed: int
@@ -39,8 +39,10 @@ class ModeCount(NamedTuple):
 
 
 class LightCount(NamedTuple):
-    """Ceiling lights of the legs that were driven: counted where they hang, passed without being counted,
-    and counted where none hangs."""
+    """Ceiling lights of the legs that were driven.
+
+    Lights counted where they hang, passed without being counted, and counted where none hangs.
+    """
 
     seen: int
     missed: int
@@ -48,8 +50,7 @@ class LightCount(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """How often the robot touched something that it had not touched before, and how fast it was then at
-    most."""
+    """The number of new contacts of the robot, and its largest speed in one of them."""
 
     number: int
     fastest_mm_s: float
@@ -60,16 +61,16 @@ class RunResult:
     """One run.
 
     Attributes:
-        key: which one.
+        key: key of the run.
         origin, goal: nodes of the map.
-        failure, failed_mode: why it failed, and in which mode; "" where it reached the goal.
-        remark: for people: what a script raised, say.
-        along_mm: how far beyond the goal the robot stood at last, along the last leg; negative: short of it.
-        off_mm: how far from the goal, as the crow flies.
-        distance_mm: of the path along the rings, which is what the published tables give.
-        travelled_mm: what the robot really drove.
+        failure, failed_mode: why it failed, and in which mode; "" if it reached the goal.
+        remark: text for people: what a script raised, say.
+        along_mm: final distance of the robot beyond the goal, along the last leg; negative: short of it.
+        off_mm: straight-line distance from the goal.
+        distance_mm: length of the path along the rings, which is what the published tables give.
+        travelled_mm: distance that the robot really drove.
         time_s: from the start to the end of the planner.
-        top_mm_s: the fastest that it was.
+        top_mm_s: its highest speed.
         modes: by mode, L, C, D.
         letters, completed: a letter a mode of the plan, and how many of them were completed.
         first_light: whether, on the leg of lights that it failed on, it had found the first one.
@@ -101,10 +102,10 @@ class RunResult:
 
     @property
     def reached(self) -> bool:
-        """Whether it reached the goal: the planner is done, and the robot within 1 m of it."""
+        """True if it reached the goal: the planner is done, and the robot within 1 m of it."""
         return not self.failure
 
     @property
     def mean_mm_s(self) -> float:
-        """As published: the distance along the rings by the run time."""
+        """Mean speed as published: the distance along the rings by the run time."""
         return self.distance_mm / self.time_s if self.time_s > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""From what a user asks for to an experiment: which list, in which building, what is switched on and off."""
+"""The translation of a user's request to an experiment: the list, the building, and the switches."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ from colony.sim.hazards.hazards import Hazards
 RANDOM = "random"
 FLOORS = "floors"
 PAIRS = {RANDOM: 200, FLOORS: 100}
-"""Lists of random pairs of rooms, and how many they have unless told."""
+"""Lists of random pairs of rooms, and their default numbers of pairs."""
 
 
 class Misuse(Exception):
-    """What was asked for makes no sense."""
+    """The request makes no sense."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentRequest:
-    """What is asked for.
+    """The request of an experiment.
 
     Attributes:
         runs: a study, a list of random pairs, or the path of a CSV file.
-        map_path: the building, where the list has none of its own.
-        seeds: how many seeds a run; None for as many as the list has.
+        map_path: the building, if the list has none of its own.
+        seeds: number of seeds a run; None for the list's default.
         chosen: the numbers of the runs, as "1-5,22"; None for all.
-        pairs, seed: how many random pairs, None for as many as the list has, and the seed that draws them.
-        variant: what drives.
-        hazards, no_hazard: whether anything goes wrong, and the names of what does not.
-        no_source: the names of what the pose is not estimated from.
-        side_camera: whether the robot looks for door plates.
+        pairs, seed: number of random pairs, None for the list's default, and the seed that draws them.
+        variant: the program that drives.
+        hazards, no_hazard: True with hazards, and the names of those that are switched off.
+        no_source: the names of sources that the pose is not estimated from.
+        side_camera: True if the robot looks for door plates.
     """
 
     runs: str

@@ -29,7 +29,9 @@ class Kept(Protocol):
     """A result that can be kept."""
 
     @property
-    def key(self) -> RunKey: ...
+    def key(self) -> RunKey:
+        """Key of the run."""
+        ...
 
 
 R = TypeVar("R", bound=Kept)
@@ -40,7 +42,7 @@ class Table(Generic[R]):
     """A table of results of one kind.
 
     Attributes:
-        name: of the table.
+        name: name of the table.
         kind: the class of the results; `rows.py` makes rows of them.
         columns: their names; `KEY_COLUMNS` come first.
     """
@@ -65,14 +67,14 @@ _MADE = (
 
 
 class ResultsError(Exception):
-    """A file of results cannot be used; the message names it and tells why and what to do."""
+    """A file of results cannot be used; the message names it and says why and what to do."""
 
 
 class Results(Generic[R]):
     """A file of results of one kind; made where there is none. Mutable: the file.
 
     Args:
-        path: of the file; None: in memory, for this process alone.
+        path: path of the file; None: in memory, for this process alone.
         table: the kind; there may be others in the same file.
 
     Raises:
@@ -107,7 +109,7 @@ class Results(Generic[R]):
             self._file.execute("COMMIT")
 
     def expect(self, runs: str, variant: str, made_with: str) -> None:
-        """Say what the results of a list and variant are made with, besides their keys.
+        """Record what the results of a list and variant are made with, besides their keys.
 
         Raises:
             ResultsError: those that are there were made with something else.
@@ -135,12 +137,12 @@ class Results(Generic[R]):
             raise ResultsError(f"{self._path} cannot be written: {problem}") from None
 
     def keys(self) -> frozenset[RunKey]:
-        """The runs whose results are there."""
+        """Return the keys of the runs that have results."""
         query = f"SELECT {', '.join(KEY_COLUMNS)} FROM {self._table.name}"
         return frozenset(RunKey(*row) for row in self._file.execute(query))
 
     def of(self, runs: str, variant: str) -> tuple[R, ...]:
-        """The results of a list and variant, by number and seed."""
+        """Return the results of a list and variant, by number and seed."""
         columns = ", ".join(self._table.columns)
         where = "runs = ? AND variant = ? ORDER BY number, seed"
         query = f"SELECT {columns} FROM {self._table.name} WHERE {where}"
@@ -152,9 +154,11 @@ class Results(Generic[R]):
         self._file.close()
 
     def __enter__(self) -> Results[R]:
+        """Return the results themselves."""
         return self
 
     def __exit__(self, *raised: object) -> None:
+        """Close the file."""
         self.close()
 
 

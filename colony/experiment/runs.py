@@ -46,9 +46,10 @@ NO_SCRIPTS: Mapping[str, Script] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSpec:
-    """What to run: `key.variant` names the variant; all chance comes from `key.seed` and `key.number`.
+    """The specification of a run: `key.variant` names the variant.
 
-    `sources` are what the pose is estimated from, `cameras` what the robot has, by the names of the servers.
+    All chance comes from `key.seed` and `key.number`. `sources` are those of the pose estimate, `cameras` the
+    robot's cameras, by the names of the servers.
     """
 
     key: RunKey
@@ -62,7 +63,7 @@ class RunSpec:
 
 @lru_cache(maxsize=4)
 def building_at(path: Path) -> Building:
-    """The building of a map, with the floors that its elevators lead to.
+    """Return the building of a map, with the floors that its elevators lead to.
 
     Raises:
         Failure: one of its maps is bad.
@@ -76,7 +77,7 @@ def _plan(path: Path, origin: str, goal: str) -> Plan:
 
 
 def plan_of(spec: RunSpec) -> Plan:
-    """What is to be driven.
+    """Return the plan of a run.
 
     Raises:
         NoPlan: there is no such way.
@@ -86,12 +87,12 @@ def plan_of(spec: RunSpec) -> Plan:
 
 
 def chance_of(key: RunKey) -> int:
-    """The seed of a run: another one for each number and seed, and the same for all variants."""
+    """Return the seed of a run: different for each number and seed, the same for all variants."""
     return (key.seed * 1_000_003 + key.number * 7_919 + 12_345) % (1 << 31)
 
 
 def _is_compensated(key: RunKey) -> bool:
-    """Whether overshoots are taken off the distances: of the published runs, in those since late 1993."""
+    """Return True if overshoots are taken off the distances: not in published runs before late 1993."""
     return key.runs != PUBLISHED or PUBLISHED_RUNS[key.number - 1].compensated
 
 
@@ -148,7 +149,7 @@ class Run:
 
     @property
     def expected_s(self) -> float:
-        """How long it takes where nothing goes wrong."""
+        """Expected duration of the run, if nothing goes wrong."""
         return expected_s(self.plan, self.variant.mm_s)
 
     @property
@@ -157,7 +158,7 @@ class Run:
         return self.site.sceneries[self.plan.floors[0]]
 
     def step(self) -> bool:
-        """One frame; False when the run is over."""
+        """Drive one frame; False when the run is over."""
         try:
             self.loop.frame()
         except ScriptFailed as problem:
@@ -179,20 +180,20 @@ class Run:
 
     @property
     def off_mm(self) -> float:
-        """How far the robot really is from the goal; on another floor, from the place above or below it."""
+        """True distance of the robot from the goal; on another floor, from the place above or below it."""
         pose, goal = self.world.true_pose(0), self.plan.segments[-1].end
         return math.hypot(pose.x_mm - goal.x_mm, pose.y_mm - goal.y_mm)
 
     @property
     def along_mm(self) -> float:
-        """How far the robot really is beyond the goal, along the last segment."""
+        """True distance of the robot beyond the goal, along the last segment."""
         pose, last = self.world.true_pose(0), self.plan.segments[-1]
         heading = math.radians(last.heading_deg)
         dx, dy = pose.x_mm - last.end.x_mm, pose.y_mm - last.end.y_mm
         return -math.sin(heading) * dx + math.cos(heading) * dy
 
     def result(self) -> RunResult:
-        """What came of it so far."""
+        """Return the result so far."""
         watcher = self.watcher
         return RunResult(
             key=self.spec.key,
@@ -219,15 +220,23 @@ class Run:
 
 
 class Driven(Protocol[R_co]):
-    """What is driven frame by frame, and gives something in the end."""
+    """A drive, frame by frame, with a result at the end."""
 
-    def step(self) -> bool: ...
-    def close(self) -> None: ...
-    def result(self) -> R_co: ...
+    def step(self) -> bool:
+        """Drive one frame; False at the end."""
+        ...
+
+    def close(self) -> None:
+        """End the drive."""
+        ...
+
+    def result(self) -> R_co:
+        """Return the result so far."""
+        ...
 
 
 def finished(driven: Driven[R_co]) -> R_co:
-    """What comes of it, driven to its end."""
+    """Drive to the end, and return the result."""
     try:
         while driven.step():
             pass

@@ -30,16 +30,16 @@ from colony.experiment.tables import failure_table, table, target_table
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study(Generic[R]):
-    """What is counted, and how.
+    """A study: what is counted, and how.
 
     Attributes:
-        name: of the study, and of its list.
+        name: name of the study, and of its list.
         runs: the list.
-        seeds: how many, unless told.
+        seeds: default number of seeds.
         work: a run.
-        table: how its records are kept.
-        targets: what was promised.
-        tables: all that there is to show, for a terminal and for pages.
+        table: the format of its records.
+        targets: the promised values.
+        tables: all tables to show, for a terminal and for pages.
         as_json: a record for programs.
         has_own_variant: its runs are those of one robot, which are not drawn and not audited.
     """
@@ -56,7 +56,7 @@ class Study(Generic[R]):
 
 
 def _json(result: PlateResult | LightResult | SourceResult, **found: object) -> dict[str, object]:
-    """A record for programs: which run, from where to where, and what was found."""
+    """Return a record for programs: the run, its origin and goal, and what was found."""
     other = {"key", "origin", "goal"}
     rest = {name: value for name, value in asdict(result).items() if name not in other}
     return {**result.key._asdict(), "from": result.origin, "to": result.goal, **rest, **found}
@@ -161,6 +161,6 @@ SOURCES = Study(
     tables=source_tables,
     as_json=_sources_json,
 )
-"""What each source of the pose is worth, along some of the published runs."""
+"""The value of each source of the pose, along some of the published runs."""
 
 STUDIES: Mapping[str, Study[Any]] = {study.name: study for study in (THESIS, PLATES, LIGHTS, SOURCES)}

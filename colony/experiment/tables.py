@@ -11,7 +11,7 @@ from colony.nav.confidence.published_runs import PublishedRun
 
 
 def table(runs: Sequence[ListedRun], results: Sequence[RunResult]) -> str:
-    """A row a run: over all of its seeds, beside what was published of it.
+    """Return a row a run: over all of its seeds, beside what was published of it.
 
     How far beyond the goal the robot stood is measured along the last leg, as published; negative is short of
     it. How far off it stood counts what it is to the side, too.
@@ -28,18 +28,18 @@ def table(runs: Sequence[ListedRun], results: Sequence[RunResult]) -> str:
 
 
 def target_table(results: Sequence[RunResult], *, published: bool) -> str:
-    """How the results stand to what was promised."""
+    """Compare the results with the promised values, in Markdown."""
     return targets_markdown(targets(results, published=published))
 
 
 def targets_markdown(found: Sequence[Target]) -> str:
-    """A row for each thing that was promised."""
+    """Return a row for each target."""
     rows = [[t.what, t.found, t.promised, "met" if t.met else "**missed**"] for t in found]
     return markdown(["what", "found", "promised", ""], rows)
 
 
 def failure_table(results: Sequence[RunResult]) -> str:
-    """A row a run that failed; "" where none did."""
+    """Return a row for each failed run; "" if none did."""
     rows = [
         [
             str(r.key.number),
@@ -60,7 +60,7 @@ def failure_table(results: Sequence[RunResult]) -> str:
 
 
 def clock_time(seconds: float) -> str:
-    """Minutes and seconds, as published: 5:26."""
+    """Format minutes and seconds, as published: 5:26."""
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes}:{rest:02}"
 
@@ -83,7 +83,7 @@ def _row(run: ListedRun, results: list[RunResult], published: bool) -> list[str]
 
 
 def _modes(results: list[RunResult]) -> list[str]:
-    """How often each mode was completed in the mean, and how often it was needed."""
+    """Return how often each mode was completed in the mean, and how often it was needed."""
     cells = []
     for place in range(len(MODES)):
         done = sum(r.modes[place].completed for r in results) / len(results)
@@ -106,7 +106,7 @@ def _published(run: PublishedRun | None) -> list[str]:
 
 
 def markdown(head: list[str], rows: list[list[str]]) -> str:
-    """A table of Markdown whose columns are aligned in the text, too."""
+    """Return a table of Markdown whose columns are aligned in the text, too."""
     head, *rows = ([_cell(text) for text in row] for row in (head, *rows))
     widths = [max(len(row[i]) for row in (head, *rows)) for i in range(len(head))]
     lines = [

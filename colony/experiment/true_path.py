@@ -1,4 +1,4 @@
-"""Where the robot really was, frame by frame: what sightings are held against."""
+"""The true path of the robot, frame by frame, as the reference for sightings."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ class TruePath:
         self._poses: list[Pose] = []
 
     def add(self, t_ns: int, pose: Pose) -> None:
-        """The robot is there; times grow from call to call."""
+        """Add the robot's pose in a frame; times grow from call to call."""
         self._times.append(t_ns)
         self._poses.append(pose)
 
     def at(self, t_ns: int) -> Pose:
-        """Where it was in the newest frame that is not after that time; before the first one, there.
+        """Return the pose in the newest frame that is not after that time, or else in the first frame.
 
         Raises:
             ValueError: there is no pose yet.

@@ -1,4 +1,4 @@
-"""Who watches a run: how far it came, what it touched, whether it gets on at all."""
+"""The watcher of a run: its progress, its contacts, and whether the robot is stuck."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from colony.runtime.assembly.loop import Loop
 from colony.sim.world.world import World
 
 STUCK_NS = 60_000_000_000
-"""For how long a robot may stay in one place on one goal: people stand before it for a quarter of that."""
+"""Timeout of a robot in one place on one goal: people stand before it for a quarter of that."""
 
 PLACE_MM = 500.0
 """The radius of one place."""
@@ -23,16 +23,16 @@ BELOW_LIGHT_MM = 1500.0
 """A light that is counted farther from it than this was not it: lights are 5 to 6 m apart."""
 
 SLIP_MM = 20.0
-"""Where the odometry counts so much more in a frame than was driven, wheels have slipped."""
+"""Excess of the odometry over the true way in a frame from which on wheels have slipped."""
 
 RIDE_MM = 200.0
-"""Who is elsewhere by so much in a frame was taken there by an elevator."""
+"""Least displacement in a frame that means an elevator ride."""
 
 PATH_NS = 1_000_000_000
 
 
 def mode_of(kind: GoalKind) -> Mode:
-    """The mode as the tables count it; entering and leaving a corner are one."""
+    """Return the mode as the tables count it; entering and leaving a corner are one."""
     match kind:
         case GoalKind.LIGHTS:
             return "L"
@@ -46,10 +46,10 @@ class Watcher:
     """Looks at a run after every frame. Mutable: what it has seen.
 
     Args:
-        plan: what is driven.
+        plan: the plan.
         loop: the run.
-        world: where its robot is number 0.
-        expected_s: how long the plan takes where nothing goes wrong.
+        world: the world, in which its robot is number 0.
+        expected_s: duration of the plan if nothing goes wrong.
         begun: the numbers of the segments that the planner has begun, from 0; it goes on growing.
     """
 
@@ -98,7 +98,7 @@ class Watcher:
 
     @property
     def contacts(self) -> Contacts:
-        """What it touched so far."""
+        """Contacts of the robot so far."""
         world = self._world
         return Contacts(world.bumps(0), world.contact_speed(0))
 
@@ -116,7 +116,7 @@ class Watcher:
         return LightCount(seen, missed, self._false)
 
     def modes(self) -> tuple[ModeCount, ModeCount, ModeCount]:
-        """How often each mode was entered and completed so far."""
+        """Return how often each mode was entered and completed so far."""
         counts = {mode: [0, 0, 0] for mode in MODES}
         for first, last, mode in _groups(self._plan):
             count = counts[mode]
@@ -131,18 +131,18 @@ class Watcher:
 
     @property
     def completed(self) -> int:
-        """How many modes were completed, one after the other."""
+        """Number of modes that were completed, one after the other."""
         return sum(self._is_over(last) for _, last, _ in _groups(self._plan))
 
     @property
     def first_light(self) -> bool:
-        """Whether a light of the present segment was found."""
+        """True if a light of the present segment was found."""
         return bool(self._counted.get(self._segment))
 
     # --- what it sees --------------------------------------------------------------------------------
 
     def _look_at_goals(self) -> bool:
-        """Whether there is a new segment."""
+        """Return True if there is a new segment."""
         new = len(self._begun) != self._seen
         if new:
             self._seen, self._light = len(self._begun), 0
@@ -159,7 +159,7 @@ class Watcher:
         return new
 
     def _light_counted(self) -> None:
-        """One more was counted: the nearest one, if it is near and was not counted yet."""
+        """Count one more light: the nearest one, if it is near and was not counted yet."""
         number = self._segment
         segment = self._plan.segments[number] if number >= 0 else None
         if segment is None or segment.kind is not GoalKind.LIGHTS:
@@ -173,7 +173,7 @@ class Watcher:
 
 
 def _groups(plan: Plan) -> list[tuple[int, int, Mode]]:
-    """Each mode of a plan: its first and its last segment; corners have up to two."""
+    """Return each mode of a plan: its first and its last segment; corners have up to two."""
     groups: list[tuple[int, int, Mode]] = []
     for number, segment in enumerate(plan.segments):
         entered = number > 0 and plan.segments[number - 1].kind is GoalKind.ENTER_CORNER
@@ -189,7 +189,7 @@ def _apart(one: Pose, other: Pose) -> float:
 
 
 def _along(segment: Segment, world: World) -> float:
-    """How far the robot really is from a segment's start, along it, in mm."""
+    """Return the true distance of the robot from a segment's start, along it, in mm."""
     heading, pose = math.radians(segment.heading_deg), world.true_pose(0)
     dx, dy = pose.x_mm - segment.start.x_mm, pose.y_mm - segment.start.y_mm
     return -math.sin(heading) * dx + math.cos(heading) * dy

@@ -1,0 +1,1 @@
+"""Navigation: maps, route planning, pose estimation and missions."""

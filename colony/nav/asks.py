@@ -1,5 +1,7 @@
-"""What scripts of the navigation ask: of DServer semaphores that may be 0 and variables that may be unset,
-and of other servers what these may not know now."""
+"""Requests that the navigation scripts make of DServer and of other servers.
+
+Semaphores may be 0, variables may be unset, and a server may not know the answer yet.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +16,11 @@ from colony.runtime.library.ask import Ask
 T = TypeVar("T")
 
 _NOT_YET = ("no value", "unknown", "unset")
-"""The codes of servers that have nothing to tell so far."""
+"""Codes of servers that have no answer yet."""
 
 
 def taken(semaphore: str, wait_s: float) -> Generator[Step, Any, bool]:
-    """Down a semaphore; False where that was not possible for so many seconds, 0 for not at all.
+    """Down a semaphore; return False if it stays 0 for so many seconds, 0 for no waiting.
 
     Raises:
         CallRefused: there is no such semaphore.
@@ -33,7 +35,7 @@ def taken(semaphore: str, wait_s: float) -> Generator[Step, Any, bool]:
 
 
 def values(*names: str) -> Generator[Step, Any, dict[str, Any] | None]:
-    """Variables at one moment, or None where one of them was never set."""
+    """Return variables at one moment, or None if one of them was never set."""
     try:
         return (yield from do("DServer", data.get_many(names)))
     except CallRefused as refused:
@@ -43,10 +45,10 @@ def values(*names: str) -> Generator[Step, Any, dict[str, Any] | None]:
 
 
 def asked(server: str, ask: Ask[T]) -> Generator[Step, Any, T | None]:
-    """What a server answers; None while it is away, or has no value yet.
+    """Return a server's answer, or None while the server is away or has no value yet.
 
     Raises:
-        CallRefused: it refuses that, and always will.
+        CallRefused: the server refuses the request, and always will.
     """
     try:
         return (yield from do(server, ask))
@@ -70,6 +72,6 @@ def adjusted(x_mm: float, y_mm: float, turn_deg: float) -> Generator[Step, Any, 
 
 
 def _pass_over(problem: ConnectionProblem) -> None:
-    """A server that dies is started again; but what it refuses now it will always refuse."""
+    """Pass over a connection problem, as a dead server is restarted; but raise a refusal, which is final."""
     if isinstance(problem, CallRefused) and problem.code not in _NOT_YET:
         raise problem

@@ -1,4 +1,4 @@
-"""What the clients of the navigation share through DServer: variables and semaphores (thesis Table 5.4).
+"""Variables and semaphores that the navigation clients share through DServer (thesis Table 5.4).
 
 | name          | Planner | Navigator | CTracker | LocalMapper |
 |---------------|---------|-----------|----------|-------------|
@@ -15,8 +15,8 @@
 | CeilingLight  |         | read      | write    | read        |
 | Overshoot     | read    |           | write    |             |
 
-CTracker also reads GoalDirection, along which the lights tell the position, and GoalType. A Planner that
-starts downs what one before it has upped and nobody took.
+CTracker also reads GoalDirection, along which the lights give the position, and GoalType. A Planner that
+starts downs the semaphores that an earlier Planner upped and no client took.
 
 Three more variables belong to the Navigator alone: GoalNumber, GoalReached and GoalAnswered. It is a compiled
 network, which knows variables and no semaphores, and a clerk that takes and gives these in its place
@@ -34,13 +34,13 @@ ROBOT_STATUS = "$RobotStatus"
 TRACK_DATA = "$TrackData"
 END_L_MODE = "$EndLMode"
 SEMAPHORES = (START_MAP, LIGHT_DETECTED, GOAL_DATA, ROBOT_STATUS, TRACK_DATA, END_L_MODE)
-"""All begin at 0; whoever comes first makes them."""
+"""All semaphores. They begin at 0; the first client that needs them creates them."""
 
 GOAL_DIRECTION = "GoalDirection"
 """The heading along which to proceed, in degrees, 0 north, 90 west."""
 
 GOAL_DISTANCE = "GoalDistance"
-"""In the light-tracking mode the number of lights to track, else how far to travel, in millimeters."""
+"""Number of lights to track in the light-tracking mode, else the distance to travel, in millimeters."""
 
 GOAL_TYPE = "GoalType"
 """The mode: a `GoalKind` as a number."""
@@ -49,10 +49,10 @@ LIGHT_OFFSET = "LightOffset"
 """A list in millimeters: from where the goal was given to the first light, then from light to light."""
 
 CEILING_LIGHT = "CeilingLight"
-"""How many lights of the present goal were passed."""
+"""Number of lights of the present goal that were passed."""
 
 OVERSHOOT = "Overshoot"
-"""How far beyond the last light the robot was when CTracker was done, in millimeters along GoalDirection."""
+"""Distance beyond the last light when CTracker was done, in millimeters along GoalDirection."""
 
 GOAL_NUMBER = "GoalNumber"
 """Set by the clerk: counts the goals taken, from 1. The network measures a goal's distance from where the
@@ -89,8 +89,10 @@ PLATE_SEEN = "PlateSeen"
 what is written on it, and where its middle is, x and y in mm."""
 
 GOAL_VERIFIED = "GoalVerified"
-"""Set by the Planner at the end of a plan, if it was told which plate hangs at the goal: a `Verdict`
-(`colony/nav/missions/goal_verification.py`) as a number."""
+"""Set by the Planner at the end of a plan with a plate to verify.
+
+A `Verdict` (`colony/nav/missions/goal_verification.py`) as a number.
+"""
 
 MARKER_BEARING = "MarkerBearing"
 """Set by the marker finder: where the elevator's marker is seen, in degrees counterclockwise from ahead."""
@@ -106,7 +108,7 @@ ELEVATOR_CALL = "ElevatorCall"
 the other one. Empty when the ride is over."""
 
 FLOOR_REACHED = "FloorReached"
-"""Set by the operator, who presses the buttons: 1 when the elevator stands at the other floor, else 0."""
+"""Set by the operator of the buttons: 1 when the elevator stands at the other floor, else 0."""
 
 
 class GoalKind(IntEnum):

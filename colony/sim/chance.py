@@ -17,7 +17,7 @@ import numpy as np
 from colony.sim.compiled import inlined
 
 SLIPS, CROSS_TALK, PEOPLE, PIXELS = range(4)
-"""What chance is asked for: the first argument after the seed."""
+"""The uses of chance: the first argument after the seed."""
 
 SEEDS = 2**62
 """Seeds are taken modulo this: compiled functions know 64-bit numbers only."""
@@ -25,7 +25,7 @@ SEEDS = 2**62
 
 @inlined
 def mixed(seed: int, stream: int, event: int, part: int) -> np.uint64:
-    """64 random bits for a part of an event."""
+    """Return 64 random bits for a part of an event."""
     bits = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(stream) * np.uint64(0xD1B54A32D192ED03)
     bits ^= bits >> np.uint64(29)
     bits = (bits + np.uint64(event)) * np.uint64(0xBF58476D1CE4E5B9)
@@ -38,12 +38,12 @@ def mixed(seed: int, stream: int, event: int, part: int) -> np.uint64:
 
 @inlined
 def chance(seed: int, stream: int, event: int, part: int) -> float:
-    """Uniform in [0, 1)."""
+    """Return a uniform number in [0, 1)."""
     return float(mixed(seed, stream, event, part) >> np.uint64(11)) * 2.0**-53
 
 
 @inlined
 def deviate(seed: int, stream: int, event: int, part: int) -> float:
-    """Standard normal, from parts `part` and `part` + 1 (Box and Muller 1958)."""
+    """Return a standard normal number, from parts `part` and `part` + 1 (Box and Muller 1958)."""
     radius = math.sqrt(-2.0 * math.log(1.0 - chance(seed, stream, event, part)))
     return radius * math.cos(2.0 * math.pi * chance(seed, stream, event, part + 1))

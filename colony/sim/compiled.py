@@ -63,7 +63,7 @@ def called(function: F) -> F:
 
 
 def _native(annotation: str | ForwardRef, names: Mapping[str, Any]) -> Any:
-    """Numba's type for an annotation of the module whose global names are given."""
+    """Return Numba's type for an annotation of the module whose global names are given."""
     name = annotation.__forward_arg__ if isinstance(annotation, ForwardRef) else annotation
     if name in _NATIVE:
         return _NATIVE[name]

@@ -1,4 +1,4 @@
-"""Tells when the simulator is compiled, which takes so long that somebody would ask."""
+"""A notice that the simulator is being compiled, which takes long enough to surprise a user."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ COMPILING = "compiling the simulator: some 20 s, once where the result can be ke
 
 @contextmanager
 def told_when_compiling(tell: Callable[[str], None]) -> Iterator[None]:
-    """Tell `COMPILING` once, when numba begins to compile; not where it loads what it compiled before."""
+    """Call `tell` with `COMPILING` once, when numba begins to compile; not when it loads from the cache."""
     from numba.core import event
 
     class Listener(event.Listener):

@@ -1,4 +1,4 @@
-"""What the simulated robot is like: RoME, a TRC Labmate with a ring of sonars, in numbers."""
+"""The parameters of the simulated robot: RoME, a TRC Labmate with a ring of sonars."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class RobotConfig:
     """A differential-drive robot with a round hull; lengths in mm, angles in degrees, times in seconds.
 
     Attributes:
-        radius_mm: of the hull, which is bumper all around.
+        radius_mm: radius of the hull, which is bumper all around.
         wheel_base_mm: from wheel to wheel.
         max_velocity_mm_s, max_turn_deg_s: what commands are clamped to, either sign.
         acceleration_mm_s2, turn_acceleration_deg_s2: how fast the speeds follow the commands.
@@ -58,6 +58,7 @@ class RobotConfig:
     wheel_slip_mm: float = 3.0
 
     def __post_init__(self) -> None:
+        """Check the ranges of the parameters."""
         zero_allowed = {"sonar_least_mm", "sonar_noise_mm", "sonar_noise", "wheel_scale", "wheel_slip_mm"}
         zero_allowed |= {"sonar_half_beam_deg", "sonar_critical_deg"}
         for field in fields(self):
@@ -84,7 +85,7 @@ IDEAL = RobotConfig(sonar_noise_mm=0.0, sonar_noise=0.0, wheel_scale=0.0, wheel_
 
 
 def limits_of(config: RobotConfig) -> BaseLimits:
-    """The most that the base of such a robot does."""
+    """Return the limits of the base of such a robot."""
     return BaseLimits(
         velocity=config.max_velocity_mm_s,
         turn=config.max_turn_deg_s,

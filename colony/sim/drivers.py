@@ -17,10 +17,10 @@ from colony.sim.world.world import MAX_STEP_S, World
 
 
 class Plant:
-    """A world in step with a clock, which gives nanoseconds. Mutable: up to when time has passed.
+    """A world in step with a clock, which gives nanoseconds. Mutable: the time that the world has reached.
 
-    `moving` are told of the seconds of each step after it: what moves besides robots and people, such as
-    `colony.sim.world.elevators.Elevators.advance`.
+    `moving` are called with the seconds of each step after it. They move what is neither a robot nor a
+    person, such as `colony.sim.world.elevators.Elevators.advance`.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Plant:
 
 
 def base_state(world: World, robot: int, t_ns: int) -> BaseState:
-    """What the base of a robot reports: what its wheels count and its bumpers feel, not where it is."""
+    """Return what the base of a robot reports: odometry and bumpers, not the true pose."""
     pose, speed, bumper = world.odometry(robot), world.speed(robot), world.bumper(robot)
     return BaseState(
         t_ns=t_ns,
@@ -71,13 +71,16 @@ class SimulatedBase:
         self.limits = limits_of(plant.world.config)
 
     def drive(self, velocity: float, turn: float) -> None:
+        """Command the speeds of the base, after the world has caught up with the clock."""
         self._plant.catch_up()
         self._plant.world.command(self._robot, velocity, turn)
 
     def stop(self) -> None:
+        """Command the base to stop."""
         self.drive(0.0, 0.0)
 
     def state(self) -> BaseState:
+        """Return the base's state now."""
         now = self._plant.catch_up()
         if self._state is None or self._state.t_ns != now:
             self._state = base_state(self._plant.world, self._robot, now)
@@ -92,10 +95,12 @@ class SimulatedProximity:
         self._robot = robot
 
     def sonar(self) -> Sample:
+        """Return the sonar readings now."""
         now = self._plant.catch_up()
         return Sample(tuple(self._plant.world.sonar(self._robot).tolist()), now)
 
     def infrared(self) -> Sample:
+        """Return the infrared readings now."""
         now = self._plant.catch_up()
         return Sample(tuple(self._plant.world.infrared(self._robot).tolist()), now)
 
@@ -113,6 +118,7 @@ class SimulatedCamera:
         self._take = take
 
     def grab(self) -> Shot:
+        """Return a shot of the camera now."""
         return self._take(self._plant.catch_up())
 
 

@@ -23,13 +23,15 @@ class Noise:
         self.table: Floats2 = np.empty((robots, 0))
 
     def first(self, count: int) -> Floats2:
-        """The next `count` numbers of each stream, (robots, count), before any are taken."""
+        """Return the next `count` numbers of each stream, (robots, count), without taking them."""
         drawn = [generator.standard_normal(count) for generator in self._generators]
         return np.array(drawn).reshape(len(self._generators), count)
 
     def take(self, count: int) -> int:
-        """Take `count` numbers of each stream; gives their first column in `table`, (robots, k), which is
-        another array after that."""
+        """Take `count` numbers of each stream, and return their first column in `table`, (robots, k).
+
+        `table` is another array after that.
+        """
         if self._at + count > self.table.shape[1]:
             rest = self.table[:, self._at :]
             block = np.empty((len(self._generators), max(_BLOCK, count)))

@@ -10,7 +10,7 @@ from colony.sim.world.world import World
 
 
 class CeilingShot:
-    """What a camera of a robot saw of the ceiling at `t_ns`."""
+    """A shot of the ceiling by a robot's camera at `t_ns`."""
 
     channels = 1
 
@@ -21,6 +21,7 @@ class CeilingShot:
         self.height, self.width = ceiling.config.height, ceiling.config.width
 
     def rows(self, first: int, count: int) -> Image:
+        """Return `count` rows of the image from row `first` on."""
         if first < 0 or count <= 0 or first + count > self.height:
             raise ValueError(
                 f"{count} rows from row {first} on; expected at least 1 of rows 0 to {self.height - 1}"
@@ -30,7 +31,7 @@ class CeilingShot:
 
 
 class LevelShot:
-    """What a camera of a robot that looks along the floor saw at `t_ns`.
+    """A shot by a robot's camera that looks along the floor, at `t_ns`.
 
     Robots, people and doors are remembered as they were when the shot was taken.
     """
@@ -43,4 +44,5 @@ class LevelShot:
         self.height, self.width = camera.config.height, camera.config.width
 
     def rows(self, first: int, count: int) -> Image:
+        """Return `count` rows of the image from row `first` on."""
         return image_of(self._draw(first, count), self._t_ns, first)

@@ -1,8 +1,8 @@
-"""Where the names of corners, doors and elevators stand in the picture of a map: behind their walls, legibly.
+"""The places of names in the picture of a map: corners, doors and elevators, behind their walls, legibly.
 
-Every name has a few places where it may stand, the best first; it takes the first one where it touches no
-wall and no other name, and is left out if there is none. What is named is placed in the order of importance:
-elevators, doors, then corners.
+Every name has a few possible places, the best first; it takes the first one where it touches no wall and no
+other name, and is left out if there is none. Names are placed in the order of importance: elevators, doors,
+then corners.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from colony.nav.maps.walls import walls_of
 FONT_POINTS = 8.0
 _APART_POINTS = 3.0
 _SHIFTS = ((6.0, 0.0), (6.0, 7.0), (6.0, -7.0), (17.0, 0.0), (17.0, 8.0), (17.0, -8.0))
-"""How far behind its wall a name may stand, and how far along it, in points; the best first."""
+"""Distances of a name behind its wall and along it, in points; the best first."""
 _HEIGHT = 1.25  # of a line of text, in font sizes
 _AXIS = 0.98  # a wall whose direction has a component of so much is taken for one along that axis
 
 Rank = Literal["elevator", "door", "corner"]
 _RANKS: tuple[Rank, ...] = ("elevator", "door", "corner")
 WEIGHTS: dict[Rank, str] = {"elevator": "bold", "door": "normal", "corner": "bold"}
-"""Of the font, for each rank."""
+"""Weight of the font, for each rank."""
 
 
 class Box(NamedTuple):
@@ -45,7 +45,7 @@ class Box(NamedTuple):
     high_y: float
 
     def touches(self, other: Box) -> bool:
-        """Whether the two have a point in common."""
+        """Return True if the two have a point in common."""
         return (
             self.low_x <= other.high_x
             and other.low_x <= self.high_x
@@ -80,7 +80,7 @@ class _Wanted:
 
 
 def place_names(drawn: Map, mm_per_point: float) -> tuple[Name, ...]:
-    """The names of a map's doors, elevators and corners, as far as there is room.
+    """Place the names of a map's doors, elevators and corners, as far as there is room.
 
     Args:
         drawn: the map.
@@ -121,18 +121,18 @@ def _wanted(drawn: Map) -> Iterator[_Wanted]:
 
 
 def _without_side(name: str) -> str:
-    """A door's name from that of its left jamb: `101L` gives `101`, `NE.men.L` gives `NE.men`."""
+    """Return a door's name from that of its left jamb: `101L` gives `101`, `NE.men.L` gives `NE.men`."""
     return name[:-1].removesuffix(".") if len(name.rstrip("L.")) > 0 and name[-1] == "L" else name
 
 
 def _left_of(here: Point, there: Point) -> Point:
-    """The unit vector behind a wall, on the left of who walks along it."""
+    """Return the unit vector to the back of a wall, on its left as traced."""
     length = math.hypot(there.x - here.x, there.y - here.y)
     return Point(-(there.y - here.y) / length, (there.x - here.x) / length)
 
 
 def _crowded_lines(wanted: Sequence[_Wanted], mm_per_point: float) -> set[tuple[int, int]]:
-    """The walls from west to east whose doors' names do not fit beside each other."""
+    """Return the walls from west to east whose doors' names do not fit beside each other."""
     crowded = set()
     along: dict[tuple[int, int], list[_Wanted]] = {}
     for one in wanted:
@@ -149,13 +149,13 @@ def _crowded_lines(wanted: Sequence[_Wanted], mm_per_point: float) -> set[tuple[
 
 @lru_cache(maxsize=1024)
 def _width(text: str, rank: Rank) -> float:
-    """Of a name in the picture's font, in points."""
+    """Return the width of a name in the picture's font, in points."""
     font = FontProperties(weight=WEIGHTS[rank])
     return float(TextPath((0, 0), text, size=FONT_POINTS, prop=font).get_extents().width)
 
 
 def _places(one: _Wanted, turned: bool, mm_per_point: float) -> Iterator[tuple[bool, Point, Box]]:
-    """Where a name may stand: whether upright, its middle, and the room that it takes."""
+    """Yield the possible places of a name: whether upright, its middle, and the room that it takes."""
     width, height = _width(one.text, one.rank), _HEIGHT * FONT_POINTS
     length = math.hypot(one.out.x, one.out.y) or 1.0
     out = Point(one.out.x / length, one.out.y / length)
@@ -171,7 +171,7 @@ def _places(one: _Wanted, turned: bool, mm_per_point: float) -> Iterator[tuple[b
 
 
 def _meets_wall(box: Box, walls: NDArray[np.float64]) -> bool:
-    """Whether a box touches a wall segment; (n, 4) in mm. A slanting one counts from corner to corner."""
+    """Return True if a box touches one of the wall segments, (n, 4) in mm."""
     low_x, high_x = np.minimum(walls[:, 0], walls[:, 2]), np.maximum(walls[:, 0], walls[:, 2])
     low_y, high_y = np.minimum(walls[:, 1], walls[:, 3]), np.maximum(walls[:, 1], walls[:, 3])
     near = (low_x <= box.high_x) & (high_x >= box.low_x) & (low_y <= box.high_y) & (high_y >= box.low_y)

@@ -45,7 +45,7 @@ _DPI = 150
 
 
 def picture_format(path: str | os.PathLike[str]) -> PictureFormat:
-    """The format that a file's ending asks for.
+    """Return the format that a file's suffix asks for.
 
     Raises:
         ValueError: the ending is another one.
@@ -65,14 +65,14 @@ def draw_map(
     title: str | None = None,
     names: Sequence[str] = (),
 ) -> Figure:
-    """A figure of a map.
+    """Draw a map, and return the figure.
 
     Args:
         drawn: the map.
         paths: the ways of robots, each (n, 2) or (n, 3), x and y in mm, in the order in which they were
             driven; places that are not finite are left out.
-        title: what to write above; the map's name by default.
-        names: what the robots are called in the legend.
+        title: the title; the map's name by default.
+        names: names of the robots in the legend.
     """
     walls = walls_of(drawn)
     sheet, placed = _sheet_for(drawn, walls)
@@ -112,20 +112,20 @@ class _Sheet:
 
     @property
     def width_points(self) -> float:
-        """Of the building and its names."""
+        """Width of the building and its names."""
         return (self.high_x - self.low_x) / self.mm_per_point
 
     def above(self, points: float) -> float:
-        """The y that is so far above the building and its names."""
+        """Return the y that is so far above the building and its names."""
         return self.high_y + points * self.mm_per_point
 
     def below(self, points: float) -> float:
-        """The y that is so far below the building and its names."""
+        """Return the y that is so far below the building and its names."""
         return self.low_y - points * self.mm_per_point
 
 
 def _sheet_for(drawn: Map, walls: Walls) -> tuple[_Sheet, tuple[Name, ...]]:
-    """The sheet for a map, and where its names are on it."""
+    """Return the sheet for a map, and where its names are on it."""
     low_x, low_y, high_x, high_y = walls.bounds
     long_side = max(high_x - low_x, high_y - low_y)
     scale = long_side / (72.0 * min(max(_LEAST_INCHES, long_side / _MM_PER_INCH), _MOST_INCHES))
@@ -174,7 +174,7 @@ def _fit(figure: Figure, axes: Axes, sheet: _Sheet, below_points: float) -> None
 
 
 def encode_picture(figure: Figure, form: PictureFormat) -> bytes:
-    """A figure as the content of a file."""
+    """Encode a figure as the content of a file."""
     image = io.BytesIO()
     canvas: Any
     if form == "svg":
@@ -227,7 +227,7 @@ def _draw_names(axes: Axes, names: Sequence[Name]) -> None:
 
 
 def _draw_lights(axes: Axes, drawn: Map) -> None:
-    """Discs for the lights of the corridors, diamonds for those of the turning spaces."""
+    """Draw discs for the lights of the corridors, diamonds for those of the turning spaces."""
     lights = lights_of(drawn)
     shared = sum(len(shared_lights(ring) or ()) for ring in drawn.rings)
     own = len(lights) - shared
@@ -243,7 +243,7 @@ def _draw_lights(axes: Axes, drawn: Map) -> None:
 
 
 def _draw_links(axes: Axes, drawn: Map) -> None:
-    """A line between the two places of each link."""
+    """Draw a line between the two places of each link."""
     places = link_places(drawn)
     if places:
         lines = LineCollection(
@@ -266,7 +266,7 @@ def _draw_path(axes: Axes, path: NDArray[np.float64], color: str, name: str) -> 
 
 
 def _draw_start(axes: Axes, drawn: Map) -> None:
-    """The robot where it starts, as a disc with a line to the front."""
+    """Draw the robot where it starts, as a disc with a line to the front."""
     start = drawn.start
     axes.plot(
         start.x_mm, start.y_mm, marker=(3, 0, start.heading_deg), color=_PATHS[0], markersize=11,
@@ -275,7 +275,7 @@ def _draw_start(axes: Axes, drawn: Map) -> None:
 
 
 def _draw_scale(axes: Axes, sheet: _Sheet) -> None:
-    """A scale bar of a round length, at most a sixth of the building."""
+    """Draw a scale bar of a round length, at most a sixth of the building."""
     rough = (sheet.high_x - sheet.low_x) / _SCALE_PART
     power = 10.0 ** math.floor(math.log10(rough))
     length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= rough)

@@ -28,7 +28,7 @@ class Drive(NamedTuple):
 
 
 def draw_paths(drawn: Map, drives: Sequence[Drive], title: str) -> Figure:
-    """A map with the ways of many runs on it: those that failed on top, a cross where each ended."""
+    """Draw a map with the ways of many runs: failed ones on top, a cross where each ended."""
     figure = draw_map(drawn, [np.empty((0, 2))], title, ["runs"])
     axes = figure.axes[0]
     for legend in [axes.get_legend(), *figure.legends]:
@@ -47,7 +47,7 @@ def draw_paths(drawn: Map, drives: Sequence[Drive], title: str) -> Figure:
 
 
 def draw_errors(along_mm: Sequence[float], title: str) -> Figure:
-    """A histogram of how far beyond their goals robots came to stand; up to a meter."""
+    """Draw a histogram of how far beyond their goals robots came to stand; up to a meter."""
     figure = Figure(figsize=(8.0, 4.0), dpi=_DPI, facecolor=_PAPER, layout="constrained")
     axes = figure.add_subplot()
     values = np.clip(np.array(along_mm, dtype=float), -1000.0, 1000.0)
@@ -65,5 +65,5 @@ def draw_errors(along_mm: Sequence[float], title: str) -> Figure:
 
 
 def encode(figure: Figure) -> bytes:
-    """A PNG; the same for the same picture, byte for byte."""
+    """Encode a PNG; the same for the same picture, byte for byte."""
     return encode_picture(figure, "png")

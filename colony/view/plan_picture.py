@@ -23,12 +23,12 @@ _LETTER_APART_MM = 1400.0
 
 
 def draw_plan(drawn: Map, plan: Plan, title: str | None = None) -> Figure:
-    """A figure of what of a plan is on one floor: L, E, C and D are the modes of the Navigator.
+    """Draw the part of a plan on one floor: L, E, C and D are the modes of the Navigator.
 
     Args:
         drawn: the map of the floor.
         plan: made with that map, or with a building that it is a floor of.
-        title: what to write above.
+        title: the title.
     """
     segments = [s for s in plan.segments if drawn.name in (s.start.floor, s.end.floor)]
     stretches = _stretches(segments, drawn.name)
@@ -41,7 +41,7 @@ def draw_plan(drawn: Map, plan: Plan, title: str | None = None) -> Figure:
 
 
 def _stretches(segments: list[Segment], floor: str) -> list[np.ndarray]:
-    """The parts of the way on one floor, each in one go."""
+    """Return the parts of the way on one floor, each in one go."""
     parts: list[list[tuple[float, float]]] = [[]]
     for segment in segments:
         if segment.start.floor == floor:

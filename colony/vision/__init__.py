@@ -1,0 +1,1 @@
+"""Vision: door plates, elevator markers and ceiling lights in camera images."""

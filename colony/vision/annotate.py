@@ -22,7 +22,7 @@ _SUBPIXEL_BITS = 4
 
 
 def annotate(image: Rgb, found: Iterable[tuple[Detector, Spot]]) -> Rgb:
-    """The picture with the outline of each spot and what it is written above it, (rows, columns, 3).
+    """Return the picture with each spot's outline and its label above it, (rows, columns, 3).
 
     It is enlarged by a whole number where it has less than 480 columns, as far as an image may be large.
     """
@@ -42,7 +42,7 @@ def annotate(image: Rgb, found: Iterable[tuple[Detector, Spot]]) -> Rgb:
 
 
 def label_of(detector: Detector, spot: Spot) -> str:
-    """What a spot is, in a few letters."""
+    """Return the label of a spot, in a few letters."""
     match detector:
         case Detector.PLATES:
             return spot.label or "plate"
@@ -53,7 +53,7 @@ def label_of(detector: Detector, spot: Spot) -> str:
 
 
 def encode_png(image: Rgb) -> bytes:
-    """A picture as the bytes of a PNG file."""
+    """Encode a picture as a PNG file."""
     import cv2
 
     _, data = cv2.imencode(".png", image[:, :, ::-1])
@@ -61,7 +61,7 @@ def encode_png(image: Rgb) -> bytes:
 
 
 def _write(canvas: Rgb, text: str, corners: NDArray[Any], color: tuple[int, int, int]) -> None:
-    """Text above a spot, on black, and within the picture."""
+    """Write text above a spot, on black, and within the picture."""
     import cv2
 
     rows, columns = canvas.shape[:2]

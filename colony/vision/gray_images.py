@@ -19,7 +19,7 @@ _WEIGHTS = np.array([77, 150, 29], dtype=np.uint16)  # of 256: red, green, blue
 
 
 def gray_image(image: NDArray[Any]) -> Gray:
-    """An image as gray, whatever its channels: (rows, columns), or with a last axis of 1 or 3 (RGB).
+    """Return an image as gray, whatever its channels: (rows, columns), or with a last axis of 1 or 3 (RGB).
 
     Raises:
         ValueError: it is no array of uint8 of such a shape, or too small.
@@ -43,8 +43,10 @@ def gray_image(image: NDArray[Any]) -> Gray:
 
 
 def gray_band(image: NDArray[Any], camera: LevelCamera | None, first_row: int) -> tuple[Gray, LevelCamera]:
-    """An image of a camera, or the band of it that begins with row `first_row`, as gray; and the camera: one
-    of 60 degrees that gives such an image, where none is told.
+    """Return an image as gray, with its camera.
+
+    The image is a whole one or the band of it that begins with row `first_row`. The default camera is one of
+    60 degrees that gives such an image.
 
     Raises:
         ValueError: it is no image, or not one of this camera.

@@ -1,7 +1,7 @@
-"""Images that people bring, from the bytes of a file: PNG, JPEG, BMP, WebP or TIFF, gray or in color, with 8
-or 16 bits a channel, with or without a transparent part.
+"""Decoding of image files: PNG, JPEG, BMP, WebP or TIFF.
 
-What is no image, is damaged, or is too large to be one that a detector has a use for is told in one line.
+They are gray or in color, with 8 or 16 bits a channel, with or without transparency. The error message for a
+file that is no image, is damaged, or is too large for the detectors is one line.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ Rgb = NDArray[np.uint8]
 """(rows, columns, 3), each channel from 0 to 255."""
 
 MOST_BYTES = 64 * 2**20
-"""Of a file."""
+"""Largest size of a file."""
 
 MOST_PIXELS, MOST_SIDE = 50_000_000, 30_000
-"""Of an image: in all, and in a row or a column."""
+"""Largest size of an image: pixels in all, and pixels in a row or a column."""
 
 _AT_MOST = f"at most {MOST_PIXELS // 10**6} million"
 _FORMATS = ("PNG", "JPEG", "BMP", "WEBP", "TIFF")
@@ -37,12 +37,12 @@ class BadImage(ValueError):
 
 
 def decode_image(data: bytes) -> Rgb:
-    """The picture in the bytes of a file, upright as a camera tells in it, on white where it is transparent.
+    """Decode an image file: upright by its orientation tag, and on white where it is transparent.
 
-    Of a file with several pictures it is the first one. Levels of 16 bits are made 8.
+    Of a file with several pictures it is the first one. Levels of 16 bits are reduced to 8.
 
     Raises:
-        BadImage: there is no picture in them, or it is damaged, too large or too small.
+        BadImage: the file has no picture, or it is damaged, too large or too small.
     """
     from PIL import Image, ImageOps, UnidentifiedImageError
 
@@ -81,7 +81,7 @@ def _check_size(columns: int, rows: int) -> None:
 
 
 def _rgb(image: Image.Image) -> Rgb:
-    """Any kind of pixels as red, green and blue of 8 bits."""
+    """Convert any kind of pixels to red, green and blue of 8 bits."""
     from PIL import Image
 
     if image.mode == "F" or image.mode.startswith("I"):
@@ -93,7 +93,7 @@ def _rgb(image: Image.Image) -> Rgb:
 
 
 def _narrowed(levels: NDArray[np.generic]) -> NDArray[np.uint8]:
-    """Levels of 16 bits, or parts of 1, as 8 bits."""
+    """Convert levels of 16 bits, or parts of 1, to 8 bits."""
     values = np.nan_to_num(levels.astype(np.float64))
     is_part = np.issubdtype(levels.dtype, np.floating) and values.max(initial=0.0) <= 1.0
     full = 1.0 if is_part else 65535.0 if values.max(initial=0.0) > 255.0 else 255.0

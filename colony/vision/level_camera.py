@@ -1,10 +1,10 @@
-"""The geometry of the cameras that look along the floor: one to the left, where sonar 18 looks, for door
-plates, and one ahead for the markers of elevators (thesis sections 5.4.6 and 5.7).
+"""The geometry of the cameras that look along the floor (thesis sections 5.4.6 and 5.7).
 
-Their optical axes are level. A column of the image is a direction, rows grow downward, pixels are square, and
-pixel i reaches from i - 0.5 to i + 0.5. Bearings count counterclockwise from the optical axis, in degrees.
+One looks to the left, as sonar 18 does, for door plates, and one ahead for the markers of elevators. Their
+optical axes are level. A column of the image is a direction, rows grow downward, pixels are square, and pixel
+i reaches from i - 0.5 to i + 0.5. Bearings count counterclockwise from the optical axis, in degrees.
 
-The simulator's cameras are rendered with the same geometry; a test holds one against the other.
+The simulator's cameras are rendered with the same geometry; a test compares the two.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ class LevelCamera:
     """A camera on the robot's axis.
 
     Attributes:
-        columns, rows: of the image, in pixels.
+        columns, rows: size of the image, in pixels.
         view_deg: the full angle that the columns see, below 180.
-        yaw_deg: where it looks, counterclockwise from ahead: 90 is to the left.
-        height_mm: of the lens above the floor.
+        yaw_deg: its direction, counterclockwise from ahead: 90 is to the left.
+        height_mm: height of the lens above the floor.
 
     Raises:
         ValueError: a number is not in its range.
@@ -34,6 +34,7 @@ class LevelCamera:
     height_mm: float = 1350.0
 
     def __post_init__(self) -> None:
+        """Check the ranges of the parameters."""
         if min(self.columns, self.rows) < 4:
             raise ValueError(f"an image of {self.columns} x {self.rows} pixels; expected at least 4 x 4")
         if not 0.0 < self.view_deg < 180.0:
@@ -48,17 +49,18 @@ class LevelCamera:
         return self.columns / 2.0 / math.tan(math.radians(self.view_deg) / 2.0)
 
     def bearing_of(self, column: float) -> float:
-        """Where a column looks, counterclockwise from the optical axis, in degrees."""
+        """Return the direction of a column, counterclockwise from the optical axis, in degrees."""
         return math.degrees(math.atan(((self.columns - 1) / 2.0 - column) / self.focal))
 
     def column_of(self, bearing_deg: float) -> float:
-        """Which column looks there; it may be outside of the image.
+        """Return the column that looks in a direction; it may be outside of the image.
 
-        The bearing is within 90 degrees of the optical axis."""
+        The bearing is within 90 degrees of the optical axis.
+        """
         return (self.columns - 1) / 2.0 - self.focal * math.tan(math.radians(bearing_deg))
 
     def row_of(self, above_floor_mm: float, depth_mm: float) -> float:
-        """In which row a height is seen at a depth, which is measured along the optical axis."""
+        """Return the row of a height at a depth, which is measured along the optical axis."""
         return (self.rows - 1) / 2.0 - self.focal * (above_floor_mm - self.height_mm) / depth_mm
 
 

@@ -1,4 +1,4 @@
-"""What finders have a camera do that looks along the floor, before they look."""
+"""The preparation of a camera that looks along the floor."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from colony.vision.lights.looks import SILENT, hurry
 
 
 def made_ready(name: str, geometry: LevelCamera, period_s: float) -> Generator[Step, Any, bool]:
-    """Have it take an image every `period_s` at least; False where it does not answer. To be done again where
-    it was away, or had no new image after a period: it may have been started anew.
+    """Make a camera take an image at least every `period_s`; False if it does not answer.
+
+    Repeat this if the camera was away or had no new image after a period: it may have restarted.
 
     Raises:
         ValueError: its images are not as large as `geometry` says, and so would be misunderstood.

@@ -1,4 +1,4 @@
-"""How often scripts look at images."""
+"""The periods at which scripts look at images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What detectors find in the image of a camera that looks along the floor."""
+"""Results of the detectors on the image of a camera that looks along the floor."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ Corner = tuple[float, float]
 
 
 class Reading(NamedTuple):
-    """What is written on a plate. `text` is "" where nothing can be read; `confidence` is from 0 to 1.
-    `alternatives` are the next most probable texts with their confidences, best first."""
+    """The reading of a plate.
+
+    `text` is "" if nothing can be read; `confidence` is from 0 to 1. `alternatives` are the next most
+    probable texts with their confidences, best first.
+    """
 
     text: str
     confidence: float
@@ -18,8 +21,7 @@ class Reading(NamedTuple):
 
 
 class PlateBox(NamedTuple):
-    """A door plate in an image: its corners from the upper left one clockwise, and how plate-like it is, from
-    0 to 1."""
+    """A door plate in an image: its corners clockwise from the upper left one, and its score from 0 to 1."""
 
     corners: tuple[Corner, Corner, Corner, Corner]
     score: float
@@ -37,9 +39,12 @@ class PlateBox(NamedTuple):
 
 
 class MarkerBox(NamedTuple):
-    """A marker in an image: its outer edges in columns, the rows in which it was found, from the first one to
-    the last one, and its code of three bits, the left one first. `edges` are those of all its stripes, from
-    the left one to the right one."""
+    """A marker in an image.
+
+    It has its outer edges in columns, the rows in which it was found, from the first one to the last one, and
+    its code of three bits, the left one first. `edges` are those of all its stripes, from the left one to the
+    right one.
+    """
 
     left: float
     right: float

@@ -1,6 +1,6 @@
-"""Which plates and markers of a map a camera at a pose looks at, and where in its image they are.
+"""The plates and markers of a map in the view of a camera at a pose, and their places in its image.
 
-This is what a map says: doors are shut, and nobody stands before them.
+The map is taken as it is: doors are shut, and no people stand before them.
 """
 
 from __future__ import annotations
@@ -28,8 +28,7 @@ _SLACK_MM = 20.0
 
 
 class SignInView(NamedTuple):
-    """A sign in an image: its corners from the upper left one clockwise, in pixels, and how far away its
-    middle is."""
+    """A sign in an image: its corners in pixels, clockwise from the upper left, and its distance."""
 
     sign: Plate | Marker
     corners: tuple[Corner, Corner, Corner, Corner]
@@ -39,10 +38,12 @@ class SignInView(NamedTuple):
 def signs_in_view(
     floor: Map, pose: tuple[float, float, float], camera: LevelCamera
 ) -> tuple[SignInView, ...]:
-    """The signs that are in the image as a whole, and that no wall hides; the nearest one first.
+    """Return the signs that are in the image as a whole and not hidden by a wall, the nearest one first.
 
     Args:
-        pose: of the robot, x and y in mm, heading in degrees.
+        floor: the map.
+        pose: pose of the robot, x and y in mm, heading in degrees.
+        camera: the camera.
     """
     segments = walls_of(floor).segments
     seen = []
@@ -62,15 +63,17 @@ def signs_in_view(
 def corners_of(
     sign: Plate | Marker, pose: tuple[float, float, float], camera: LevelCamera
 ) -> tuple[Corner, Corner, Corner, Corner] | None:
-    """Where in the image the corners of a sign are, from the upper left one clockwise, whatever is before it;
-    None where the camera does not look at its front, or is nearer than 50 mm."""
+    """Return the corners of a sign in the image, clockwise from the upper left one, whatever is before it.
+
+    None if the camera does not look at its front, or is nearer than 50 mm.
+    """
     wide = sign.end_mm - sign.start_mm
     high = PLATE_HEIGHT_MM if isinstance(sign, Plate) else STRIPE_HEIGHT_MM
     ahead, into = direction(pose[2] + camera.yaw_deg), direction(sign.heading_deg)
     if (sign.middle.x - pose[0]) * into.x + (sign.middle.y - pose[1]) * into.y <= 0.0:
         return None
     ends = []
-    for half in (-wide / 2, wide / 2):  # the left end first, as seen by who faces it
+    for half in (-wide / 2, wide / 2):  # the left end first, as seen facing it
         dx = sign.middle.x + half * into.y - pose[0]
         dy = sign.middle.y - half * into.x - pose[1]
         depth, right = dx * ahead.x + dy * ahead.y, dx * ahead.y - dy * ahead.x

@@ -1,7 +1,7 @@
-"""All detectors, on one image of whatever size: what `colony vision` tells of a picture.
+"""All detectors, on one image of any size, as `colony vision` runs them on a picture.
 
-Plates and markers are looked for as in an image of a camera that looks along the floor, lights as in one of
-the camera that looks up. Large images are made smaller for it; places are told in the image that was given.
+Plates and markers are searched as in an image of a camera that looks along the floor, lights as in one of the
+camera that looks up. Large images are reduced for it; places are given in the original image.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, UPWARD, Ceiling
 from colony.vision.sightings import Corner, Reading
 
 MOST_COLUMNS, MOST_ROWS = 640, 2560
-"""Of an image in which plates and markers are looked for; larger ones are made so small."""
+"""Largest size of an image in which plates and markers are searched; larger ones are reduced to it."""
 
 
 class Detector(StrEnum):
-    """What can be looked for."""
+    """A detector."""
 
     PLATES = "plates"
     MARKERS = "markers"
@@ -49,7 +49,7 @@ class Spot(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What a detector found, and how long it took."""
+    """The result of a detector, and its duration."""
 
     detector: Detector
     found: tuple[Spot, ...]
@@ -57,8 +57,11 @@ class Look(NamedTuple):
 
 
 def looks_at(image: Gray, chosen: Set[Detector]) -> Iterator[Look]:
-    """Look with the detectors that are chosen, or where none is with all that make sense: a ceiling has no
-    plates and markers, and a wall no ceiling lights, so these are looked for where nothing else is seen."""
+    """Run the chosen detectors or, if none is chosen, all that make sense.
+
+    A ceiling has no plates and markers, and a wall no ceiling lights: lights are searched only if nothing
+    else is found.
+    """
     seen = False
     for detector in Detector:
         if detector not in chosen if chosen else detector is Detector.LIGHTS and seen:
@@ -71,7 +74,7 @@ def looks_at(image: Gray, chosen: Set[Detector]) -> Iterator[Look]:
 
 
 def spots(detector: Detector, image: Gray) -> tuple[Spot, ...]:
-    """What a detector finds in an image, the best first.
+    """Return what a detector finds in an image, the best first.
 
     Raises:
         ValueError: it is no (rows, columns) of uint8, or has less than 4 x 4 pixels.
@@ -84,7 +87,7 @@ def spots(detector: Detector, image: Gray) -> tuple[Spot, ...]:
 
 
 def _looked_at(detector: Detector, columns: int, rows: int) -> tuple[int, int]:
-    """The columns and rows that an image of this size is made for a detector."""
+    """Return the columns and rows to which an image of this size is reduced for a detector."""
     if detector is Detector.LIGHTS:
         return UPWARD.columns, UPWARD.rows
     factor = min(1.0, MOST_COLUMNS / columns, MOST_ROWS / rows)
@@ -102,7 +105,7 @@ def _resized(gray: Gray, size: tuple[int, int]) -> Gray:
 
 
 def _scaled(spot: Spot, across: float, down: float) -> Spot:
-    """A spot as it is in an image that has so many times as many columns and rows."""
+    """Scale a spot to an image that has so many times as many columns and rows."""
     first, second, third, fourth = (
         ((column + 0.5) * across - 0.5, (row + 0.5) * down - 0.5) for column, row in spot.corners
     )
@@ -148,7 +151,7 @@ def _lights(gray: Gray) -> tuple[Spot, ...]:
 
 
 def _column_of_line(camera: CeilingCamera, along_mm: float, tilt: float, row: float) -> float:
-    """Where a line across the corridor is seen in a row; at the rim of the image where it is beyond it."""
+    """Return the column of a line across the corridor in a row; the image's rim if it is beyond it."""
     ahead_mm = (along_mm + camera.left_of(row) * math.sin(tilt)) / math.cos(tilt)
     return min(max(camera.column_of(ahead_mm), -0.5), camera.columns - 0.5)
 

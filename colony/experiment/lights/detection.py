@@ -1,11 +1,10 @@
-"""How well ceiling lights are detected, apart from how they are counted: each look of the ceiling camera at
-lights that are really there.
+"""The detection of ceiling lights, apart from their count: the ceiling camera's looks at known lights.
 
-A light that is on is *in view* where its center is no more than `IN_VIEW_MM` ahead or behind, so that both of
+A light that is on is *in view* if its center is no more than `IN_VIEW_MM` ahead or behind, so that both of
 its edges are in the image, the robot is below it, and its heading is no farther from the corridor's than the
-detector allows. It is *passed* when the robot's center comes below its middle, and *detected* where one look
-at least has told it while it was in view. What is told farther than `NEAR_MM` from every light that is on is
-*false*. Looks count while the Navigator tracks lights, as nobody looks at the ceiling otherwise.
+detector allows. It is *passed* when the robot's center comes below its middle, and *detected* if at least one
+look reported it while it was in view. A report farther than `NEAR_MM` from every light that is on is *false*.
+Looks count while the Navigator tracks lights, as no client looks at the ceiling otherwise.
 """
 
 from __future__ import annotations
@@ -26,15 +25,17 @@ IN_VIEW_MM = 420.0
 """Half a light is 300 mm; the camera sees 779 mm ahead and behind."""
 
 NEAR_MM = 150.0
-"""Between a light that is told and one that is there, along the corridor: a quarter of its length."""
+"""Largest distance of a reported light from a real one, along the corridor: a quarter of its length."""
 
 _REACH_MM = 1100.0
 
 
 class LightDetection(NamedTuple):
-    """Lights that are on: how many were passed, and how many of these detected; in how many looks one was in
-    view, and in how many of these it was told; how many were told in all looks, and how many of these were
-    false."""
+    """Counts of lights that are on, and of reports.
+
+    How many lights were passed, and how many of these detected; in how many looks one was in view, and in how
+    many of these it was reported; how many reports there were in all looks, and how many of these were false.
+    """
 
     passed: int
     detected: int
@@ -45,8 +46,11 @@ class LightDetection(NamedTuple):
 
 
 class _Relative(NamedTuple):
-    """A light as the robot has it: how far ahead along the corridor, how far to the left of the robot, and
-    how far the robot's heading is turned against the corridor."""
+    """A light in the frame of the robot.
+
+    Its distance ahead along the corridor, its distance to the left of the robot, and the turn of the robot's
+    heading against the corridor.
+    """
 
     ahead_mm: float
     left_mm: float
@@ -68,7 +72,7 @@ class LightWatch:
     _looks: list[int] = field(default_factory=lambda: [0, 0, 0, 0])
 
     def moved(self, pose: Pose) -> None:
-        """The robot is there, and tracks lights."""
+        """Record the robot's pose while it tracks lights."""
         before, self._ahead = self._ahead, {}
         for number, light in self._near(pose):
             at = _relative(light, pose)
@@ -79,7 +83,7 @@ class LightWatch:
                 self._passed.add(number)
 
     def looked(self, look: Look, pose: Pose) -> None:
-        """An image was taken there, and these lights were told."""
+        """Record an image taken at a pose, and the lights that were reported in it."""
         near = [(number, _relative(light, pose)) for number, light in self._near(pose)]
         in_view = {number: at.ahead_mm for number, at in near if _is_in_view(at)}
         seen = {
@@ -97,16 +101,16 @@ class LightWatch:
 
     @property
     def counts(self) -> LightDetection:
-        """What came of it so far."""
+        """Counts so far."""
         return LightDetection(len(self._passed), len(self._passed & self._told), *self._looks)
 
     @property
     def undetected(self) -> tuple[CeilingLight, ...]:
-        """The lights that are on and were passed without being told."""
+        """Lights that are on and were passed without being reported."""
         return tuple(self.lights[number] for number in sorted(self._passed - self._told))
 
     def _near(self, pose: Pose) -> list[tuple[int, CeilingLight]]:
-        """The lights that are on and not far from the robot."""
+        """Return the lights that are on and not far from the robot."""
         return [
             (number, light)
             for number, light in enumerate(self.lights)
@@ -125,7 +129,7 @@ def _is_in_view(at: _Relative) -> bool:
 
 
 def _relative(light: CeilingLight, pose: Pose) -> _Relative:
-    """Along the corridor in the direction in which the robot goes along it."""
+    """Return a light in the robot's frame, along the corridor in the robot's direction."""
     turned = math.remainder(pose.heading_deg - light.heading_deg, 180.0)
     unit = direction(pose.heading_deg - turned)
     dx, dy = light.x_mm - pose.x_mm, light.y_mm - pose.y_mm

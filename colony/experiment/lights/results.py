@@ -1,4 +1,4 @@
-"""What came of the detection of ceiling lights in one run: as data, how it is kept, and in tables."""
+"""The result of the detection of ceiling lights in one run: as data, as a table of results, and in tables."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from colony.nav.confidence.estimate import Count
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LightResult:
-    """One run, and how well lights were detected in it.
+    """The result of the detection of lights in one run.
 
     Attributes:
-        key: which one.
+        key: key of the run.
         origin, goal: nodes of the map.
-        failure: why the drive failed; "" where it reached the goal. What was seen until then counts.
-        counts: see there.
-        undetected: where the lights are that are on and were passed without being told, x and y in mm.
+        failure: why the drive failed; "" if it reached the goal. What was seen until then counts.
+        counts: the counts of lights.
+        undetected: places of the lights that are on and were passed without being reported, x and y in mm.
     """
 
     key: RunKey
@@ -35,13 +35,13 @@ class LightResult:
 
 
 def detection_total(results: Sequence[LightResult]) -> LightDetection:
-    """The counts over runs."""
+    """Return the counts over runs."""
     counts = [result.counts for result in results]
     return LightDetection(*(sum(one) for one in zip(*counts, strict=True))) if counts else _NOTHING
 
 
 def light_targets(results: Sequence[LightResult]) -> tuple[Target, ...]:
-    """How the detection stands to what was promised."""
+    """Compare the detection with the promised values."""
     counts = detection_total(results)
     detected = Count(counts.detected, counts.passed)
     return (
@@ -61,8 +61,7 @@ def light_targets(results: Sequence[LightResult]) -> tuple[Target, ...]:
 
 
 def light_tables(runs: Sequence[ListedRun], results: Sequence[LightResult]) -> list[str]:
-    """What came of it over all runs, a row a run, and the lights that were not detected; none without
-    results."""
+    """Return the tables over all runs, a row a run, and of undetected lights; none without results."""
     if not results:
         return []
     tables = [targets_markdown(light_targets(results)), _run_table(runs, results), _undetected_table(results)]

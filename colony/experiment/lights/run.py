@@ -1,4 +1,4 @@
-"""A run in which somebody besides CTracker looks at the ceiling, to tell how well lights are detected."""
+"""A run with an additional observer of the ceiling, which measures the detection of lights."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from colony.vision.periods import PERIOD_S
 
 
 def light_witness(on_look: Callable[[Look], None]) -> Script:
-    """Look at the ceiling as often as CTracker, with what it knows of the heading, and tell each look."""
+    """Look at the ceiling as often as CTracker, with its knowledge of the heading, and report each look."""
     yield from hurry((CEILING_CAMERA,), PERIOD_S)
     looks = cameras_looker((CEILING_CAMERA,), (UPWARD,))
     while True:
@@ -31,7 +31,7 @@ def light_witness(on_look: Callable[[Look], None]) -> Script:
 
 
 def _tilt_deg() -> Generator[Step, Any, float]:
-    """The robot's heading less the goal's; 0 where there is no goal yet."""
+    """Return the robot's heading less the goal's; 0 if there is no goal yet."""
     try:
         direction = yield from do("DServer", data.get(GOAL_DIRECTION, type=float))
     except CallRefused:

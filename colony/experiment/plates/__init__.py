@@ -1,0 +1,1 @@
+"""The study of the door plate finders."""

@@ -12,27 +12,27 @@ from colony.nav.confidence.estimate import Count
 from colony.nav.confidence.plates import PlateEvent, plate_counts
 
 _SYMBOLS: dict[Kind, str] = {"found": "D", "missed": "M", "false": "P", "unseen": "M", "beyond": ""}
-"""Of the automaton of section 6.3, which does not ask why a plate was missed."""
+"""Symbols of the automaton of section 6.3, which does not ask why a plate was missed."""
 
 
 def total(results: Sequence[PlateResult], finder: Finder) -> Tally:
-    """The counts of a finder over runs."""
+    """Return the counts of a finder over runs."""
     tallies = [tally(result.outcomes[finder]) for result in results]
     return Tally(*(sum(counts) for counts in zip(*tallies, strict=True))) if tallies else Tally(0, 0, 0, 0, 0)
 
 
 def walks(results: Sequence[PlateResult], finder: Finder) -> tuple[str, ...]:
-    """Each run as a string of D, M and P, as `plate_counts` takes them."""
+    """Return each run as a string of D, M and P, as `plate_counts` takes them."""
     return tuple("".join(_SYMBOLS[one.kind] for one in r.outcomes[finder]) for r in results)
 
 
 def events(results: Sequence[PlateResult], finder: Finder) -> dict[PlateEvent, Count]:
-    """The events of Table 6.6."""
+    """Return the events of Table 6.6."""
     return plate_counts(walks(results, finder))
 
 
 def taken_for_plates(results: Sequence[PlateResult], finder: Finder) -> Counter[str]:
-    """What false sightings really were, and how often, all plates being one kind of thing."""
+    """Count what false sightings really were, all plates being one kind of thing."""
     return Counter(_thing(one.name) for r in results for one in r.outcomes[finder] if one.kind == "false")
 
 
@@ -43,7 +43,7 @@ def _thing(name: str) -> str:
 
 
 def plate_targets(results: Sequence[PlateResult]) -> tuple[Target, ...]:
-    """How the finders stand to what was promised."""
+    """Compare the finders with the promised values."""
     ours, aided = total(results, "ours"), total(results, "map")
     return (
         _at_least("plates found", "ours", Count(ours.found, ours.due), 0.97),

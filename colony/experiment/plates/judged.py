@@ -1,7 +1,7 @@
-"""Sightings of door plates, held against the plates that a robot really passed.
+"""Sightings of door plates, compared with the plates that a robot really passed.
 
-A sighting is a plate where it is no farther than `NEAR_MM` from it. Both are compared where the sighting
-*really* was: its place relative to the robot, as the finder tells it, put where the robot really stood. So
+A sighting is a plate if it is no farther than `NEAR_MM` from it. Both are compared where the sighting
+*really* was: its place relative to the robot, as the finder reports it, applied to the robot's true pose. So
 an error of the odometry is not the finder's.
 """
 
@@ -18,18 +18,21 @@ from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Pose
 
 NEAR_MM = 500.0
-"""Between a sighting and its plate, at most; plates hang at least 1.7 m apart."""
+"""Largest distance of a sighting from its plate; plates hang at least 1.7 m apart."""
 
 LONG_ENOUGH_NS = 500_000_000
 """A plate that was in view for less than this, the period of the Camera Server, may be in no image at all."""
 
 AGAIN, INSTEAD = " again", " instead of "
-"""In the name of what is false: a plate that was seen before, and one that is taken for another."""
+"""Parts of the names of false sightings: of a plate seen before, and of one taken for another."""
 
 
 class Sighting(NamedTuple):
-    """Something was taken for a plate: when, where it really is, what was read, "" where nothing was, and for
-    the plate of which door of the map; None where the finder does not know the map."""
+    """A sighting of a plate.
+
+    Its time, its true place, the text that was read, "" if none was, and the door of the map's plate that it
+    was taken for; None if the finder does not know the map.
+    """
 
     t_ns: int
     place: Point
@@ -38,12 +41,14 @@ class Sighting(NamedTuple):
 
 
 Named = Callable[[Sighting], str]
-"""What is really there, where there is no plate."""
+"""Function that names what is really there, where there is no plate."""
 
 
 def true_place(place: Point, believed: Pose, true: Pose) -> Point:
-    """Where something really is that a robot, which is at `true` and believes to be at `believed`, takes to
-    be at `place`."""
+    """Return the true place of what a robot takes to be at `place`.
+
+    The robot is at `true` and believes to be at `believed`.
+    """
     turned = math.radians(true.heading_deg - believed.heading_deg)
     sine, cosine = math.sin(turned), math.cos(turned)
     dx, dy = place.x - believed.x_mm, place.y - believed.y_mm
@@ -53,11 +58,13 @@ def true_place(place: Point, believed: Pose, true: Pose) -> Point:
 def judged(
     sightings: Sequence[Sighting], plates: Sequence[Plate], passes: Sequence[Pass], named: Named
 ) -> tuple[Outcome, ...]:
-    """What became of each plate that was passed and of each sighting, in the order of their times.
+    """Return the outcome of each plate that was passed and of each sighting, in the order of their times.
 
     Args:
         sightings: in the order of their times.
-        plates: all of the floor.
+        plates: all plates of the floor.
+        passes: the plates that were passed.
+        named: names what is really there, where there is no plate.
     """
     at_ns = {one.plate: one.at_ns for one in passes}
     seen: set[int] = set()
@@ -92,7 +99,7 @@ def _false(sighting: Sighting, name: str) -> Outcome:
 
 
 def _plate(plate: Plate, sighting: Sighting, passed_ns: int | None) -> Outcome:
-    """A plate that was seen; at the time at which it was passed, where it was."""
+    """Return the outcome of a plate that was seen, at the time and place at which it was passed."""
     x, y = sighting.place
     right = sighting.text == plate.text
     if passed_ns is None:

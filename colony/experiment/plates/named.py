@@ -1,4 +1,4 @@
-"""What is really there, where a finder saw a door plate and none hangs."""
+"""The names of what is really there, where a finder saw a door plate and none hangs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from colony.sim.hazards.scenery import PERSON_RADIUS_MM, Scenery
 _CLOSE_MM = 500.0
 
 People = Callable[[int], Iterable[Iterable[float]]]
-"""Where people were at a time, x and y in mm."""
+"""Function that returns the places of people at a time, x and y in mm."""
 
 
 class _Thing(NamedTuple):
@@ -28,8 +28,10 @@ class _Thing(NamedTuple):
 
 
 def names_in(floor: Map, scenery: Scenery, people: People) -> Named:
-    """Names what hangs or stands within half a meter of a sighting: people first, then what is on walls, then
-    the wall itself."""
+    """Return a function that names what hangs or stands within half a meter of a sighting.
+
+    People come first, then what is on walls, then the wall itself.
+    """
     on_walls = tuple(_on_walls(floor, scenery))
     walls = tuple(_walls(floor))
 
@@ -73,7 +75,7 @@ def _walls(floor: Map) -> Iterator[_Thing]:
 
 
 def _apart(place: Point, thing: _Thing) -> float:
-    """How far a place is from a thing, at its nearest."""
+    """Return the distance of a place from a thing, at its nearest."""
     (x, y), (x0, y0), (x1, y1) = place, thing.start, thing.end
     square = (x1 - x0) ** 2 + (y1 - y0) ** 2
     along = ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / square if square > 0.0 else 0.0

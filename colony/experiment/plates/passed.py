@@ -1,11 +1,11 @@
-"""Which door plates a robot really passed on its left, and for how long its side camera had them in view.
+"""The door plates that a robot really passed on its left, and the time that they were in view.
 
-This is the truth that plate finders are held against: it comes from the map and the true path. A plate is
-*passed* when the robot crosses the normal of the wall through the plate's middle, with the plate to its left,
-no farther than `FARTHEST_MM` and no wall in between. It is *in view* while both of its ends are in the
-camera's field, it is no farther than that, and the camera is turned away from the normal by less than
-`STEEPEST_DEG`, beyond which finders do not look (thesis section 5.7). Who stands in front of it does not
-count here: that is the finder's bad luck.
+This is the ground truth for plate finders: it comes from the map and the true path. A plate is *passed* when
+the robot crosses the normal of the wall through the plate's middle, with the plate to its left, no farther
+than `FARTHEST_MM` and no wall in between. It is *in view* while both of its ends are in the camera's field,
+it is no farther than that, and the camera is turned away from the normal by less than `STEEPEST_DEG`, beyond
+which finders do not look (thesis section 5.7). People in front of it are ignored here: that is the finder's
+bad luck.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from colony.nav.maps.stickrep.model import Pose
 from colony.vision.level_camera import SIDE
 
 FARTHEST_MM = 2500.0
-"""Of a plate's middle from the camera."""
+"""Largest distance of a plate's middle from the camera."""
 
 STEEPEST_DEG = 50.0
-"""Between the camera's axis and the normal of the wall."""
+"""Largest angle between the camera's axis and the normal of the wall."""
 
 _BEFORE_WALL_MM = 20.0
 
@@ -97,7 +97,7 @@ class PassWatch:
                 self._in_view_ns[plate] += t_ns - self._last_ns
 
     def _is_in_sight(self, pose: Pose, plate: int) -> bool:
-        """Whether no wall is between the robot and a plate's middle."""
+        """Return True if no wall is between the robot and a plate's middle."""
         eye = np.array(pose[:2])
         ray = self._middles[plate] - _BEFORE_WALL_MM * self._inward[plate] - eye
         start = self._walls[:, :2] - eye

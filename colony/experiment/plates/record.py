@@ -1,4 +1,4 @@
-"""What plate finders made of one run, as data, and how it is kept."""
+"""The results of the plate finders in one run, as data and as a table of results."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from colony.experiment.record import Failure, RunKey
 from colony.experiment.results import KEY_COLUMNS, Table
 
 Finder = Literal["thesis", "ours", "map"]
-"""As printed in the thesis; ours, which knows only images, heading and sonar; ours with the map."""
+"""A finder: the thesis's as printed; ours, which knows only images, heading and sonar; ours with the map."""
 
 FINDERS: tuple[Finder, ...] = ("thesis", "ours", "map")
 
@@ -21,10 +21,10 @@ FINDER_NAMES: Mapping[Finder, str] = {
 }
 
 Kind = Literal["found", "missed", "unseen", "false", "beyond"]
-"""What became of a plate, or of a sighting.
+"""The outcome of a plate, or of a sighting.
 
 found, missed: a plate that was passed, and in view for long enough. unseen: one that was passed, but not in
-view for long enough: nobody can find it. false: a sighting of something else, or of a plate once more.
+view for long enough: no finder can find it. false: a sighting of something else, or of a plate once more.
 beyond: a sighting of a plate that was not passed, as at the end of the way; it counts neither way.
 """
 
@@ -51,10 +51,10 @@ class PlateResult:
     """One run with several finders that looked at the same images.
 
     Attributes:
-        key: which one.
+        key: key of the run.
         origin, goal: nodes of the map.
         failure: why the drive failed; "" where it reached the goal. What was found until then counts.
-        time_s: of the drive.
+        time_s: duration of the drive.
         outcomes: of each finder, in the order of their times.
     """
 
@@ -67,8 +67,10 @@ class PlateResult:
 
 
 class Tally(NamedTuple):
-    """How many plates were found, missed and out of view, how many of the found ones were read right, and how
-    many false sightings there were."""
+    """Counts of plates that were found, missed and out of view.
+
+    With them come the number of found plates that were read right, and the number of false sightings.
+    """
 
     found: int
     missed: int

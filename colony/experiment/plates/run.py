@@ -43,7 +43,7 @@ class PlateRun:
         self._people: dict[int, list[list[float]]] = {}
 
     def _finders(self, spec: RunSpec) -> Mapping[str, Script]:
-        """By name; ours with the map stands where the variant has its own."""
+        """Return the finders by name; the one with the map replaces the variant's own."""
         floors = {floor.name: plates_of(floor) for floor in building_at(spec.map_path).maps}
         return {
             "plates": plate_finder(floors, camera=SIDE_CAMERA, on_plate=self.sights["map"].append),
@@ -54,7 +54,7 @@ class PlateRun:
         }
 
     def step(self) -> bool:
-        """One frame; False when the run is over."""
+        """Drive one frame; False when the run is over."""
         run = self.run
         pose = run.world.true_pose(0)
         self.path.add(run.loop.now_ns, pose)
@@ -67,7 +67,7 @@ class PlateRun:
         self.run.close()
 
     def result(self) -> PlateResult:
-        """What came of it so far."""
+        """Return the result so far."""
         run = self.run
         return PlateResult(
             key=run.spec.key,
@@ -84,7 +84,7 @@ class PlateRun:
         return judged(sightings, self.plates, self.passed.passes, named)
 
     def sighting(self, sight: PlateSight) -> Sighting:
-        """What was told, where it really is."""
+        """Return a reported sighting, at its true place."""
         place = true_place(Point(*sight.place), Pose(*sight.robot), self.path.at(sight.t_ns))
         return Sighting(sight.t_ns, place, sight.text, sight.door)
 

@@ -28,11 +28,11 @@ from colony.nav.confidence.plates import (
 from colony.nav.confidence.published_plates import PUBLISHED_WALKS
 
 _PLATES = 15
-"""For a corridor of so many the probability is given that all are detected: the mean of the walks."""
+"""Length of the corridor, in plates, for the probability that all are detected: the mean of the walks."""
 
 
 def plate_tables(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> list[str]:
-    """All of them, for a page or a terminal; none without results."""
+    """Return all tables, for a page or a terminal; none without results."""
     if not results:
         return []
     tables = [
@@ -47,12 +47,12 @@ def plate_tables(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> 
 
 
 def plate_target_table(results: Sequence[PlateResult]) -> str:
-    """How the finders stand to what was promised."""
+    """Compare the finders with the promised values, in Markdown."""
     return targets_markdown(plate_targets(results))
 
 
 def walk_table(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> str:
-    """A row a walk, over all of its seeds: found, missed, false of each finder, beside the published ones."""
+    """Return a row a walk, over all of its seeds: found, missed, false of each finder, and as published."""
     head = ["walk", "from", "to", "reached", "plates", "out of view"]
     head += [f"{FINDER_NAMES[finder]}: found, missed, false" for finder in FINDERS]
     head += ["published: found, missed, false"]
@@ -81,7 +81,7 @@ def walk_table(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> st
 
 
 def finder_table(results: Sequence[PlateResult]) -> str:
-    """A row a finder: what it found, read and took for a plate, with exact 95 % intervals."""
+    """Return a row a finder: what it found, read and took for a plate, with exact 95 % intervals."""
     rows = []
     for finder in FINDERS:
         count = total(results, finder)
@@ -119,7 +119,7 @@ def finder_table(results: Sequence[PlateResult]) -> str:
 
 
 def false_table(results: Sequence[PlateResult]) -> str:
-    """What was taken for plates, and how often; "" where nothing was."""
+    """Return the table of what was taken for plates, with counts; "" if nothing was."""
     counts = {finder: taken_for_plates(results, finder) for finder in FINDERS}
     names = sorted(set().union(*counts.values()))
     rows = [[name, *(str(counts[finder][name]) for finder in FINDERS)] for name in names]
@@ -128,7 +128,7 @@ def false_table(results: Sequence[PlateResult]) -> str:
 
 
 def plate_event_table(results: Sequence[PlateResult]) -> str:
-    """The events of Table 6.6, and what follows for a corridor of `_PLATES` plates, beside the published."""
+    """Return the events of Table 6.6 and what follows for `_PLATES` plates, beside the published."""
     counts = {finder: events(results, finder) for finder in FINDERS}
     rows = [
         [
@@ -150,7 +150,7 @@ _OURS: tuple[Finder, ...] = ("ours", "map")
 
 
 def missed_table(results: Sequence[PlateResult]) -> str:
-    """A row for each plate that one of our finders missed, read wrong, or saw where none is; "" without."""
+    """Return a row for each plate that a finder of ours missed, misread, or saw where none is."""
     rows = []
     for result in results:
         for finder in _OURS:

@@ -16,16 +16,18 @@ from colony.experiment.tables import markdown, targets_markdown
 ALL_SOURCES, ODOMETRY = "all", "odometry alone"
 
 HONEST = (0.85, 0.999)
-"""Which part of the true poses is in the ellipsoid that should hold 95 in 100: within these bounds the
-covariance is right within a factor of about two, in either direction."""
+"""Range of the part of true poses in the ellipsoid that should hold 95 in 100.
+
+Within these bounds the covariance is right within a factor of about two, in either direction.
+"""
 
 
 class PoseErrors(NamedTuple):
-    """How far the estimate was from the true pose, along a run.
+    """Errors of the estimate against the true pose, along a run.
 
-    `looks` is how often it was looked at; `square_mm2` and `square_deg2` are the sums of the squares of how
-    far the position and the heading were off, `worst_mm` the worst of the former; `inside` is how often the
-    true pose lay in the ellipsoid that should hold 95 in 100.
+    `looks` is the number of comparisons; `square_mm2` and `square_deg2` are the sums of the squared errors of
+    the position and the heading, `worst_mm` the worst error of the position; `inside` is how often the true
+    pose lay in the ellipsoid that should hold 95 in 100.
     """
 
     looks: int = 0
@@ -36,8 +38,11 @@ class PoseErrors(NamedTuple):
 
 
 class SourceOutcome(NamedTuple):
-    """A run with some of the sources: why it failed, "" where it reached the goal; how far from the goal the
-    robot stood at last; the speed of its worst contact; how the estimate was along the way."""
+    """The outcome of a run with some of the sources.
+
+    Why it failed, "" if it reached the goal; how far from the goal the robot stood at last; the speed of its
+    worst contact; the errors of the estimate along the way.
+    """
 
     failure: Failure
     off_mm: float
@@ -50,7 +55,7 @@ class SourceResult:
     """One run, driven once for each choice of sources.
 
     Attributes:
-        key: which one.
+        key: key of the run.
         origin, goal: nodes of the map.
         outcomes: by what was left out, as "no lights"; `ALL_SOURCES` and `ODOMETRY` are among them.
     """
@@ -62,12 +67,12 @@ class SourceResult:
 
     @property
     def failure(self) -> Failure:
-        """Why the run failed that had all sources."""
+        """Reason why the run with all sources failed."""
         return self.outcomes[ALL_SOURCES].failure
 
 
 def source_targets(results: Sequence[SourceResult]) -> tuple[Target, ...]:
-    """How the estimate from all sources stands to what is expected of it."""
+    """Compare the estimate from all sources with what is expected of it."""
     if not results:
         return ()
     outcomes = [result.outcomes[ALL_SOURCES] for result in results]
@@ -91,7 +96,7 @@ def source_targets(results: Sequence[SourceResult]) -> tuple[Target, ...]:
 
 
 def source_tables(runs: Sequence[ListedRun], results: Sequence[SourceResult]) -> list[str]:
-    """Which runs, what came of it, and a row for each choice of sources; none without results."""
+    """Return the runs, their results, and a row for each choice of sources; none without results."""
     if not results:
         return []
     head = [
@@ -109,7 +114,7 @@ def source_tables(runs: Sequence[ListedRun], results: Sequence[SourceResult]) ->
 
 
 def _told(results: Sequence[SourceResult]) -> str:
-    """Which runs these are."""
+    """Describe the runs."""
     numbers = ", ".join(map(str, sorted({result.key.number for result in results})))
     seeds = ", ".join(map(str, sorted({result.key.seed for result in results})))
     return f"Runs {numbers}; seeds {seeds}."

@@ -1,7 +1,7 @@
-"""What each source of the pose is worth: runs that are driven again with one source left out, by the same
-doors, people and slips, with the estimate held against the true pose along the way.
+"""The value of each source of the pose: runs that are repeated with one source left out.
 
-There are no elevators on these ways, and so no markers.
+The doors, people and slips are the same, and the estimate is compared with the true pose along the way. There
+are no elevators on these ways, and so no markers.
 """
 
 from __future__ import annotations
@@ -29,11 +29,14 @@ from colony.nav.shared import POSE
 from colony.robots.variants import CEILING_CAMERA, SIDE_CAMERA
 
 NUMBERS = (1, 22, 24, 28, 35, 39)
-"""Of the published runs: one corridor, two corners, many; and in the new wing a short way, a long one past
-dark corridors, and one with two corners."""
+"""Numbers of the published runs that are repeated.
+
+One corridor, two corners, many; and in the new wing a short way, a long one past dark corridors, and one with
+two corners.
+"""
 
 LOOK_FRAMES = 10
-"""How many frames there are between two looks at the estimate."""
+"""Number of frames between two looks at the estimate."""
 
 IN_95 = 7.815
 """The square of the distance, in standard deviations, within which 95 in 100 of three dimensions are."""
@@ -50,7 +53,7 @@ CHOICES: Mapping[str, frozenset[Source]] = {
 
 
 def source_list() -> tuple[ListedRun, ...]:
-    """Some of the published runs, which have something of everything."""
+    """Return some of the published runs, which have something of everything."""
     return tuple(run for run in published_list() if run.number in NUMBERS)
 
 
@@ -61,7 +64,7 @@ def run_with_sources(spec: RunSpec) -> SourceResult:
 
 
 def _chosen(spec: RunSpec, sources: frozenset[Source]) -> RunSpec:
-    """Whoever does not use plates needs not look for them."""
+    """Return the run with the chosen sources; without plates the robot has no side camera."""
     cameras = {CEILING_CAMERA, SIDE_CAMERA} if Source.PLATES in sources else {CEILING_CAMERA}
     return replace(spec, sources=sources, cameras=frozenset(cameras))
 

@@ -1,0 +1,1 @@
+"""Probabilistic automata that give the confidence of a plan (thesis section 6.3)."""

@@ -1,4 +1,4 @@
-"""How likely a robot reaches its goal: the probabilistic automaton of thesis section 6.3, in exact fractions.
+"""The probability that a robot reaches its goal: the automaton of thesis section 6.3, in exact fractions.
 
 A plan's modes are the input: l along lights, c around a corner, d to the goal. Each mode takes the automaton
 from state to state, with a probability; what is missing to 1 is the robot being lost.
@@ -24,11 +24,11 @@ State = Literal["S", "F", "C", "G"]
 """S is where every run begins, G where it is to end."""
 
 RIDE = "v"
-"""A ride of an elevator, after which the automaton begins anew on the next floor. The thesis has none."""
+"""A ride of an elevator, after which the automaton starts again on the next floor. The thesis has none."""
 
 
 class Event(Enum):
-    """What may go right or wrong."""
+    """An event of a run that may succeed or fail."""
 
     START_LIGHT = "the first light is found by a robot that has just started"
     LIGHTS = "the lights of a corridor are followed to the last one, once the first was found"
@@ -38,7 +38,7 @@ class Event(Enum):
 
 
 class Arc(NamedTuple):
-    """Where a symbol leads, and what must come true for that."""
+    """An arc of the automaton: the state it leads to, and the events that must come true on it."""
 
     to: State
     events: tuple[Event, ...]

@@ -1,10 +1,10 @@
-"""What results of runs say about the automaton of `confidence.py`: its probabilities, and how sure they are.
+"""Estimates of the automaton's probabilities from the results of runs, with their confidence intervals.
 
 Each event is a Bernoulli trial: so many times it could come true, so many times it did. Intervals of one
 probability are those of Wilson (1927), or the exact and wider ones of Clopper and Pearson (1934). The
-interval of a string's confidence is had by drawing each event's probability from its posterior distribution
-under Jeffreys' prior, Beta(k + 1/2, n - k + 1/2): drawing runs anew would call an event certain that never
-failed.
+interval of a string's confidence comes from drawing each event's probability from its posterior distribution
+under Jeffreys' prior, Beta(k + 1/2, n - k + 1/2). Resampling the runs instead would call an event certain
+that never failed.
 """
 
 from __future__ import annotations
@@ -23,20 +23,23 @@ from colony.nav.confidence.automaton import ALL_ARCS, PUBLISHED_ARCS, Arcs, Auto
 
 
 class Count(NamedTuple):
-    """Of `trials` so many were good."""
+    """The number of successes among `trials`."""
 
     good: int
     trials: int
 
     def plus(self, good: bool) -> Count:
-        """After one more."""
+        """Return the count after one more trial."""
         return Count(self.good + good, self.trials + 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunModes:
-    """What became of a run: its modes, how many of them it completed, and, where it failed along lights,
-    whether it had found the first one."""
+    """The result of a run.
+
+    It holds the run's modes, the number of modes that the run completed and, if it failed along lights,
+    whether it had found the first light.
+    """
 
     modes: str
     completed: int
@@ -55,11 +58,11 @@ PUBLISHED_COUNTS: Counts = MappingProxyType(
         Event.DEAD_RECKONING: Count(35, 35),
     }
 )
-"""Of the thesis's runs: those of section 6.3, and how often Tables 6.1 and 6.2 count the mode D."""
+"""Counts of the thesis's runs: those of section 6.3, and those of the mode D in Tables 6.1 and 6.2."""
 
 
 def counts_of(runs: Iterable[RunModes]) -> dict[Event, Count]:
-    """How often each event could come true in these runs, and did.
+    """Count how often each event could come true in these runs, and how often it did.
 
     Raises:
         ValueError: a run completed more modes than it has, or fewer than none.
@@ -78,7 +81,7 @@ def counts_of(runs: Iterable[RunModes]) -> dict[Event, Count]:
 
 
 def _events(mode: str, before: str, done: bool, found: bool) -> list[tuple[Event, bool]]:
-    """What could come true in one mode, after the one before, and whether it did."""
+    """Return the events that could come true in a mode after the one before, and whether each one did."""
     match mode:
         case "l":
             first = Event.CORNER_LIGHT if before == "c" else Event.START_LIGHT
@@ -92,7 +95,7 @@ def _events(mode: str, before: str, done: bool, found: bool) -> list[tuple[Event
 
 
 def estimated(counts: Counts, arcs: Arcs = ALL_ARCS) -> Automaton:
-    """The automaton with the relative frequencies; what was never tried counts as sure, as in the thesis."""
+    """Return the automaton with the relative frequencies; as in the thesis, an untried event is sure."""
     events = {
         event: Fraction(count.good, count.trials) if count.trials else Fraction(1)
         for event, count in counts.items()
@@ -105,14 +108,14 @@ PUBLISHED = estimated(PUBLISHED_COUNTS, PUBLISHED_ARCS)
 
 
 class Interval(NamedTuple):
-    """From `low` to `high`, both between 0 and 1."""
+    """The interval from `low` to `high`, both between 0 and 1."""
 
     low: float
     high: float
 
 
 def wilson(count: Count, level: float = 0.95) -> Interval:
-    """Wilson's score interval for the probability of an event; [0, 1] where it was never tried."""
+    """Return Wilson's score interval for the probability of an event; [0, 1] if it was never tried."""
     good, n = count
     if n == 0:
         return Interval(0.0, 1.0)
@@ -126,7 +129,7 @@ def wilson(count: Count, level: float = 0.95) -> Interval:
 
 
 def clopper_pearson(count: Count, level: float = 0.95) -> Interval:
-    """The exact interval: the probabilities that make neither tail rarer than half of 1 - `level`."""
+    """Return the exact interval: the probabilities that make neither tail rarer than half of 1 - `level`."""
     good, n = count
     tail = (1 - level) / 2
     low = 0.0 if good == 0 else _root(lambda p: regularized_beta(good, n - good + 1, p) - tail)
@@ -137,11 +140,15 @@ def clopper_pearson(count: Count, level: float = 0.95) -> Interval:
 def string_interval(
     counts: Counts, modes: str, *, seed: int, level: float = 0.95, draws: int = 10_000, arcs: Arcs = ALL_ARCS
 ) -> Interval | None:
-    """The interval in which the confidence of a string lies; None for a string that the automaton has not.
+    """Return the interval of a string's confidence, or None if the automaton does not accept the string.
 
     Args:
-        counts: of all events; those that the string does not need change nothing.
-        seed: of the draws.
+        counts: counts of all events; events that the string does not need change nothing.
+        modes: the string: the modes of a plan, in order.
+        seed: seed of the draws.
+        level: level of the interval.
+        draws: number of draws for each event.
+        arcs: the arcs of the automaton.
     """
     powers = powers_of(modes, arcs)
     if powers is None:
@@ -163,7 +170,7 @@ _BISECTIONS = 60
 
 
 def _root(rising: Callable[[float], float]) -> float:
-    """Where a function that rises from below 0 at 0 to above 0 at 1 is 0."""
+    """Return the root of a function that rises from below 0 at 0 to above 0 at 1."""
     low, high = 0.0, 1.0
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
@@ -176,7 +183,7 @@ _MOST_TERMS = 10_000
 
 
 def regularized_beta(a: float, b: float, x: float) -> float:
-    """I_x(a, b), the distribution function of Beta(a, b), to about 1e-12.
+    """Return I_x(a, b), the distribution function of Beta(a, b), to about 1e-12.
 
     By its continued fraction (Abramowitz and Stegun 26.5.8), evaluated by Lentz's method.
     """

@@ -1,4 +1,4 @@
-"""How likely all door number plates of a corridor are detected: the automaton of thesis Figures 6.8 and 6.9.
+"""The probability that all door plates of a corridor are detected: thesis Figures 6.8 and 6.9.
 
 At most one plate is missed, and at most one false one seen, between two that are detected (section 6.3).
 
@@ -114,7 +114,7 @@ TABLE_6_6_COUNTS: Mapping[PlateEvent, Count | None] = {
     "E8": Count(10, 11),
     "E9": Count(11, 162),
 }
-"""As published; E3 is assumed to be 1 there."""
+"""Counts as published; E3 is assumed to be 1 there."""
 
 TABLE_6_6 = plate_events(TABLE_6_6_COUNTS)
-"""As published, from the eleven walks of Table 6.3."""
+"""Probabilities as published, from the eleven walks of Table 6.3."""

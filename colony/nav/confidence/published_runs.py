@@ -14,12 +14,12 @@ class PublishedRun:
     """A run, and what became of it.
 
     Attributes:
-        wing, number: which table, and which of its rows.
+        wing, number: the table, and the row in it.
         origin, goal: nodes of `maps/msu_engineering_3.stickrep`.
         began: date and time of day, ISO 8601.
         distance_mm: from jamb to jamb along the ring, rounded down to millimeters in the tables.
         beyond_goal_mm: where the robot stopped; negative is before the goal, None a failed run.
-        seconds: how long it took; None for failed runs.
+        seconds: its duration; None for failed runs.
         done, needed: how often the modes l, c and d were gone through, and how often they had to be. Where
             a mode failed, the tables count it in some rows and in others not.
         failed_mode: the mode in which a failed run failed.
@@ -39,12 +39,12 @@ class PublishedRun:
 
     @property
     def reached(self) -> bool:
-        """Whether the robot came to its goal."""
+        """True if the robot reached its goal."""
         return self.beyond_goal_mm is not None
 
     @property
     def compensated(self) -> bool:
-        """Whether the overshoot was taken off the distances, as after December 22, 1993."""
+        """True if the overshoot was subtracted from the distances, as after December 22, 1993."""
         return self.began > "1993-12-23"
 
 
@@ -116,4 +116,4 @@ def _run(row: str) -> PublishedRun:
 
 
 PUBLISHED_RUNS: tuple[PublishedRun, ...] = tuple(_run(row) for row in _TABLE.strip().splitlines()[1:])
-"""All of them, in the order of the tables."""
+"""All published runs, in the order of the tables."""

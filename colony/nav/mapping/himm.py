@@ -23,7 +23,7 @@ FALL = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HimmSetting:
-    """What a local map is like; lengths in mm.
+    """The setting of a local map; lengths in mm.
 
     Attributes:
         cell_mm: the side of a cell.
@@ -41,8 +41,11 @@ class HimmSetting:
 
 
 class LocalPose(NamedTuple):
-    """Where a robot is in a local map: mm ahead of the place where the map began, and to the left of it, and
-    the heading in radians counterclockwise from the heading there."""
+    """The pose of a robot in a local map.
+
+    Millimeters ahead of the place where the map began and to the left of it, and the heading in radians,
+    counterclockwise from the heading there.
+    """
 
     ahead_mm: float
     left_mm: float
@@ -61,7 +64,7 @@ class HimmMap:
     """A local map, square, its origin in the middle. Mutable."""
 
     def __init__(self, setting: HimmSetting | None = None) -> None:
-        """An empty map."""
+        """Begin with an empty map."""
         self.setting = setting or HimmSetting()
         side = 2 * round(self.setting.half_side_mm / self.setting.cell_mm)
         self._side = side
@@ -75,7 +78,7 @@ class HimmMap:
         return self._grid.reshape(self._side, self._side).astype(np.uint8)
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Clear all cells."""
         self._grid[:] = 0
 
     def mark(self, pose: LocalPose, ranges: Floats) -> None:
@@ -93,7 +96,7 @@ class HimmMap:
         self._raise(row[close], column[close])
 
     def cells(self, least: int = RISE) -> Cells:
-        """The cells whose certainty is at least so much."""
+        """Return the cells whose certainty is at least so much."""
         at = np.flatnonzero(self._grid >= least)
         row, column = np.divmod(at, self._side)
         half, cell = self._side // 2, self.setting.cell_mm

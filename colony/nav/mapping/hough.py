@@ -22,9 +22,9 @@ class Line(NamedTuple):
 
     Attributes:
         angle_deg: its direction, counterclockwise from ahead, in [-90, 90).
-        distance_mm: how far it passes to the left of the origin, as seen along its direction.
+        distance_mm: its distance to the left of the origin, as seen along its direction.
         weight: the sum of the certainties of its cells.
-        begin_mm, end_mm: how far along its direction its cells reach, from the foot of the origin.
+        begin_mm, end_mm: the range of its cells along its direction, from the foot of the origin.
         spread_mm: the standard deviation of its cells across it.
     """
 
@@ -37,21 +37,21 @@ class Line(NamedTuple):
 
     @property
     def length_mm(self) -> float:
-        """From its first cell to its last one."""
+        """Length of the line, from its first cell to its last one."""
         return self.end_mm - self.begin_mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoughSetting:
-    """How lines are sought.
+    """The setting of the search for lines.
 
     Attributes:
-        angle_step_deg, distance_step_mm: a bin.
-        parallel_deg: a line is parallel up to this angle.
-        least_apart_mm, most_apart_mm: between the two walls of a hallway.
-        near_mm: a cell belongs to a line up to this distance.
-        least_weight: a line has at least so much.
-        least_length_mm: and reaches at least so far.
+        angle_step_deg, distance_step_mm: the size of a bin.
+        parallel_deg: the largest angle between parallel lines.
+        least_apart_mm, most_apart_mm: the distance between the two walls of a hallway.
+        near_mm: the largest distance of a cell from the line to which it belongs.
+        least_weight: the least weight of a line.
+        least_length_mm: the least length of a line.
     """
 
     angle_step_deg: float = 1.0
@@ -65,7 +65,7 @@ class HoughSetting:
 
 
 def lines_in(cells: Cells, setting: HoughSetting | None = None) -> tuple[Line, ...]:
-    """The strongest line, and the strongest one parallel to it on either side; none where cells are few."""
+    """Return the strongest line, and the strongest parallel to it on either side; none if cells are few."""
     setting = setting or HoughSetting()
     if cells.certainty.sum() < setting.least_weight:
         return ()
@@ -85,7 +85,7 @@ def lines_in(cells: Cells, setting: HoughSetting | None = None) -> tuple[Line, .
 
 
 def _votes(cells: Cells, setting: HoughSetting) -> tuple[Floats, Floats, float]:
-    """(angles, distances): the votes; the angles of the bins, and the distance of the first bin."""
+    """Return the votes, (angles, distances), the angles of the bins, and the first bin's distance."""
     angles = np.radians(np.arange(-90.0, 90.0, setting.angle_step_deg))
     distances = np.outer(np.cos(angles), cells.left_mm) - np.outer(np.sin(angles), cells.ahead_mm)
     step = setting.distance_step_mm
@@ -103,7 +103,7 @@ def _votes(cells: Cells, setting: HoughSetting) -> tuple[Floats, Floats, float]:
 def _guided(
     votes: Floats, angles: Floats, nearest: float, first: Line, side: float, setting: HoughSetting
 ) -> tuple[float, float] | None:
-    """Where the strongest line parallel to the first one is, at a plausible distance on one side of it."""
+    """Return the strongest line parallel to the first one, at a plausible distance on one side of it."""
     off = np.degrees(angles) - first.angle_deg
     rows = np.flatnonzero(np.abs(_half_turned(off)) <= setting.parallel_deg)
     # A line at 89 degrees and its parallel at -89 have opposite directions, and left is right.
@@ -119,17 +119,17 @@ def _guided(
 
 
 def _half_turned(angle_deg: Floats | float) -> Floats:
-    """The angle between directionless lines, in [-90, 90)."""
+    """Return the angle between directionless lines, in [-90, 90)."""
     return np.asarray((angle_deg + 90.0) % 180.0 - 90.0)
 
 
 _REFINEMENTS = 3
 _STRAY = 0.02
-"""So much of a line at either end does not count for where it ends: cells that happen to lie in its way."""
+"""Part of a line at either end that does not count for its end: cells that happen to lie in its way."""
 
 
 def _fitted(cells: Cells, angle_rad: float, distance_mm: float, setting: HoughSetting) -> Line | None:
-    """The line fitted to the cells near to it by total least squares; None where they are too few."""
+    """Fit a line to the cells near to it by total least squares; None if they are too few."""
     for _ in range(_REFINEMENTS):
         cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
         across = cosine * cells.left_mm - sine * cells.ahead_mm
@@ -160,7 +160,7 @@ def _fitted(cells: Cells, angle_rad: float, distance_mm: float, setting: HoughSe
 def _in_order(
     angle_rad: float, distance_mm: float, weight: float, ends: tuple[float, float], spread: float
 ) -> Line:
-    """A line with its angle in [-90, 90)."""
+    """Return a line with its angle in [-90, 90)."""
     angle = math.degrees(angle_rad)
     wrapped = (angle + 90.0) % 180.0 - 90.0
     sign = 1.0 if round((angle - wrapped) / 180.0) % 2 == 0 else -1.0

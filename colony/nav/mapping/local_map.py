@@ -13,7 +13,7 @@ from colony.nav.pose.steps import Step
 
 
 def local_pose(origin: Pose, pose: Pose) -> LocalPose:
-    """A pose as seen from another one (thesis section 5.5)."""
+    """Return a pose as seen from another one (thesis section 5.5)."""
     heading = math.radians(origin.heading_deg)
     sine, cosine = math.sin(heading), math.cos(heading)
     dx, dy = pose.x_mm - origin.x_mm, pose.y_mm - origin.y_mm
@@ -25,7 +25,7 @@ def local_pose(origin: Pose, pose: Pose) -> LocalPose:
 
 
 def beyond(pose: LocalPose, step: Step) -> LocalPose:
-    """Where a robot is after a step."""
+    """Return the pose of a robot after a step."""
     sine, cosine = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
     return LocalPose(
         ahead_mm=pose.ahead_mm + step.ahead_mm * cosine - step.left_mm * sine,
@@ -35,7 +35,7 @@ def beyond(pose: LocalPose, step: Step) -> LocalPose:
 
 
 def seen_from(origin: LocalPose, pose: LocalPose) -> LocalPose:
-    """A pose of the same map as seen from another one of it."""
+    """Return a pose of the same map as seen from another one of it."""
     sine, cosine = math.sin(origin.heading_rad), math.cos(origin.heading_rad)
     ahead, left = pose.ahead_mm - origin.ahead_mm, pose.left_mm - origin.left_mm
     return LocalPose(
@@ -64,7 +64,7 @@ class Trail:
 
     @property
     def way_mm(self) -> float:
-        """How far the robot went from the oldest scan to where it is."""
+        """Distance that the robot traveled since the oldest scan, in mm."""
         return self._way_mm - self._scans[0][0] if self._scans else 0.0
 
     def clear(self) -> None:
@@ -72,7 +72,7 @@ class Trail:
         self._scans.clear()
 
     def add(self, step: Step, ranges: Floats | None) -> None:
-        """The robot moved, and then scanned, or did not."""
+        """Record a step of the robot, and a scan after it, if there is one."""
         self._at = beyond(self._at, step)
         self._way_mm += math.hypot(step.ahead_mm, step.left_mm)
         if ranges is None:
@@ -87,7 +87,7 @@ class Trail:
             self._scans.popleft()
 
     def lines(self, himm: HimmSetting, hough: HoughSetting | None = None) -> tuple[Line, ...]:
-        """The lines in a map of these scans whose origin is where the robot is now."""
+        """Return the lines in a map of these scans whose origin is where the robot is now."""
         local = HimmMap(himm)
         for _, pose, ranges in self._scans:
             local.mark(seen_from(self._at, pose), ranges)

@@ -1,9 +1,8 @@
-"""The local mapper of the thesis: a client that keeps the robot's heading at RServer right by what the sonars
-hear (section 5.5).
+"""The local mapper of the thesis: a client that corrects the heading at RServer by the sonars (section 5.5).
 
 It corrects the heading only, once for every three lights, against the direction of the goal, and so not at
-all in a hallway of fewer lights. The pose estimator (`colony/nav/pose/estimate.py`), which takes its place,
-follows the robot through the map scan by scan, everywhere; this is what that is compared with.
+all in a hallway of fewer lights. The pose estimator (`colony/nav/pose/estimate.py`) replaces it and follows
+the robot through the map scan by scan, everywhere. This client is the baseline of the comparison.
 """
 
 from __future__ import annotations
@@ -34,8 +33,10 @@ PERIOD_S = 0.1
 
 
 def local_mapper() -> Script:
-    """Correct RServer's heading in the ceiling-light tracking mode, by the lines in a map of every three
-    lights, for ever."""
+    """Correct RServer's heading in the ceiling-light tracking mode. Runs forever.
+
+    The correction comes from the lines in a local map of every three lights.
+    """
     model = SonarModel()
     himm = HimmSetting(full_range_mm=model.full_range_mm, ring_mm=model.ring_mm)
     for name in (START_MAP, LIGHT_DETECTED):
@@ -87,7 +88,7 @@ def _pose(where: Position) -> Pose:
 
 
 def _scan_and_position() -> Generator[Step, Any, tuple[SonarReading | None, Position | None]]:
-    """The newest scan, and the position right after it; None for what is not known now."""
+    """Return the newest scan, and the position right after it; None for what is not known now."""
     scan = yield from asked("PServer", proximity.sonar())
     where = yield from asked("RServer", robot.position())
     return scan, where

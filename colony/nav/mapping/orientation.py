@@ -1,15 +1,15 @@
-"""Which way along a hallway: lines have no direction, robots do (thesis section 5.5)."""
+"""The direction along a hallway: lines have no direction, robots do (thesis section 5.5)."""
 
 from __future__ import annotations
 
 
 def wrapped(angle_deg: float) -> float:
-    """An angle in (-180, 180]."""
+    """Return an angle in (-180, 180]."""
     return 180.0 - (180.0 - angle_deg) % 360.0
 
 
 def directed(orientation_deg: float, goal_deg: float) -> float:
-    """The direction of a hallway: of the two along its orientation, the one nearer to the goal's.
+    """Return the direction of a hallway: of the two along its orientation, the one nearer to the goal's.
 
     Both are headings in one frame. Where they are equally near, 90 degrees away, it is the orientation as it
     is given.

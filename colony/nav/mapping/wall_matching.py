@@ -2,7 +2,7 @@
 
 A line is taken for a wall where it runs nearly along it, not far from it, beside it for a good part of its
 length, and with the robot on the wall's free side. So the leaf of an open door, which stands at an angle, and
-the back wall of a room, which is too far away, are nobody's line. Two walls along a hallway give the heading
+the back wall of a room, which is too far away, match no line. Two walls along a hallway give the heading
 and the place across it; a wall ahead, in a turning space or at a hallway's end, the place along it as well.
 """
 
@@ -21,8 +21,11 @@ from colony.nav.pose.echoes import Bools, Floats, Mirrors
 
 
 class Sighting(NamedTuple):
-    """A line as it is believed to run through the building: its ends in mm, x east and y north, the sum of
-    the certainties of its cells, and their standard deviation across it in mm."""
+    """A line as it is believed to run through the building.
+
+    The ends are in mm, x east and y north; with them come the sum of the certainties of the line's cells, and
+    the standard deviation of the cells across the line, in mm.
+    """
 
     x0_mm: float
     y0_mm: float
@@ -33,12 +36,12 @@ class Sighting(NamedTuple):
 
     @property
     def length_mm(self) -> float:
-        """From end to end."""
+        """Length of the line."""
         return math.hypot(self.x1_mm - self.x0_mm, self.y1_mm - self.y0_mm)
 
 
 def sighted(line: Line, origin: Pose) -> Sighting:
-    """A line of the local map that began at `origin`, in the building."""
+    """Return a line of the local map that began at `origin`, in the frame of the building."""
     angle = math.radians(line.angle_deg)
     cosine, sine = math.cos(angle), math.sin(angle)
     heading = math.radians(origin.heading_deg)
@@ -53,8 +56,11 @@ def sighted(line: Line, origin: Pose) -> Sighting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gate:
-    """What may be a wall: up to this angle and this far from where it is drawn, and beside it for this part
-    of the line's length at least."""
+    """The limits within which a line may be a wall.
+
+    The largest angle and the largest distance between the line and the wall on the map, and the least part of
+    the line's length that must be beside the wall.
+    """
 
     angle_deg: float = 15.0
     offset_mm: float = 700.0
@@ -68,7 +74,7 @@ class WallMatch(NamedTuple):
     """A line that is a wall.
 
     Attributes:
-        turn_deg: what is to be added to the heading, for the line to run along the wall.
+        turn_deg: correction of the heading, for the line to run along the wall.
         shift_mm: how far the pose is to move along the wall's normal then, away from the wall.
         normal_x, normal_y: that direction, a unit vector.
         turn_sd_deg, shift_sd_mm: the standard deviations of both.
@@ -86,11 +92,11 @@ _SAME_WALL_MM = 60.0
 _SAME_WALL_DEG = 2.0
 _LEAST_SPREAD_MM = 20.0
 _INDEPENDENT = 4.0
-"""Of how many independent cells a line is thought to be made: one reading makes several cells alike."""
+"""Number of cells that count as one independent cell of a line: one reading makes several cells alike."""
 
 
 def matched(sighting: Sighting, walls: Mirrors, robot: Pose, gate: Gate = DEFAULT_GATE) -> WallMatch | None:
-    """The wall that a line is, seen from where the robot is believed to be; None where it is none.
+    """Return the wall that a line is, seen from the robot's believed pose, or None.
 
     `walls` are those near by. Pieces of wall in one line count as one wall, doors between them too; what may
     not be heard does not count.
@@ -122,9 +128,12 @@ def matched(sighting: Sighting, walls: Mirrors, robot: Pose, gate: Gate = DEFAUL
 
 
 def _compared(sighting: Sighting, walls: Mirrors, robot: Pose) -> tuple[Floats, Floats, Floats, Bools]:
-    """A line next to each wall: how it is to be turned about the robot to run along the wall, in degrees;
-    how far it is off then into the free space, and how far it is beside the wall, in mm; and whether both
-    face the robot."""
+    """Compare a line with each wall.
+
+    Returns:
+        The turn about the robot that makes the line parallel to the wall, in degrees; the offset into the
+        free space after it, and the length beside the wall, in mm; and whether both face the robot.
+    """
     length = sighting.length_mm
     along_x = (sighting.x1_mm - sighting.x0_mm) / length
     along_y = (sighting.y1_mm - sighting.y0_mm) / length
@@ -144,8 +153,7 @@ def _compared(sighting: Sighting, walls: Mirrors, robot: Pose) -> tuple[Floats, 
 
 
 class PoseFix(NamedTuple):
-    """By how much a pose is off in mm and degrees: what is to be added to it; and the standard deviation of
-    the heading then."""
+    """The correction to add to a pose, in mm and degrees, and the heading's standard deviation after it."""
 
     x_mm: float
     y_mm: float
@@ -157,10 +165,10 @@ _AGREE_DEG = 4.0
 
 
 def combined(matches: tuple[WallMatch, ...]) -> PoseFix | None:
-    """What several walls say together; None without any.
+    """Combine the matches of several walls; None without any.
 
-    The surest line leads; others that want another heading are left out. Along a direction in which no wall
-    stands across the position stays as it is.
+    The line with the smallest heading error leads; lines that want another heading are left out. The position
+    stays as it is along a direction in which no wall stands across.
     """
     if not matches:
         return None

@@ -1,0 +1,1 @@
+"""Maps and what is derived from them: walls, corridors, signs and places to stand."""

@@ -45,7 +45,7 @@ class Building:
     rides: tuple[Ride, ...] = ()
 
     def map_named(self, name: str) -> Map:
-        """The floor whose map has this name.
+        """Return the floor whose map has this name.
 
         Raises:
             KeyError: there is none.
@@ -56,7 +56,7 @@ class Building:
         raise KeyError(f"the building has no map `{name}`; it has {', '.join(m.name for m in self.maps)}")
 
     def part(self, names: Sequence[str]) -> Building:
-        """Only these floors, by the names of their maps, in this order, and the rides between them.
+        """Return these floors, by their maps' names, in this order, and the rides between them.
 
         Raises:
             KeyError: there is no such floor.
@@ -89,7 +89,7 @@ class _Loaded:
 
 
 def _load_all(path: str) -> list[_Loaded]:
-    """The maps, breadth first, each file once however it is called."""
+    """Load the maps, breadth first, each file once under any of its paths."""
     first = _Loaded(source=(source := load_source(path)), map=read_map(source))
     known = {os.path.realpath(path): first}
     waiting = deque([first])
@@ -120,7 +120,7 @@ def _load_all(path: str) -> list[_Loaded]:
 
 
 def _place(here: _Loaded, elevator: ElevatorLink, index: int) -> Span:
-    """Where a word of an elevator's line stands: 1 its node, 2 its file, 3 the other node."""
+    """Return the span of a word of an elevator's line: 1 its node, 2 its file, 3 the other node."""
     wanted = ["elevator", *elevator]
     lines = lines_of_words(here.source)
     return next(words[index].span for words in lines if [w.text for w in words] == wanted)
@@ -134,7 +134,7 @@ def _unreadable(here: _Loaded, elevator: ElevatorLink, failure: Failure) -> Diag
 
 
 def _misled(here: _Loaded) -> list[Diagnostic]:
-    """What is wrong with where a map's elevators lead."""
+    """Return the errors in where a map's elevators lead."""
     problems: list[Diagnostic] = []
     for elevator, there in zip(here.map.elevators, here.others, strict=True):
         kind = _kind_at(there.map, elevator.other_node)
@@ -171,7 +171,7 @@ def _leads_back(here: _Loaded, elevator: ElevatorLink, there: _Loaded) -> bool:
 
 
 def _twins(loaded: list[_Loaded]) -> list[Diagnostic]:
-    """Maps that have their name, or their floor, from one before them."""
+    """Return errors for maps that share their name or floor with an earlier one."""
     problems: list[Diagnostic] = []
     for key in ("map", "floor"):
         seen: dict[str, _Loaded] = {}
@@ -186,7 +186,7 @@ def _twins(loaded: list[_Loaded]) -> list[Diagnostic]:
 
 
 def _header_place(one: _Loaded, key: str) -> Span:
-    """Where the value of a header line stands."""
+    """Return the span of the value of a header line."""
     return next(words[1].span for words in lines_of_words(one.source) if words[0].text == key)
 
 

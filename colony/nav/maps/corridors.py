@@ -24,7 +24,7 @@ from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.walls import free_distance, walls_of
 
 NARROWEST_MM, WIDEST_MM = 1000.0, 4500.0
-"""How wide a corridor may be: what is wider is a hall, in which two walls do not guide a robot."""
+"""Range of a corridor's width, in mm: a wider room is a hall, in which two walls do not guide a robot."""
 
 STAND_MM = 650.0
 """No robot is sent nearer to the wall with which a corridor ends: its hull has a radius of 0.4 m, and half a
@@ -57,41 +57,43 @@ class Corridor:
 
     @property
     def length_mm(self) -> float:
-        """Of the middle line."""
+        """Length of the middle line, in mm."""
         return math.hypot(self.end.x - self.start.x, self.end.y - self.start.y)
 
     def along(self, x: float, y: float) -> float:
-        """How far after `start` a place is, measured along the middle line, in mm."""
+        """Return the distance of a place from `start`, measured along the middle line, in mm."""
         unit = direction(self.heading_deg)
         return (x - self.start.x) * unit.x + (y - self.start.y) * unit.y
 
     def abreast(self, x: float, y: float) -> float:
-        """How far after `start` a robot in the middle is abreast of a place, or as nearly so as the walls let
-        it be with which the corridor ends, in mm."""
+        """Return the distance from `start` at which a robot in the middle is abreast of a place, in mm.
+
+        The walls that end the corridor limit it: there the robot is as nearly abreast as they allow.
+        """
         off = min(STAND_MM, self.length_mm / 2)
         return min(max(self.along(x, y), off), self.length_mm - off)
 
     def beside(self, x: float, y: float) -> float:
-        """How far to the left of the middle line a place is, in mm."""
+        """Return the distance of a place from the middle line, in mm, positive to its left."""
         unit = direction(self.heading_deg)
         return (y - self.start.y) * unit.x - (x - self.start.x) * unit.y
 
     def at(self, along_mm: float) -> Point:
-        """The place on the middle line so far after `start`."""
+        """Return the place on the middle line at this distance from `start`."""
         unit = direction(self.heading_deg)
         return Point(self.start.x + along_mm * unit.x, self.start.y + along_mm * unit.y)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TurningSpace:
-    """Where two corridors overlap: their indices, and the crossing of their middle lines."""
+    """The overlap of two corridors: their indices, and the crossing of their middle lines."""
 
     corridors: tuple[int, int]
     middle: Point
 
 
 def corridors_of(source: Map) -> tuple[Corridor, ...]:
-    """The corridors of a floor, by where they begin, from north to south; none where no walls face another.
+    """Return the corridors of a floor, by where they begin, from north to south; may be empty.
 
     Rooms, halls and dead ends without length are no corridors.
     """
@@ -105,7 +107,7 @@ def corridors_of(source: Map) -> tuple[Corridor, ...]:
 
 
 def turning_spaces_of(corridors: Sequence[Corridor]) -> tuple[TurningSpace, ...]:
-    """Every two corridors whose middle lines cross, in the order of `corridors`."""
+    """Return all pairs of corridors whose middle lines cross, in the order of `corridors`."""
     spaces = []
     for i, one in enumerate(corridors):
         for j in range(i + 1, len(corridors)):
@@ -116,7 +118,7 @@ def turning_spaces_of(corridors: Sequence[Corridor]) -> tuple[TurningSpace, ...]
 
 
 def crossing(one: Corridor, other: Corridor) -> Point | None:
-    """Where two middle lines cross, or None where they do not, or run the same way.
+    """Return the crossing of two middle lines, or None if they are parallel or do not meet.
 
     A line that ends short of the other by less than half the other's width still reaches it.
     """
@@ -173,12 +175,12 @@ class _Floor:
         return in_free_space(self.rings, at.x, at.y)
 
     def ray(self, at: Point, heading_deg: float) -> float:
-        """How far it is from a place to the first wall in a direction, in mm; inf where there is none."""
+        """Return the distance from a place to the first wall in a direction, in mm; inf if there is none."""
         return free_distance(self.segments, at, direction(heading_deg))
 
 
 def _facing(sides: Sequence[Side]) -> list[_Strip]:
-    """What each two sides that face each other bound."""
+    """Return the strips between each two sides that face each other."""
     strips = []
     for i, one in enumerate(sides):
         for other in sides[i + 1 :]:
@@ -194,7 +196,7 @@ def _facing(sides: Sequence[Side]) -> list[_Strip]:
 
 
 def _across(one: Side, other: Side) -> float | None:
-    """How far it is from one side across to another that faces it, if that is a corridor's width."""
+    """Return the distance between two sides that face each other, or None if it is no corridor's width."""
     u, v = direction(one.heading_deg), direction(other.heading_deg)
     if u.x * v.x + u.y * v.y > -_PARALLEL:
         return None
@@ -203,7 +205,7 @@ def _across(one: Side, other: Side) -> float | None:
 
 
 def _strip(side: Side, width: float, low: float, high: float, edges: tuple[tuple[int, int], ...]) -> _Strip:
-    """The strip of `width` to the right of a side, from `low` to `high` after its beginning."""
+    """Return the strip of `width` to the right of a side, from `low` to `high` after its beginning."""
     heading = side.heading_deg % 180.0
     if 180.0 - heading < 1e-6:
         heading = 0.0
@@ -226,7 +228,7 @@ def _strip(side: Side, width: float, low: float, high: float, edges: tuple[tuple
 
 
 def _is_clear(floor: _Floor, strip: _Strip) -> bool:
-    """Whether nothing stands between the two sides, at one of the seeds at least."""
+    """Return True if nothing stands between the two sides at one of the seeds at least."""
     least = strip.width / 2 - _ALCOVE_MM
     for seed in strip.seeds:
         at = strip.point(seed)
@@ -276,7 +278,7 @@ def _continues(floor: _Floor, one: _Strip, other: _Strip) -> bool:
 
 
 def _joined(one: _Strip, other: _Strip) -> _Strip:
-    """Both as one, in the middle of the longer ones."""
+    """Join two strips to one, in the middle of the longer ones."""
     long, more = one.high - one.low, other.high - other.low
     return replace(
         one,
@@ -290,9 +292,9 @@ def _joined(one: _Strip, other: _Strip) -> _Strip:
 
 
 def _jogs(floor: _Floor, sides: Sequence[Side], strips: Sequence[_Strip]) -> list[_Strip]:
-    """What lies before a side that no other faces, between two corridors of which it ends one.
+    """Return the strips before sides that face no other, between two corridors of which the side ends one.
 
-    The wall that faces it is looked for from beyond its outer corner, across the other corridor.
+    The wall that faces the side is searched from beyond the side's outer corner, across the other corridor.
     """
     bounding = {edge: strip for strip in strips for edge in strip.edges}
     found = []
@@ -324,7 +326,7 @@ def _jog(floor: _Floor, side: Side, at_its_end: bool, beyond: float) -> _Strip |
 
 
 def _corridor(floor: _Floor, strip: _Strip) -> Corridor:
-    """A strip up to the walls in front of it, or as far into what it opens into as a corridor is wide."""
+    """Extend a strip to the walls in front of it, or into what it opens into by a corridor's width."""
     low, high = strip.low, strip.high
     for seed in strip.seeds:
         at = strip.point(seed)

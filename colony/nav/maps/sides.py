@@ -20,10 +20,10 @@ class Side:
     Attributes:
         ring: its index.
         begin, end: the corners, in mm.
-        heading_deg: of most of its length.
+        heading_deg: heading of most of its length.
         inset: how far to the right of `begin` the line is on which most of it lies, in mm.
         edges: (ring, edge) by their indices, in order.
-        turn_before, turn_after: by how much the walker turns at either end, counterclockwise, in degrees.
+        turn_before, turn_after: the turn of the ring at either end, counterclockwise, in degrees.
     """
 
     ring: int
@@ -36,28 +36,28 @@ class Side:
     turn_after: float
 
     def along(self, at: Point) -> float:
-        """How far a place is after `begin`, along the heading, in mm."""
+        """Return the distance of a place from `begin`, along the heading, in mm."""
         unit = direction(self.heading_deg)
         return (at.x - self.begin.x) * unit.x + (at.y - self.begin.y) * unit.y
 
     def right_of(self, at: Point) -> float:
-        """How far a place is to the right of the line on which most of the side lies, in mm."""
+        """Return the distance of a place to the right of the line on which most of the side lies, in mm."""
         unit = direction(self.heading_deg)
         return (at.x - self.begin.x) * unit.y - (at.y - self.begin.y) * unit.x - self.inset
 
     @property
     def low(self) -> float:
-        """Where it begins, as `along` counts."""
+        """Begin of the side, as `along` counts."""
         return min(0.0, self.along(self.end))
 
     @property
     def high(self) -> float:
-        """Where it ends, as `along` counts."""
+        """End of the side, as `along` counts."""
         return max(0.0, self.along(self.end))
 
 
 def sides_of(source: Map) -> tuple[Side, ...]:
-    """The sides of all rings, in their order."""
+    """Return the sides of all rings, in their order."""
     return tuple(side for i, ring in enumerate(source.rings) for side in _ring_sides(i, ring))
 
 
@@ -71,7 +71,7 @@ def _ring_sides(index: int, ring: Ring) -> list[Side]:
 
 
 def _cuts(ring: Ring) -> list[int]:
-    """The nodes at which a ring's walls change direction for good: its corners, where it names them."""
+    """Return the nodes at which a ring's walls change direction for good: its corners."""
     named = [i for i, node in enumerate(ring.nodes) if node.corner]
     if len(named) >= 3:
         return named
@@ -107,7 +107,7 @@ def _apart(one: float, other: float) -> float:
 
 
 def _most(values: list[tuple[float, float]], near: float, period: float = math.inf) -> float:
-    """Of values with weights, the one that has the most weight near it."""
+    """Return the value that has the most weight near it."""
 
     def distance(one: float, other: float) -> float:
         return abs(one - other) if period == math.inf else _apart(one, other)

@@ -1,9 +1,8 @@
-"""What hangs on the walls of a map for a camera to find: door plates with their numbers, and the markers on
-elevator doors (thesis sections 5.4.6 and 5.7).
+"""The signs on the walls of a map: door plates and the markers on elevator doors (sections 5.4.6 and 5.7).
 
-A map says where its doors and elevators are, and these signs follow from that. The plate of a door hangs
-beside it, on the side of its right jamb as seen by who stands before it, or on the other side where there is
-no wall; a marker is pasted on the middle of an elevator's doors. All are as high as the robot's cameras.
+The map gives the doors and elevators, and the signs follow from it. The plate of a door hangs beside it, on
+the side of its right jamb as seen from the corridor, or on the other side if there is no wall. A marker is
+pasted on the middle of an elevator's doors. All signs are as high as the robot's cameras.
 """
 
 from __future__ import annotations
@@ -16,11 +15,11 @@ from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import facing_deg, point_on, walls_of
 
 SIGN_HEIGHT_MM = 1350.0
-"""Of the middle of plates and markers above the floor (53 inches)."""
+"""Height of the middle of plates and markers above the floor (53 inches)."""
 
 PLATE_WIDTH_MM, PLATE_HEIGHT_MM = 356.0, 127.0
 CHARACTER_HEIGHT_MM = 89.0
-"""Of the characters on a plate; they are white on black."""
+"""Height of the characters on a plate; they are white on black."""
 
 STRIPE_MM, STRIPE_HEIGHT_MM = 88.9, 152.4
 """The width and height of each separator and bit of a marker: 3.5 by 6 inches."""
@@ -31,7 +30,7 @@ MARKER_CODES = (0b000, 0b100, 0b010, 0b001, 0b101)
 """All codes of three bits without two ones in a row; the elevators of a map get them in turn."""
 
 CHARACTERS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
-"""What may stand on a plate."""
+"""The characters that may appear on a plate."""
 
 _GAP_MM = 70.0
 _MOST_CHARACTERS = 5
@@ -43,8 +42,8 @@ class Sign:
 
     Attributes:
         edge: the number of the map's edge on which it hangs, in the order of `Map.edges`.
-        start_mm, end_mm: from where to where along that edge, from its node.
-        middle: where its middle is in the plane, in mm.
+        start_mm, end_mm: its range along that edge, from its node.
+        middle: place of its middle in the plane, in mm.
         heading_deg: where a robot looks that faces it: into the wall, perpendicular to it.
     """
 
@@ -65,15 +64,17 @@ class Plate(Sign):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marker(Sign):
-    """The marker of an elevator whose edge begins at `node`: `code` is its three bits, the first one leftmost
-    as seen by who stands before it."""
+    """The marker of an elevator whose edge begins at `node`.
+
+    `code` is its three bits, the leftmost one first as seen from the corridor.
+    """
 
     node: str
     code: int
 
 
 def plate_text(door: str) -> str:
-    """What stands on the plate of a door: the part of its name that has a digit, else the last one.
+    """Return the text on the plate of a door: the part of its name with a digit, or else the last part.
 
     "340.cmptr.room" is 340, "A342" A342, "NE.men" MEN. At most five characters, all of `CHARACTERS`.
     """
@@ -83,8 +84,11 @@ def plate_text(door: str) -> str:
 
 
 def plates_of(floor: Map) -> tuple[Plate, ...]:
-    """The plates of all doors, in the order of the map. A door beside which no wall is wide enough, or where
-    its neighbor's plate leaves no room, has none, and so has one whose name has nothing to be written."""
+    """Return the plates of all doors, in the order of the map.
+
+    A door has no plate if no wall beside it is wide enough, if its neighbor's plate leaves no room, or if its
+    name has no characters to write.
+    """
     walls = walls_of(floor)
     rows = walls.segments.tolist()
     lengths = _lengths(rows)
@@ -108,8 +112,10 @@ def plates_of(floor: Map) -> tuple[Plate, ...]:
 
 
 def markers_of(floor: Map) -> tuple[Marker, ...]:
-    """The markers on the doors of all elevators, in the order of the map; doors narrower than a marker have
-    none."""
+    """Return the markers on the doors of all elevators, in the order of the map.
+
+    Doors narrower than a marker have none.
+    """
     walls = walls_of(floor)
     names = [node.name for ring in floor.rings for node in ring.nodes]
     markers: list[Marker] = []
@@ -129,12 +135,12 @@ def markers_of(floor: Map) -> tuple[Marker, ...]:
 
 
 def door_name(node: str) -> str:
-    """The name of a door without the letter of its jamb: "352L" is 352, "NE.men.L" NE.men."""
+    """Return the name of a door without the letter of its jamb: "352L" is 352, "NE.men.L" NE.men."""
     return node[:-1].rstrip(".") if len(node) > 1 and node[-1] in "LR" else node
 
 
 def _rings(floor: Map) -> list[tuple[list[str], int]]:
-    """The names of each ring's nodes, and the number of its first edge."""
+    """Return the names of each ring's nodes, and the number of its first edge."""
     rings, first = [], 0
     for ring in floor.rings:
         rings.append(([node.name for node in ring.nodes], first))
@@ -157,7 +163,7 @@ def _plate(row: list[float], edge: int, start: float, door: str, text: str) -> P
 
 
 def _reaches(plate: Plate, edge: int, start: float) -> bool:
-    """Whether a plate hangs where another one would begin at `start`, or within the usual gap of it."""
+    """Return True if a plate overlaps one that begins at `start`, or is within the usual gap of it."""
     return plate.edge == edge and abs(plate.start_mm - start) < PLATE_WIDTH_MM + _GAP_MM
 
 
@@ -166,7 +172,7 @@ def _lengths(rows: list[list[float]]) -> list[float]:
 
 
 def _is_straight(one: list[float], other: list[float]) -> bool:
-    """Whether two segments lead the same way, so that the wall goes on beside the door."""
+    """Return True if two segments have the same direction, so that the wall goes on beside the door."""
     (ax, ay, bx, by), (cx, cy, dx, dy) = one, other
     ux, uy, vx, vy = bx - ax, by - ay, dx - cx, dy - cy
     return abs(ux * vy - uy * vx) < 0.02 * math.hypot(ux, uy) * math.hypot(vx, vy) and ux * vx + uy * vy > 0.0

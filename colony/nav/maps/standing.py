@@ -1,4 +1,4 @@
-"""Where a robot stands that looks at something of a map: before a door or an elevator, in mid corridor."""
+"""Poses from which a robot looks at a sign: before a door or an elevator, in the middle of the corridor."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class NoPlace(ValueError):
 
 
 def standing_at(floor: Map, place: str) -> Pose:
-    """The pose "X,Y,HEADING", in mm and degrees.
+    """Parse the pose "X,Y,HEADING", in mm and degrees.
 
     Raises:
         NoPlace: it is not three numbers, or outside of the building.
@@ -39,16 +39,17 @@ def standing_at(floor: Map, place: str) -> Pose:
 
 
 def standing_before(floor: Map, name: str) -> Pose:
-    """In the middle of the corridor before a door, a node or an elevator.
+    """Return the pose in the middle of the corridor before a door, a node or an elevator.
 
-    Before a door with a plate the plate is to the robot's left, before one without the middle of the door is;
-    an elevator is ahead, as it is to be entered.
+    A door's plate is to the robot's left; without a plate, the middle of the door is. An elevator is ahead,
+    as it is when the robot enters it.
 
     Args:
-        name: of the door ("376"), of one of its jambs, or of another node that begins an edge.
+        floor: the map.
+        name: name of the door ("376"), of one of its jambs, or of another node that begins an edge.
 
     Raises:
-        NoPlace: there is none such, or no room before it.
+        NoPlace: there is no such node, or no room before it.
     """
     for plate in plates_of(floor):
         if name == plate.door:

@@ -23,7 +23,7 @@ class Walls:
     Attributes:
         segments: (n, 4) float64, read-only: x0, y0, x1, y1 in mm, x east and y north, in the order of the
             map. The free space lies to the right of each; each ring is closed exactly.
-        kinds: what each segment is.
+        kinds: the kind of each segment.
         attributes: the map's remark on each segment's surface, as "wood, room 12", or "".
     """
 
@@ -33,7 +33,7 @@ class Walls:
 
     @property
     def glass(self) -> tuple[bool, ...]:
-        """Which segments are panes of glass, which sonars may not see: the remark says `glass`.
+        """True for segments that are panes of glass, which sonars may miss: the remark says `glass`.
 
         Glass bricks are none: their surface is rough, and they are seen.
         """
@@ -47,7 +47,7 @@ class Walls:
 
 
 def walls_of(source: Map) -> Walls:
-    """The walls, doors and elevators of a map; doors and elevators are shut."""
+    """Return the walls, doors and elevators of a map; doors and elevators are shut."""
     rows = []
     for ring in source.rings:
         nodes = corners(ring)
@@ -68,11 +68,12 @@ _BESIDE_MM = tuple(step * 500.0 for k in range(1, 9) for step in (k, -k))
 
 
 def lights_of(source: Map) -> NDArray[np.float64]:
-    """Where the ceiling lights hang: (n, 2) float64, x and y in mm.
+    """Return the places of the ceiling lights: (n, 2) float64, x and y in mm.
 
-    A light projected onto one edge hangs half-way between it and what is opposite, or opposite beside it
-    where another corridor begins there; one projected onto two, where the perpendiculars meet. First the
-    lights of the corridors in the order of the map, then those of the turning spaces; each light once.
+    A light projected onto one edge hangs half-way between the edge and the opposite wall, or the opposite
+    wall beside it if another corridor begins there. A light projected onto two edges hangs where the
+    perpendiculars meet. The lights of the corridors come first, in the order of the map, then those of the
+    turning spaces; each light once.
     """
     segments = walls_of(source).segments
     places: list[Point] = []
@@ -88,7 +89,7 @@ def lights_of(source: Map) -> NDArray[np.float64]:
 
 
 def _width(segments: NDArray[np.float64], at: Point, along: Point, away: Point) -> float:
-    """How wide the corridor is at a place on a wall, in mm."""
+    """Return the width of the corridor at a place on a wall, in mm."""
     opposite = free_distance(segments, at, away)
     if opposite <= _WIDEST_MM:
         return opposite
@@ -100,10 +101,11 @@ def _width(segments: NDArray[np.float64], at: Point, along: Point, away: Point) 
 def free_distance(
     segments: NDArray[np.float64], at: Point, away: Point, least_mm: float = _AHEAD_MM
 ) -> float:
-    """Return how far it is from a place to the next wall, in mm; inf where there is none.
+    """Return the distance from a place to the next wall, in mm; inf if there is none.
 
     Args:
         segments: (n, 4) as of `Walls`.
+        at: the place, in mm.
         away: the unit vector of the direction to look in.
         least_mm: nearer walls do not count: the place may be on one.
     """

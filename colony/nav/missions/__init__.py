@@ -1,0 +1,1 @@
+"""Scripts of a mission: the Navigator's clerk, goal verification and elevator prompts."""

@@ -1,12 +1,12 @@
-"""The Navigator's clerk: takes and gives the semaphores that a compiled network does not know.
+"""The Navigator's clerk: handles the semaphores that a compiled network does not know.
 
-The Planner's $GoalData becomes a GoalNumber, one higher for each goal, and when the network says in
-GoalReached that it has reached this very goal, $RobotStatus is upped (thesis section 5.3). A goal that comes
-while another one is pursued takes its place, and the other one is never answered: its Planner is gone.
+The Planner's $GoalData becomes a GoalNumber, one higher for each goal. When the network reports in
+GoalReached that it has reached this very goal, $RobotStatus is upped (thesis section 5.3). A goal that
+arrives while another one is pursued replaces it, and the old goal is never answered: its Planner is gone.
 
-A clerk that is started anew goes on where one before it was ended: a goal that has its number and no answer
-is pursued, and answered even if it was reached meanwhile. Only a goal that it held between $GoalData and
-GoalNumber is lost: then the robot stands, and wants a new Planner.
+A restarted clerk resumes where the one before it ended: a goal that has its number and no answer is pursued,
+and answered even if it was reached meanwhile. Only a goal that the old clerk held between $GoalData and
+GoalNumber is lost: then the robot stands, and needs a new Planner.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data
 
 PERIOD_S = 0.05
-"""How often it is asked whether the goal was reached: once a frame."""
+"""Seconds between two checks whether the goal was reached: one frame."""
 
 TRACKER_S = 1.0
-"""For how long CTracker has time to take notice of new lights."""
+"""Timeout for CTracker to notice new lights, in seconds."""
 
 
 def clerk() -> Script:
@@ -57,7 +57,7 @@ def clerk() -> Script:
 
 
 def _reached(number: int) -> Generator[Step, Any, bool]:
-    """Until the goal is reached (True), or there is another one in its place (False)."""
+    """Wait until the goal is reached (True), or another one replaces it (False)."""
     while True:
         # Waiting for the next goal is the pause between two looks.
         if (yield from taken(GOAL_DATA, PERIOD_S)):
@@ -67,9 +67,9 @@ def _reached(number: int) -> Generator[Step, Any, bool]:
 
 
 def _await_tracker() -> Generator[Step, Any, None]:
-    """Where lights are the goal, hold it back until CeilingLight is not that of the goal before.
+    """Hold back a goal of lights until CeilingLight no longer belongs to the goal before.
 
-    CTracker sets it to 0 when it has taken its data, and a network that saw the goal first would take the old
+    CTracker sets it to 0 when it has taken its data. A network that saw the goal first would take the old
     count for the new one, and the goal for reached.
     """
     told = yield from values(GOAL_TYPE, GOAL_DISTANCE, CEILING_LIGHT)
@@ -82,6 +82,6 @@ def _await_tracker() -> Generator[Step, Any, None]:
 
 
 def _value(name: str) -> Generator[Step, Any, Any]:
-    """A variable, or None where it was never set."""
+    """Return a variable, or None if it was never set."""
     told = yield from values(name)
     return None if told is None else told[name]

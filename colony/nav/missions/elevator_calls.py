@@ -1,4 +1,4 @@
-"""Which elevator a robot is to take: what the Planner tells who presses its buttons (thesis 5.4.6)."""
+"""Elevator calls: the Planner's messages to the operator of an elevator's buttons (thesis section 5.4.6)."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class Call(NamedTuple):
 
 
 def call_of(told: object) -> Call | None:
-    """The call in a value of ElevatorCall; None where it is none."""
+    """Return the call in a value of ElevatorCall, or None if it is none."""
     if isinstance(told, (list, tuple)) and len(told) == 3 and all(isinstance(word, str) for word in told):
         return Call(*told)
     return None
 
 
 def called() -> Generator[Step, Any, Call | None]:
-    """The call that there is at DServer, if any."""
+    """Return the present call at DServer, or None."""
     told = yield from values(ELEVATOR_CALL)
     return None if told is None else call_of(told[ELEVATOR_CALL])

@@ -1,7 +1,7 @@
-"""Who presses the buttons of a real elevator for a robot: somebody at the terminal (thesis section 5.4.6).
+"""The operator of a real elevator's buttons: a person at the terminal (thesis section 5.4.6).
 
-The robot sees by itself when the doors open before it. Inside, where walls of metal dazzle it, it is told: by
-Enter, when the elevator is at the other floor and its doors are open.
+The robot sees by itself when the doors open before it. Inside, metal walls dazzle it: the operator presses
+Enter when the elevator is at the other floor and its doors are open.
 """
 
 from __future__ import annotations
@@ -17,31 +17,31 @@ from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data
 
 LOOK_S = 0.2
-"""How often it is looked whether Enter was pressed."""
+"""Seconds between two checks whether Enter was pressed."""
 
 Heard = Literal["line", "nothing", "end"]
 """A line was entered, none was so far, or there will be none."""
 
 
 class Ear(Protocol):
-    """Hears what somebody enters; never waits."""
+    """A nonblocking reader of what the operator enters."""
 
     def forget(self) -> None:
-        """What was typed before a question is no answer to it."""
+        """Discard what was typed before a question: it is no answer to it."""
 
     def listen(self) -> Heard:
-        """What was entered since it was asked last, a line at a time."""
+        """Return what was entered since the last call, a line at a time."""
 
 
 def elevator_prompt(building: Building, ear: Ear, *, say: Callable[[str], None]) -> Script:
     """Ask for the buttons of each elevator that the robot calls, and pass on that its floor is reached.
 
-    Where nobody can answer, the robot goes by what it sees of the doors alone. Never ends.
+    Without an operator, the robot goes by what it sees of the doors alone. Never ends.
 
     Args:
-        building: by which floors are told apart.
-        ear: hears the answers.
-        say: shows a line to whoever is there.
+        building: the building, which gives the floors their names.
+        ear: reads the answers.
+        say: shows a line to the operator.
     """
     answers = True
     while True:
@@ -65,7 +65,7 @@ def elevator_prompt(building: Building, ear: Ear, *, say: Callable[[str], None])
 
 
 def asked_for(building: Building, call: Call) -> str:
-    """What somebody has to do for a call."""
+    """Return the instructions to the operator for a call."""
     where, other = _floor(building, call.floor), _floor(building, call.other)
     button = f"Press the button of the elevator {door_name(call.node)} on {where}{_way(building, call)}"
     return f"{button}. When the robot has turned around inside, press that of {other}."
@@ -76,7 +76,7 @@ def _floor(building: Building, name: str) -> str:
 
 
 def _way(building: Building, call: Call) -> str:
-    """Which of two buttons it is, where floors have numbers."""
+    """Return which of two buttons it is, if floors have numbers."""
     here, there = (building.map_named(name).floor for name in (call.floor, call.other))
     try:
         return ", up" if int(there) > int(here) else ", down"

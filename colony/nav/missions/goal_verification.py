@@ -1,9 +1,8 @@
-"""Whether a robot that has arrived is where it should be, by the door plate that hangs there (thesis section
-6.3).
+"""Verification that a robot has arrived at its goal, by the door plate there (thesis section 6.3).
 
-The plate finder tells each new plate by PlateSeen, whose newest values DServer remembers. The plate of the
-goal that was read near its place says that the robot is right; another one in its place that it is not. No
-plate says nothing: the goal's may be on the wall to the right, or somebody stands before it.
+The plate finder publishes each new plate in PlateSeen, whose newest values DServer remembers. The goal's
+plate, read near its place, confirms the goal; another plate in its place refutes it. No plate says nothing:
+the goal's may be on the wall to the right, or a person stands before it.
 """
 
 from __future__ import annotations
@@ -27,17 +26,17 @@ IN_ITS_PLACE_MM = 600.0
 """Another plate that is no farther from there hangs where the goal's should: doors are wider apart."""
 
 REMEMBERED = 16
-"""How many plates DServer remembers: those of a corridor's last meters."""
+"""Number of plates that DServer remembers: those of a corridor's last meters."""
 
 BEFORE_NS = 3_000_000_000
-"""So long before its last segment a robot may have read the plate: that may begin right beside the goal."""
+"""Time before its last segment at which a robot may already have read the plate beside the goal."""
 
 PATIENCE_S, LOOK_S = 2.0, 0.25
-"""For how long a robot that has arrived waits for the plate to be read, and how often it asks."""
+"""Timeout for the plate to be read after the arrival, and the interval between two checks, in seconds."""
 
 
 class Verdict(IntEnum):
-    """What plates say of the goal."""
+    """The verdict of the plates on the goal."""
 
     UNSEEN = -1
     WRONG = 0
@@ -45,7 +44,7 @@ class Verdict(IntEnum):
 
 
 class SeenPlate(NamedTuple):
-    """What PlateSeen says: when, which one since the finder began, what is on it, and where, in mm."""
+    """A value of PlateSeen: its time, its number since the finder began, its text, and its place in mm."""
 
     t_ns: int
     number: int
@@ -55,7 +54,7 @@ class SeenPlate(NamedTuple):
 
 
 def seen_plate(told: Any) -> SeenPlate | None:
-    """A value of PlateSeen; None where it is none."""
+    """Return a value of PlateSeen, or None if it is none."""
     match told:
         case [int(t_ns), int(number), str(text), int() | float() as x, int() | float() as y]:
             return SeenPlate(t_ns, number, text, float(x), float(y)) if math.isfinite(x + y) else None
@@ -64,7 +63,7 @@ def seen_plate(told: Any) -> SeenPlate | None:
 
 
 def verdict_of(plate: Plate, seen: Iterable[SeenPlate]) -> Verdict:
-    """What these plates say of a goal where `plate` hangs. One that could not be read says nothing."""
+    """Return the verdict of these plates on a goal where `plate` hangs. An unreadable plate says nothing."""
     verdict = Verdict.UNSEEN
     for one in seen:
         off_mm = math.hypot(one.x_mm - plate.middle.x, one.y_mm - plate.middle.y)
@@ -76,20 +75,24 @@ def verdict_of(plate: Plate, seen: Iterable[SeenPlate]) -> Verdict:
 
 
 def plate_at(floor: Map, node: str) -> Plate | None:
-    """The plate of the door to which a node belongs, "376L" or with its floor "2:250R"; None where it has
-    none."""
+    """Return the plate of the door to which a node belongs, or None if it has none.
+
+    The node may carry its floor: "376L" or "2:250R".
+    """
     door = door_name(node.rpartition(":")[2])
     return next((plate for plate in plates_of(floor) if plate.door == door), None)
 
 
 def remember_plates() -> Generator[Step, Any, None]:
-    """Have DServer keep more than the newest plate."""
+    """Make DServer keep more than the newest plate."""
     yield from asked("DServer", data.set_history(PLATE_SEEN, REMEMBERED))
 
 
 def goal_verdict(plate: Plate, *, begun_ns: int) -> Generator[Step, Any, Verdict]:
-    """What was seen since about when the last segment began says of the goal; a plate that is in view has a
-    while to be read."""
+    """Return the verdict of the plates seen since about when the last segment began.
+
+    A plate that is in view has some time to be read.
+    """
     since_ns = begun_ns - BEFORE_NS
     waited_s = 0.0
     while True:

@@ -1,0 +1,1 @@
+"""Route planning: from a map to segments for the Navigator."""

@@ -24,7 +24,7 @@ from colony.nav.maps.walls import lights_of
 _HOP_MM = 0.001  # so that of equally long ways the one with the fewest steps is taken
 _TURN_MM = 0.1
 _RIDE_MM = 20_000.0
-"""What riding an elevator counts for, in mm of way, where there are several to choose from."""
+"""Cost of riding an elevator, in mm of way, for the choice among several."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,11 +33,11 @@ class Layout:
 
     Attributes:
         source: the map.
-        nodes: where the nodes stand, a tuple a ring.
-        headings_deg: where the edges lead, a tuple a ring.
+        nodes: places of the nodes, a tuple a ring.
+        headings_deg: headings of the edges, a tuple a ring.
         corridors, spaces: as `colony/nav/maps/corridors.py` finds them.
         lights: (x, y) of the ceiling lights in mm.
-        bounded: which corridors an edge bounds, (ring, edge) by their indices.
+        bounded: the corridors that an edge bounds, (ring, edge) by their indices.
     """
 
     source: Map
@@ -49,7 +49,7 @@ class Layout:
     bounded: Mapping[tuple[int, int], tuple[int, ...]]
 
     def corridor_at(self, ring: int, edge: int) -> int | None:
-        """Which corridor an edge bounds; where it is several in a row, the one nearest to its middle."""
+        """Return the corridor that an edge bounds; of several in a row, the one nearest to its middle."""
         found = self.bounded.get((ring, edge), ())
         if len(found) < 2:
             return found[0] if found else None
@@ -58,12 +58,12 @@ class Layout:
         return min(found, key=lambda i: _beyond(self.corridors[i], middle))
 
     def corridor_of_node(self, ring: int, node: int) -> int | None:
-        """Which corridor a node stands in: that of the edge after it, or else of the one before."""
+        """Return the corridor of a node: that of the edge after it, or else of the one before."""
         after = self.corridor_at(ring, node)
         return after if after is not None else self.corridor_at(ring, (node - 1) % len(self.nodes[ring]))
 
     def joined(self, corridors: tuple[int, ...]) -> tuple[int, ...]:
-        """Corridors with those between them that a way leaves out which changes its ring in a turning space.
+        """Return corridors with those between them that a way skips when it changes rings in a turning space.
 
         Where two of them have no turning space, and no other corridors join them, they stay as they are.
         """
@@ -79,7 +79,7 @@ class Layout:
 
 @lru_cache(maxsize=32)
 def layout_of(source: Map) -> Layout:
-    """What is derived from a map, once for each."""
+    """Derive the layout of a map, once for each map."""
     corridors = corridors_of(source)
     bounded: dict[tuple[int, int], tuple[int, ...]] = {}
     for i, corridor in enumerate(corridors):
@@ -131,7 +131,7 @@ class Stretch:
 
 
 Way = tuple[Stretch | Lift, ...]
-"""In order; from floor to floor there is a lift."""
+"""The parts of a way, in order; a lift joins two floors."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -152,12 +152,16 @@ class _MiddlePlace:
 def shortest_way(
     layouts: tuple[Layout, ...], lifts: tuple[Lift, ...], origin: Spot, goal: Spot, travel: Travel | None
 ) -> Way | None:
-    """The shortest way from node to node; None where there is none.
+    """Return the shortest way from node to node, or None if there is none.
 
-    Elevators are ridden to other floors, and to the same one only where it has no way of its own.
+    Elevators are ridden to other floors; they are ridden to the same floor only if it has no way of its own.
 
     Args:
-        travel: how all floors are traveled; None: each as its map says.
+        layouts: the layouts of all floors.
+        lifts: the elevators between them.
+        origin: the node where the way begins.
+        goal: the node where it ends.
+        travel: direction of travel on all floors; None: on each as its map says.
     """
     if origin.floor == goal.floor:
         alone = _shortest(layouts, (), origin, goal, travel)
@@ -192,7 +196,7 @@ def _shortest(
 def _step(
     graph: Any, here: object, there: object, length: float, corridor: int | None, more: float = 0.0
 ) -> None:
-    """An edge of the graph; of several between the same places the shortest is kept."""
+    """Add an edge of the graph; of several between the same places the shortest is kept."""
     weight = length + more + _HOP_MM
     if not graph.has_edge(here, there) or graph[here][there]["weight"] > weight:
         graph.add_edge(here, there, weight=weight, length=length, corridor=corridor)
@@ -247,13 +251,13 @@ def _add_corridors(graph: Any, floor: int, layout: Layout, ends: list[Spot]) -> 
 
 
 def _parts(graph: Any, path: list[Any]) -> Way:
-    """A path of the graph, cut where it rides from floor to floor."""
+    """Cut a path of the graph where it rides from floor to floor."""
     parts: list[Stretch | Lift] = []
     origin, length = path[0], 0.0
     corridors: list[int] = []
     for here, there in pairwise(path):
         if isinstance(here, Spot) and isinstance(there, Spot):
-            # An elevator that is told from floor to floor is ridden in one go.
+            # An elevator linked from floor to floor is ridden in one go.
             match parts[-1:]:
                 case [Lift(one=first)]:
                     parts[-1] = Lift(first, there)

@@ -1,10 +1,9 @@
-"""A way through corridors as straight legs, and each leg as segments in the modes of the Navigator (thesis
-section 5.3).
+"""A way through corridors as straight legs, and each leg as segments in the Navigator's modes (section 5.3).
 
-    L  from the start of the leg to below its last light; left out where none hangs on the way
-    E  on to the middle of the turning space         (all legs but the last)
-    C  from there, in the heading of the next leg, out of the turning space
-    D  on to the goal                                (the last leg)
+L  from the start of the leg to below its last light; left out where none hangs on the way
+E  on to the middle of the turning space         (all legs but the last)
+C  from there, in the heading of the next leg, out of the turning space
+D  on to the goal                                (the last leg)
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from colony.nav.plan.plan import Place, Segment
 from colony.nav.shared import GoalKind
 
 LEAVE_MM = 500.0
-"""How far out of a turning space a robot drives before it looks for lights."""
+"""Distance that a robot drives out of a turning space before it looks for lights."""
 
 LIGHT_AHEAD_MM = 600.0
 """A light is tracked if it is that far ahead at least where the tracking begins: the leading edge of a nearer
@@ -44,16 +43,17 @@ class Leg:
 
     @property
     def length_mm(self) -> float:
+        """Length of the leg, in mm."""
         return math.hypot(self.end.x - self.start.x, self.end.y - self.start.y)
 
     @property
     def heading_deg(self) -> float:
-        """Where it leads; one without length leads as its corridor does."""
+        """Heading of the leg; a leg without length has its corridor's heading."""
         along = self.corridor.along(*self.end) - self.corridor.along(*self.start)
         return self.corridor.heading_deg if along >= 0.0 else (self.corridor.heading_deg + 180.0) % 360.0
 
     def at(self, along_mm: float) -> Point:
-        """The place so far after its start."""
+        """Return the place at this distance from the start."""
         unit = direction(self.heading_deg)
         return Point(self.start.x + along_mm * unit.x, self.start.y + along_mm * unit.y)
 
@@ -67,7 +67,7 @@ class Apart:
 
 
 def legs_of(corridors: tuple[Corridor, ...], origin: Point, goal: Point) -> tuple[Leg, ...] | Apart:
-    """The legs through corridors, one after the other, from abreast of one place to abreast of another."""
+    """Return the legs through corridors from abreast of one place to abreast of another."""
     order = _without_returns(list(range(len(corridors))), corridors)
     bends = []
     for i, j in pairwise(order):
@@ -102,7 +102,7 @@ def _without_returns(order: list[int], corridors: tuple[Corridor, ...]) -> list[
 def segments_of(
     legs: tuple[Leg, ...], lights: tuple[Point, ...], floor: str
 ) -> tuple[tuple[Segment, ...], str]:
-    """The segments of legs on one floor, and one letter a mode."""
+    """Return the segments of legs on one floor, and one letter a mode."""
     segments: list[Segment] = []
     modes = ""
     for i, leg in enumerate(legs):
@@ -124,7 +124,7 @@ def segments_of(
 
 
 def _lights_on(leg: Leg, lights: tuple[Point, ...], first: bool, last: bool) -> tuple[float, ...]:
-    """How far after the leg's start the lights are that are to be tracked on it, rising."""
+    """Return the distances from the leg's start of the lights to be tracked on it, rising."""
     unit = direction(leg.heading_deg)
     low = LIGHT_AHEAD_MM if first else leg.before_mm + LIGHT_AHEAD_MM
     high = leg.length_mm - (LIGHT_BEFORE_GOAL_MM if last else leg.after_mm)
@@ -138,10 +138,10 @@ def _lights_on(leg: Leg, lights: tuple[Point, ...], first: bool, last: bool) -> 
 
 
 def _leaving(leg: Leg, marks: tuple[float, ...]) -> float:
-    """How far to drive out of the turning space in which a leg begins.
+    """Return the distance to drive out of the turning space in which a leg begins.
 
-    Never beyond half of the leg, so that a robot that drives too far still has its end before it, and never
-    so far that the first light is not ahead any more.
+    It is never more than half of the leg, so that a robot that drives too far still has the end ahead, and
+    never so much that the first light is no longer ahead.
     """
     out = min(leg.before_mm + LEAVE_MM, leg.length_mm / 2)
     return min(out, marks[0] - LIGHT_AHEAD_MM) if marks else out

@@ -42,7 +42,7 @@ class Segment:
 
     @property
     def length_mm(self) -> float:
-        """From start to end; 0 from floor to floor, each of which is measured by itself."""
+        """Length from start to end; 0 from floor to floor, each of which is measured by itself."""
         if self.start.floor != self.end.floor:
             return 0.0
         return math.hypot(self.end.x_mm - self.start.x_mm, self.end.y_mm - self.start.y_mm)
@@ -75,5 +75,5 @@ class Plan:
 
     @property
     def way_mm(self) -> float:
-        """How far the robot travels, along the middle of the corridors."""
+        """Distance that the robot travels, along the middle of the corridors, in mm."""
         return sum(segment.length_mm for segment in self.segments)

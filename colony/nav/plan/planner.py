@@ -1,22 +1,23 @@
-"""The Path Planner's local part: a client that gives the Navigator the segments of a plan, one by one (thesis
-sections 5.3 and 5.8).
+"""The Path Planner's local part: a client that gives the Navigator a plan's segments (sections 5.3 and 5.8).
 
 For each segment it sets GoalType, GoalDirection and GoalDistance, ups $GoalData, and waits for $RobotStatus.
 A segment of lights is also for CTracker, which has LightOffset and $TrackData, and for the Local Mapper,
 which has $StartMap: there the Planner waits for $EndLMode, too, and reads Overshoot.
 
-How far a goal is can be told in two ways. By the pose, it is what is left of the segment from where the robot
-believes to be, which others keep correcting. By reckoning, as in the thesis, it is the segment's length, less
-the overshoot of the lights before it; the thesis did that from December 1993 on, and before not even that.
+The distance of a goal is known in two ways. By the pose, it is what is left of the segment from the robot's
+estimated position, which other clients keep correcting. By reckoning, as in the thesis, it is the segment's
+length, less the overshoot of the lights before it; the thesis did that from December 1993 on, and before not
+even that.
 
-Before a segment that is an elevator's it sets ElevatorCall, for who presses the buttons, and after it Floor,
-for who needs the walls around the robot: when the position has become one of that floor's map.
+Before an elevator's segment the Planner sets ElevatorCall, for the operator of the buttons. After it, when
+the position has become one of the new floor's map, it sets Floor, for the clients that need the walls around
+the robot.
 
-Where a Planner dies, the robot goes on to the present goal and stands there. Another one begins with a plan
-from where the robot is: its first goal takes the place of what is pursued, and answers that nobody took are
-thrown away. GoalType NONE, set by somebody else, halts the robot while the Planner goes on waiting. It is no
-pause: the Navigator would measure the whole distance anew. To stop for good, end the Planner, then set
-GoalType to NONE; to go on, start another Planner.
+If a Planner dies, the robot goes on to the present goal and stands there. The next Planner begins with a plan
+from where the robot is: its first goal replaces the pursued one, and pending answers are discarded. If
+another client sets GoalType to NONE, the robot halts while the Planner goes on waiting. That is no pause: the
+Navigator would measure the whole distance again. To stop for good, end the Planner, then set GoalType to
+NONE; to go on, start another Planner.
 """
 
 from __future__ import annotations
@@ -52,24 +53,27 @@ from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
 
 INTO_ELEVATOR_MM = 900.0
-"""How far behind its doors a robot stands in an elevator: in the middle of a cabin that is 1.8 m deep."""
+"""Distance behind the doors where a robot stands in an elevator: the middle of a cabin 1.8 m deep."""
 
 SHORT_MM, MOST_SHORT_MM = 50.0, 1_500.0
-"""A robot that is short of its goal by so much, by what the plate there told of its place, goes on; who is
-short by more than the latter is lost, and better stays."""
+"""Limits of the distance by which a robot may be short of its goal, according to the plate there.
+
+A robot that is short by more than the former drives on; one that is short by more than the latter is lost,
+and stays.
+"""
 
 Positions = Literal["pose", "reckoning"]
-"""How distances are told: from where the robot believes to be, or from nominal lengths and overshoots."""
+"""The source of distances: the estimated pose, or nominal lengths and overshoots."""
 
 OnSegment = Callable[[int, Segment], None]
-"""Is told the number, from 0, of each segment that begins."""
+"""Callback with the number, from 0, of each segment that begins."""
 
 OnVerdict = Callable[[Verdict], None]
-"""Is told what the plates say of the goal, in the end."""
+"""Callback with the final verdict of the plates on the goal."""
 
 
 class Goal(NamedTuple):
-    """What the Navigator is told; `offsets_mm` is for CTracker."""
+    """A goal for the Navigator; `offsets_mm` is for CTracker."""
 
     kind: GoalKind
     direction_deg: float
@@ -78,7 +82,7 @@ class Goal(NamedTuple):
 
 
 def goal_of(segment: Segment, progress_mm: float) -> Goal:
-    """The goal of a segment for a robot that is so far after its start.
+    """Return the goal of a segment for a robot at this distance from its start.
 
     Lights that are behind are left out. Where nothing is left of a segment its goal is 0 mm away, which the
     Navigator has reached at once: so the goals of a plan are as many as its segments, and in their order.
@@ -105,18 +109,20 @@ def goal_of(segment: Segment, progress_mm: float) -> Goal:
 
 
 def progress_along(segment: Segment, x_mm: float, y_mm: float) -> float:
-    """How far after a segment's start a place is, along its heading, in mm."""
+    """Return the distance of a place from a segment's start, along its heading, in mm."""
     unit = direction(segment.heading_deg)
     return (x_mm - segment.start.x_mm) * unit.x + (y_mm - segment.start.y_mm) * unit.y
 
 
 def landing(ride: Segment, x_mm: float, y_mm: float) -> Point:
-    """Where a robot stands that has left an elevator, in mm on the map of the floor it is on.
+    """Return where a robot stands after an elevator ride, in mm on the map of the floor it is on.
 
     It is as far from the doors as it would be on the other floor; the corridor may be wider here.
 
     Args:
-        x_mm, y_mm: its place as it is reckoned, as if the ride had led back to the floor where it began.
+        ride: the elevator's segment.
+        x_mm: the robot's reckoned place, as if the ride had led back to the floor where it began.
+        y_mm: the same, to the north.
     """
     unit, ahead = direction(ride.turn_deg), direction(ride.heading_deg + ride.turn_deg)
     x, y = x_mm - ride.start.x_mm, y_mm - ride.start.y_mm
@@ -136,15 +142,16 @@ def planner(
     verify: Plate | None = None,
     on_verdict: OnVerdict | None = None,
 ) -> Script:
-    """Lead the robot along a plan; ends when it has arrived and was told to stand.
+    """Lead the robot along a plan; ends when it has arrived and stands.
 
     Args:
-        positions: how distances are told.
+        plan: the plan.
+        positions: the source of distances.
         compensate: with `reckoning`, take the overshoot of lights off the distance that follows.
-        on_segment: is told of each segment that begins.
-        verify: the plate that hangs at the goal: whether it was read there is told by GoalVerified, and what
-            the robot is short of the goal by then is driven.
-        on_verdict: is told whether it was read, too.
+        on_segment: called with the number of each segment that begins.
+        verify: the plate that hangs at the goal. GoalVerified reports whether it was read there, and the
+            robot drives the rest if it is short of the goal by then.
+        on_verdict: called with the verdict, too.
     """
     yield from _begin(plan.segments[0].start.floor)
     if verify is not None:
@@ -175,8 +182,7 @@ def planner(
 
 
 def _begin(floor: str) -> Generator[Step, Any, None]:
-    """See to it that all semaphores are there, and that nothing is meant any more that a Planner announced
-    which was ended half-way."""
+    """Create missing semaphores, and withdraw what a Planner announced that was ended half-way."""
     for name in SEMAPHORES:
         yield from do("DServer", data.create_semaphore(name, 0))
     for name in (START_MAP, TRACK_DATA, GOAL_DATA):
@@ -228,7 +234,7 @@ def _pursue(goal: Goal) -> Generator[Step, Any, float]:
 
 
 def _change_floor(ride: Segment) -> Generator[Step, Any, None]:
-    """The base reckoned as if it had stayed on its floor; from here on it counts in the other floor's map."""
+    """Move the base's position from the map of the floor left behind to that of the other floor."""
     here = yield from do("RServer", robot.position())
     there = landing(ride, here.x, here.y)
     yield from do("RServer", robot.adjust_position(there.x - here.x, there.y - here.y, ride.turn_deg))

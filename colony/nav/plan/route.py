@@ -12,7 +12,7 @@ from colony.nav.shared import GoalKind
 from colony.text.suggestions import did_you_mean
 
 JAMBS = ("L", "R", ".L", ".R")
-"""What a door's name ends in where it is the name of one of its jambs."""
+"""Suffixes of a door's name in the names of its jambs."""
 
 
 class NoPlan(Exception):
@@ -25,17 +25,17 @@ class NoPlan(Exception):
 
 
 def plan(source: Map | Building, origin: str, goal: str, *, travel: Travel | None = None) -> Plan:
-    """The shortest path from one node to another.
+    """Return the shortest path from one node to another.
 
     A name without a jamb ("376" where there are 376L and 376R) stands for both jambs of that door, and the
-    path is the shortest of those between them. A name is looked for on the first floor of a building, and
-    only then on the others; the name of a map or floor before it says where: "msu_engineering_2:250R" or
-    "2:250R".
+    path is the shortest of those between them. A name is looked up on the first floor of a building, and only
+    then on the others; the name of a map or floor before it says where: "msu_engineering_2:250R" or "2:250R".
 
     Args:
         source: a floor, or all that elevators join.
-        origin, goal: names of nodes or doors.
-        travel: which way rings are followed, in place of what the maps say.
+        origin: name of the node or door where the path begins.
+        goal: name of the node or door where it ends.
+        travel: direction in which rings are followed, in place of what the maps say.
 
     Raises:
         NoPlan: a name is unknown, both are one place, or no path leads from one to the other.
@@ -82,7 +82,7 @@ Known = dict[str, list[Spot]]
 
 
 def _known(layouts: tuple[Layout, ...]) -> Known:
-    """All nodes by their names, with and without their floors'."""
+    """Return all nodes by their names, with and without their floors'."""
     known: Known = {}
     for f, layout in enumerate(layouts):
         for r, ring in enumerate(layout.source.rings):
@@ -111,14 +111,17 @@ def _spots(layouts: tuple[Layout, ...], known: Known, name: str, what: str) -> t
 
 
 def _quoted(name: str) -> str:
-    """A name as a message quotes it: in one line, shortened."""
+    """Quote a name for a message: in one line, shortened."""
     shown = name if name.isprintable() else ascii(name)[1:-1]
     return f"`{shown if len(shown) <= 40 else shown[:37] + '...'}`"
 
 
 def _similar(name: str, known: Known) -> str | None:
-    """Return a hint with the same name in other letters, or up to three names of doors, or of nodes that are
-    no jambs, that are much like this one."""
+    """Return a hint with similar names.
+
+    It has the same name in other letters, or else up to three names much like this one: of doors, or of nodes
+    that are no jambs.
+    """
     folded = [one for one in known if one.lower() == name.lower()]
     doors = {one.removesuffix(jamb) for one in known for jamb in JAMBS if one.endswith(jamb)} - {""}
     others = {one for one in known if not any(one.removesuffix(jamb) in doors for jamb in JAMBS)}
@@ -196,7 +199,7 @@ def _shown(at: Point) -> str:
 
 
 def _doors(layout: Layout, spot: Spot) -> Point:
-    """The middle of an elevator's doors."""
+    """Return the middle of an elevator's doors."""
     nodes = layout.nodes[spot.ring]
     here, there = nodes[spot.node], nodes[(spot.node + 1) % len(nodes)]
     return Point((here.x + there.x) / 2, (here.y + there.y) / 2)
@@ -214,7 +217,7 @@ def _ride(layouts: tuple[Layout, ...], lift: Lift) -> Segment:
         doors = _doors(layout, spot)
         places.append(Place(*corridor.at(corridor.abreast(*doors)), layout.source.name))
         ways.append(abs(corridor.beside(*doors)))
-        # The elevator is behind its doors, on the left of who walks along the wall.
+        # The elevator is behind its doors, on the left along the wall.
         headings.append((layout.headings_deg[spot.ring][spot.node] + 90.0) % 360.0)
     ring = layouts[lift.one.floor].source.rings[lift.one.ring]
     assert ring.edges[lift.one.node].kind is EdgeKind.ELEVATOR

@@ -1,0 +1,1 @@
+"""Pose estimation: odometry, sonars, landmarks and the filter that fuses them."""

@@ -1,4 +1,4 @@
-"""What a ring of sonars is to read at a pose, by the map: the beam model of the position filter.
+"""The expected readings of a ring of sonars at a pose on the map: the beam model of the position filter.
 
 A wall is a mirror for ultrasound. It is heard by the part of the cone that meets it within the critical angle
 to its normal, and the nearest of that is what is read: the perpendicular distance where the normal lies in
@@ -31,7 +31,7 @@ BEARINGS_RAD = (np.arange(CHANNELS) - 12) * (2.0 * math.pi / CHANNELS)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SonarModel:
-    """What a robot's sonars are believed to be like; lengths in mm, angles in degrees.
+    """The model of a robot's sonars; lengths in mm, angles in degrees.
 
     Attributes:
         ring_mm: from the robot's center to each transducer; readings count from there.
@@ -72,7 +72,7 @@ class Mirrors(NamedTuple):
     doubt: Floats
 
     def near(self, x_mm: float, y_mm: float, reach_mm: float) -> Mirrors:
-        """Those that come nearer to a point than `reach_mm`."""
+        """Return the walls that come nearer to a point than `reach_mm`."""
         to_start = self.start - (x_mm, y_mm)
         part = np.clip(-(to_start * self.along).sum(axis=1), 0.0, self.length)
         nearest = to_start + part[:, None] * self.along
@@ -84,7 +84,7 @@ _DOOR_DOUBT = 2.0
 
 
 def mirrors_of(walls: Walls) -> Mirrors:
-    """What of a map echoes, and how far to trust it: doors may be open, glass may be silent."""
+    """Return the walls that echo, and how far to trust each: doors may be open, glass may be silent."""
     kept = np.flatnonzero(np.hypot(*(walls.segments[:, 2:] - walls.segments[:, :2]).T) > 1.0)
     segments = walls.segments[kept]
     extent = segments[:, 2:] - segments[:, :2]
@@ -102,7 +102,7 @@ def mirrors_of(walls: Walls) -> Mirrors:
 
 
 class Expected(NamedTuple):
-    """What the ring is to read at a pose.
+    """The expected readings of the ring at a pose.
 
     Attributes:
         ranges: (24,) in mm; infinity where nothing is to be heard.
@@ -126,8 +126,11 @@ _RAY = np.arange(_RAYS)[None, :]
 
 
 class _Hit(NamedTuple):
-    """What each sonar hears first, (24,) each: how far it is, infinity for nothing; which wall; how far it is
-    straight to that wall; and whether it hears anything."""
+    """The first hit of each sonar, (24,) each.
+
+    The distance, infinity for nothing; the wall that is hit; the perpendicular distance to that wall; and
+    whether the sonar hears anything.
+    """
 
     echo: Floats
     wall: NDArray[np.intp]
@@ -148,7 +151,7 @@ class Ring:
         self._cos_critical = math.cos(math.radians(model.critical_deg))
 
     def expect(self, mirrors: Mirrors, x_mm: float, y_mm: float, heading_rad: float) -> Expected:
-        """What is read at a pose; the heading counts counterclockwise from north."""
+        """Return the expected readings at a pose; the heading counts counterclockwise from north."""
         if len(mirrors.length) == 0:
             silence = np.full(CHANNELS, np.inf)
             return Expected(silence, silence, np.zeros((CHANNELS, 3)))
@@ -162,7 +165,7 @@ class Ring:
         return self._of_walls(mirrors, hit, axis_x, axis_y)
 
     def _cast(self, mirrors: Mirrors, rays: Floats, origins: Floats) -> _Hit:
-        """What each sonar hears first."""
+        """Return the first hit of each sonar."""
         start = mirrors.start
         normal, along = mirrors.normal.T, mirrors.along.T
         height = origins @ normal - (start * mirrors.normal).sum(axis=1)
@@ -185,7 +188,7 @@ class Ring:
         return _Hit(echo=echo[pick], wall=first, height=height[_CHANNEL, first], heard=heard[pick])
 
     def _of_walls(self, mirrors: Mirrors, hit: _Hit, axis_x: Floats, axis_y: Floats) -> Expected:
-        """What is read of walls, how it depends on the pose, and how sure it is."""
+        """Return the expected readings of walls, their dependence on the pose, and their uncertainty."""
         model = self.model
         normal_x, normal_y = mirrors.normal[hit.wall].T
         phi = np.arctan2(  # of the axis, counterclockwise from the way straight to the wall

@@ -1,9 +1,8 @@
-"""The client that owns the estimate of the robot's pose: all that is known of it meets here, and only here is
-RServer's position corrected (thesis section 5.5 for the sonars, 5.6 for lights, 5.7 for plates).
+"""The pose estimator: the only client that corrects RServer's position (thesis sections 5.5, 5.6, 5.7).
 
 Odometry, scans against the map, local maps, ceiling lights, door plates and the markers of elevators give one
-pose with one covariance. Whoever sees a landmark tells a `Fix` at DServer; it is taken in once, for the pose
-of its moment. The estimate is told at DServer, and RServer is told what it is off.
+pose with one covariance. A client that sees a landmark publishes a `Fix` at DServer; the estimator takes it
+in once, for the pose of its moment. It publishes the estimate at DServer, and sends corrections to RServer.
 
 In an elevator the sonars say nothing of the map: its walls are mirrors, and its cabin is on no map. On
 another floor the map is another one, and the robot is where RServer says, give or take what a ride may hide.
@@ -37,14 +36,14 @@ def pose_estimator(
     sources: frozenset[Source] = ALL,
     period_s: float = 0.1,
 ) -> Script:
-    """Estimate the robot's pose from all sources together, and correct RServer's position, for ever.
+    """Estimate the robot's pose from all sources together, and correct RServer's position, forever.
 
     While RServer, or what a source needs, is away or has nothing to say, it waits, or goes on without.
 
     Args:
         floors: the walls of each floor, by the names that FLOOR has; the first one until it is set.
-        sources: what is believed besides the odometry.
-        period_s: from one look at the sonars and the position to the next.
+        sources: the sources besides the odometry.
+        period_s: seconds between two looks at the sonars and the position.
 
     Raises:
         ValueError: there is no floor; later, in the script: FLOOR is none of them.
@@ -55,7 +54,7 @@ def pose_estimator(
 
 
 class _Estimator:
-    """Mutable: the tracker, the floor, and the newest of all that was told."""
+    """The state of the estimator: the tracker, the floor, and the newest inputs. Mutable."""
 
     def __init__(self, floors: Mapping[str, Walls], sources: frozenset[Source]) -> None:
         self._floors, self._sources = floors, sources
@@ -66,7 +65,7 @@ class _Estimator:
         self._last: Position | None = None
 
     def run(self, period_s: float) -> Script:
-        """For ever."""
+        """Estimate the pose forever."""
         while True:
             yield from sleep(period_s)
             # FLOOR before the position, which was adjusted before FLOOR was set.
@@ -83,7 +82,7 @@ class _Estimator:
             yield from self._take(fresh, where)
 
     def _take(self, scan: SonarReading | None, where: Position) -> Generator[Step, Any, None]:
-        """Take in a scan, a position, and what landmarks tell; and tell what comes of it."""
+        """Take in a scan, a position and the fixes of landmarks, and publish the result."""
         ranges = None
         at = where
         if scan is not None:
@@ -113,12 +112,12 @@ class _Estimator:
         self._tracker.enter(self._floors[floor])
 
     def _rides(self) -> Generator[Step, Any, bool]:
-        """Whether the robot is on its way into an elevator, or in it."""
+        """Return True if the robot is on its way into an elevator, or in it."""
         goal = yield from asked("DServer", data.get(GOAL_TYPE))
         return goal == GoalKind.ELEVATOR
 
     def _fixes(self, now_ns: int) -> Generator[Step, Any, list[Told]]:
-        """The fixes that are new."""
+        """Return the fixes that are new."""
         told = yield from asked("DServer", data.get_many(_FIXES))
         if told is None:
             yield from _make_fixes()
@@ -133,7 +132,7 @@ class _Estimator:
 
 
 def _make_fixes() -> Generator[Step, Any, None]:
-    """Where nobody has told fixes of a source, there are none: so all can be asked for at once."""
+    """Set the fixes of each source without any to an empty list, so that all can be read at once."""
     for name in _FIXES:
         if (yield from asked("DServer", data.get(name))) is None:
             yield from asked("DServer", data.set(name, []))

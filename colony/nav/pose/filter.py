@@ -1,12 +1,11 @@
-"""Where a robot is, by its odometry, by what its sonars hear of the walls of the map, and by landmarks.
+"""The position filter: the pose from odometry, sonar echoes of the map's walls, and landmarks.
 
-An extended Kalman filter over x, y, the heading, and what is wrong with the odometry: its curvature, since
-wheels of unequal size turn a robot that believes that it goes straight, and its scale. A reading counts the
-less the more it surprises (Huber), and not at all beyond a gate, so that people, open doors and cross-talk do
-no harm. What surprises most of the sonars at once is a wheel that slipped: then headings all around are
-tried. A landmark that surprises was told by somebody who knows it, and tells of such a slip, too: it moves
-the position, and teaches nothing of the odometry. Source: Thrun, Burgard and Fox, Probabilistic Robotics
-(2005), chapters 3 and 7; Leonard and Durrant-Whyte 1992.
+An extended Kalman filter over x, y, the heading, and the errors of the odometry: its curvature, since wheels
+of unequal size turn a robot that believes that it goes straight, and its scale. The weight of a reading falls
+with its surprise (Huber), and is zero beyond a gate, so that people, open doors and cross-talk do no harm. A
+surprise for most of the sonars at once means that a wheel slipped: then headings all around are tried. A
+surprising landmark also indicates a slip: it moves the position, and teaches nothing of the odometry. Source:
+Thrun, Burgard and Fox, Probabilistic Robotics (2005), chapters 3 and 7; Leonard and Durrant-Whyte 1992.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from colony.nav.pose.steps import NOW, Since, Step
 
 
 class Leap(NamedTuple):
-    """By how much a landmark may move the position at once, and turn the heading."""
+    """Limits of how far a landmark may move the position at once, and turn the heading."""
 
     mm: float
     rad: float
@@ -61,18 +60,18 @@ class Uncertainty:
 
 
 # In standard deviations: from where a reading counts less, where not at all, up to where it is as expected;
-# and from where a landmark tells of a slip.
+# and from where a landmark indicates a slip.
 _HUBER = 1.5
 _GATE = 3.5
 _AS_EXPECTED = 1.5
 _SLIPPED = 2.5
-# Readings that change by so much a radian tell of a slip; those of walls straight ahead of a sonar do not.
+# Readings that change by so much a radian reveal a slip; those of walls straight ahead of a sonar do not.
 _TURNING_MM = 200.0
 _FEWEST_TURNING = 4
 
 _STILL = 1e-6
-_FEWEST = 3  # readings that tell anything; fewer are mostly a stretch of wall between two openings
-_AGREEMENT_RATE = 0.3  # a few scans, so that people who pass do not count as being lost
+_FEWEST = 3  # informative readings; fewer are mostly a stretch of wall between two openings
+_AGREEMENT_RATE = 0.3  # a few scans, so that passing people do not count as being lost
 _LOST = 0.65  # open doors and people spoil up to a third of the readings
 
 # Relocation: headings up to 35 degrees away, each fitted to the scan from half-way to the next one.
@@ -94,9 +93,11 @@ _AFTER_RAD = math.radians(3.0)
 
 
 class PoseFilter:
-    """The pose of a robot and how sure it is. Mutable: x, y in mm, the heading in radians counterclockwise
-    from north, the drift in radians a mm, the scale error of the odometry (0.01 where it says 990 mm for a
-    meter), and their covariance."""
+    """The pose of a robot and its covariance. Mutable.
+
+    The state is x, y in mm, the heading in radians counterclockwise from north, the drift in radians a mm,
+    and the scale error of the odometry (0.01 where it says 990 mm for a meter).
+    """
 
     def __init__(
         self, ring: Ring, pose: tuple[float, float, float], noise: Uncertainty | None = None
@@ -114,7 +115,7 @@ class PoseFilter:
     def reset(
         self, pose: tuple[float, float, float], sigma_mm: float | None = None, sigma_deg: float | None = None
     ) -> None:
-        """Begin anew at a pose, this uncertain; what is known of the odometry stays."""
+        """Restart at a pose with this uncertainty; the errors of the odometry stay."""
         place = self._noise.start_mm if sigma_mm is None else sigma_mm
         heading = math.radians(self._noise.start_deg if sigma_deg is None else sigma_deg)
         self.state[:3] = pose[0], pose[1], math.radians(pose[2])
@@ -153,7 +154,7 @@ class PoseFilter:
         return Step(ahead, left, turned + drift)
 
     def _spread(self, way: float, turned: float) -> None:
-        """Become less certain by a step of so many mm and radians."""
+        """Add the uncertainty of a step of so many mm and radians."""
         noise, meters = self._noise, way / 1e3
         spread = noise.way_mm**2 * meters + (noise.way * way) ** 2
         self.covariance[0, 0] += spread
@@ -162,7 +163,7 @@ class PoseFilter:
         self.covariance[3, 3] += (math.radians(noise.drift_change_deg_m) / 1e3) ** 2 * meters
 
     def shift(self, x_mm: float, y_mm: float, turn_rad: float) -> None:
-        """Somebody corrected the odometry by so much: the robot did not move, its pose is another one."""
+        """Apply a correction of the odometry: the robot did not move, but its pose is another one."""
         self.state[0] += x_mm
         self.state[1] += y_mm
         self.state[2] += turn_rad
@@ -177,7 +178,7 @@ class PoseFilter:
 
     @property
     def is_lost(self) -> bool:
-        """Whether most of what was to be heard of late was not."""
+        """True if most of the recent readings did not match the map."""
         return self.agreement < _LOST
 
     def listen(self, mirrors: Mirrors, ranges: Floats, blur_rad: float = 0.0) -> None:
@@ -194,12 +195,12 @@ class PoseFilter:
                 self._unconfirmed_mm = 0.0
 
     def observe(self, row: Row, since: Since = NOW, most: Leap = ANY_LEAP) -> bool:
-        """Take in what a landmark tells of the pose of a while ago.
+        """Take in a landmark's observation of the pose a while ago.
 
-        What surprises tells of a slip, which is believed up to `most`.
+        A surprise indicates a slip, which is believed up to `most`.
 
         Returns:
-            False where it is not believed; then nothing has changed.
+            False if the observation is not believed; then nothing has changed.
         """
         way = math.hypot(row.cx, row.cy)
         if not row.sigma > 0.0 or not _is_plain(row, way, most):
@@ -232,14 +233,13 @@ class PoseFilter:
         return True
 
     def _loosen(self, row: Row, variance: float) -> None:
-        """What a row tells may have changed by so much without anybody noticing: the position along it, or
-        the heading."""
+        """Add the variance of an unnoticed change to the position along a row, or to the heading."""
         axis = np.array([row.cx, row.cy, 0.0] if row.cx or row.cy else [0.0, 0.0, row.ch])
         axis /= float(axis @ axis)
         self.covariance[:3, :3] += max(variance, 0.0) * np.outer(axis, axis)
 
     def relocate(self, mirrors: Mirrors, ranges: Floats) -> bool:
-        """Try headings all around by one scan, and take one that explains most of it; False where none does.
+        """Try headings all around by one scan, and take one that explains most of it; False if none does.
 
         The position must be about right, as far as it can be since walls were last where they belong: a wheel
         that slips turns a robot more than it moves it.
@@ -265,8 +265,10 @@ class PoseFilter:
         return True
 
     def consider(self, pose: tuple[float, float, float], mirrors: Mirrors, ranges: Floats) -> bool:
-        """Go on from another pose, x and y in mm and the heading in degrees, if it explains a scan better;
-        False where it does not."""
+        """Go on from another pose if it explains a scan better; return False if it does not.
+
+        The pose is x and y in mm and the heading in degrees.
+        """
         saved, known = (self.state.copy(), self.covariance.copy()), self._of_odometry
         now = self._explained(mirrors, ranges, known)
         self.state = np.array([pose[0], pose[1], math.radians(pose[2]), *saved[0][3:]])
@@ -287,11 +289,11 @@ class PoseFilter:
 
     @property
     def _aside_mm(self) -> float:
-        """How far the position may be off where the way was lost, as a standard deviation."""
+        """Standard deviation of the position where the way was lost, in mm."""
         return min(_TRIED_MM + _ASIDE * self._unconfirmed_mm, self._noise.most_mm)
 
     def _explained(self, mirrors: Mirrors, ranges: Floats, known: list[float]) -> float:
-        """How much of a scan the state explains, after it was fitted to it: from 0 to 1 for each reading."""
+        """Return how much of a scan the state explains after a fit to it: from 0 to 1 for each reading."""
         self.covariance = np.diag([self._aside_mm**2, self._aside_mm**2, _TRIED_STEP_RAD**2, *known])
         for _ in range(_FITS):
             expected = self._ring.expect(mirrors, *self.state[:3])
@@ -302,7 +304,7 @@ class PoseFilter:
         return self._fit(mirrors, ranges)
 
     def _fit(self, mirrors: Mirrors, ranges: Floats) -> float:
-        """How much of a scan the state explains as it is."""
+        """Return how much of a scan the state explains as it is."""
         expected = self._ring.expect(mirrors, *self.state[:3])
         used = _told(expected, ranges)
         if len(used) < _FEWEST_TO_RELOCATE:
@@ -336,12 +338,12 @@ class PoseFilter:
 
 
 def _is_plain(row: Row, way: float, most: Leap) -> bool:
-    """Whether a row says something, and no turn of the heading makes of it what another place would be."""
+    """Return True if a row says something that no turn of the heading can confuse with another place."""
     if row.ch == 0.0 or way == 0.0 or most.mm == math.inf:
         return row.ch != 0.0 or way != 0.0
     return math.pi * abs(row.ch) > most.mm * way
 
 
 def _told(expected: Expected, ranges: Floats) -> NDArray[np.intp]:
-    """The sonars that are to hear a wall, and that say something."""
+    """Return the sonars that are expected to hear a wall, and have a reading."""
     return np.flatnonzero(np.isfinite(expected.sigma) & np.isfinite(ranges))

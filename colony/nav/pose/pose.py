@@ -1,4 +1,4 @@
-"""Where a robot is and how sure that is, as the pose estimator tells it at DServer."""
+"""The estimate of a robot's pose and its uncertainty, as the pose estimator publishes it at DServer."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class PoseEstimate(NamedTuple):
     hh: float
 
     def sigma_along(self, east: float, north: float) -> float:
-        """The standard deviation of the position along a unit vector, in mm."""
+        """Return the standard deviation of the position along a unit vector, in mm."""
         variance = self.xx * east * east + 2.0 * self.xy * east * north + self.yy * north * north
         return math.sqrt(max(variance, 0.0))
 
@@ -37,12 +37,12 @@ class PoseEstimate(NamedTuple):
 
 
 def pose_list(pose: PoseEstimate) -> list[float]:
-    """A pose as DServer keeps it: ten numbers, in the order of `PoseEstimate`."""
+    """Return a pose as DServer keeps it: ten numbers, in the order of `PoseEstimate`."""
     return list(pose)
 
 
 def pose_of(told: Any) -> PoseEstimate | None:
-    """The pose in what DServer has; None where it is none: no list of ten finite numbers."""
+    """Return the pose in a value of DServer; None if it is no list of ten finite numbers."""
     if not isinstance(told, list | tuple) or len(told) != len(PoseEstimate._fields):
         return None
     if not all(isinstance(number, int | float) and math.isfinite(number) for number in told):

@@ -1,4 +1,4 @@
-"""How a robot moves, as its odometry tells: from moment to moment, and since a while ago."""
+"""Motion of the robot by its odometry: from moment to moment, and since a past moment."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from typing import NamedTuple
 
 
 class Step(NamedTuple):
-    """How a robot moved, in its own frame at the beginning: ahead and to the left in mm, turned in radians
-    counterclockwise."""
+    """A motion of the robot in its own frame at the beginning.
+
+    Ahead and to the left in mm, turned in radians counterclockwise.
+    """
 
     ahead_mm: float
     left_mm: float
@@ -15,8 +17,10 @@ class Step(NamedTuple):
 
 
 class Since(NamedTuple):
-    """How a robot moved since a moment, in its own frame of now: ahead and to the left in mm, turned in
-    radians counterclockwise; and how long its way was."""
+    """The motion of the robot since a moment, in its own frame of now.
+
+    Ahead and to the left in mm, turned in radians counterclockwise, and the length of the way.
+    """
 
     ahead_mm: float
     left_mm: float

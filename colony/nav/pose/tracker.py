@@ -31,7 +31,7 @@ from colony.runtime.library.robot import Position
 
 
 class Source(Enum):
-    """What the pose of a robot is known by, besides its odometry."""
+    """A source of the robot's pose besides its odometry."""
 
     SONAR = "sonar"  # scans against the map
     LOCAL_MAPS = "local-maps"  # lines in maps of the last meters, matched to the walls of the map
@@ -52,7 +52,7 @@ class Told(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Correction:
-    """By how much a position is off: what is to be added to it, in mm and degrees."""
+    """The correction of a position: what to add to it, in mm and degrees."""
 
     x_mm: float
     y_mm: float
@@ -60,7 +60,7 @@ class Correction:
 
     @property
     def is_worth_telling(self) -> bool:
-        """Whether it is more than the noise of the estimate."""
+        """True if the correction is more than the noise of the estimate."""
         return math.hypot(self.x_mm, self.y_mm) > _WORTH_MM or abs(self.heading_deg) > _WORTH_DEG
 
 
@@ -73,14 +73,14 @@ _NEAR_MM = 1_000.0
 _TIMING_S = 0.02
 _RETRY_SCANS = 5
 _HOPEFUL_SCANS = 50
-_PAUSE_SCANS = 20  # trying takes time, and who is lost for long is probably outside of the map
+_PAUSE_SCANS = 20  # trying takes time, and a robot that stays lost is probably outside of the map
 _TRAIL_MM = 3_000.0
 _LEAST_TRAIL_MM = 1_500.0
 _NO_STEP = Step(0.0, 0.0, 0.0)
 _MOST_WAITING = 20
 _LINES_AFTER_SCANS = 15
 _LINES_GATE = Gate(angle_deg=40.0, offset_mm=1_000.0)
-_LINES_MM, _LINES_DEG = 20.0, 0.3  # no line tells more than that: walls are not quite where they are drawn
+_LINES_MM, _LINES_DEG = 20.0, 0.3  # no line is better than that: walls are not quite where they are drawn
 # Lights are found again by two of them; a plate or a marker may always be another one.
 _TRUSTED = {
     Source.LIGHTS: Leap(2_600.0, math.radians(20.0)),
@@ -92,8 +92,11 @@ _NEW_FLOOR_MM, _NEW_FLOOR_DEG = 150.0, 4.0  # after a ride, in which nothing but
 
 
 class PoseTracker:
-    """Where a robot is. Mutable: the filter, the newest position that it was given, its way and the scans of
-    the last meters, the walls near by, and the fixes of moments that are still to come."""
+    """A tracker of the robot's pose. Mutable.
+
+    It holds the filter, the newest position that it was given, its way and the scans of the last meters, the
+    walls near by, and the fixes of moments that are still to come.
+    """
 
     def __init__(self, walls: Walls, *, sources: frozenset[Source] = ALL) -> None:
         """Begin without a position: the first one is taken as it is."""
@@ -117,7 +120,7 @@ class PoseTracker:
 
     @property
     def estimate(self) -> PoseEstimate | None:
-        """Where the robot was at the newest position; None before the first one."""
+        """Estimate of the robot's pose at the newest position; None before the first one."""
         if self._filter is None or self._last is None:
             return None
         x, y, heading = self._filter.state[:3].tolist()
@@ -127,16 +130,15 @@ class PoseTracker:
         return PoseEstimate(self._last.t_ns, x, y, math.degrees(heading) % 360.0, *upper)
 
     def enter(self, walls: Walls) -> None:
-        """The robot is on another floor: its position is the next one that is taken."""
+        """Enter another floor: the robot's position is the next one that is taken."""
         self._mirrors, self._near = mirrors_of(walls), None
         self._last, self._waiting = None, ()
 
     def take(self, ranges: Sequence[float] | None, at: Position, told: Iterable[Told] = ()) -> Correction:
-        """Take in a scan, where the robot was then by its odometry, and what landmarks tell; gives how far
-        the odometry is off.
+        """Take in a scan, its odometry and the fixes of landmarks; return the correction of the odometry.
 
-        Without ranges nothing is heard. What is not finite says nothing: neither a range nor a position.
-        Fixes of moments to come are kept until then.
+        Without ranges nothing is heard. Ranges and positions that are not finite are ignored. Fixes of
+        moments to come are kept until then.
         """
         if not all(map(math.isfinite, (at.x, at.y, at.heading))):
             return Correction(x_mm=0.0, y_mm=0.0, heading_deg=0.0)
@@ -157,7 +159,7 @@ class PoseTracker:
         return Correction(x_mm=x - at.x, y_mm=y - at.y, heading_deg=turned)
 
     def told(self, by: Correction) -> None:
-        """The odometry was corrected: what it says next has this in it."""
+        """Record a correction of the odometry, which its next positions include."""
         if (last := self._last) is not None:
             heading = last.heading + by.heading_deg
             self._last = Position(x=last.x + by.x_mm, y=last.y + by.y_mm, heading=heading, t_ns=last.t_ns)
@@ -165,7 +167,7 @@ class PoseTracker:
     def _begin(
         self, filter_: PoseFilter, at: Position, sigma: tuple[float | None, float | None] = (None, None)
     ) -> None:
-        """The robot is somewhere else."""
+        """Restart the filter at another position."""
         filter_.reset((at.x, at.y, at.heading), *sigma)
         self._trail.clear()
         self._way_back.begin(at.t_ns)
@@ -173,9 +175,9 @@ class PoseTracker:
     def _move(self, filter_: PoseFilter, last: Position, at: Position, scan: Floats | None) -> None:
         driven = _FASTEST_MM_S * max(at.t_ns - last.t_ns, 0) / 1e9  # at most
         too_far = math.hypot(at.x - last.x, at.y - last.y) - driven
-        if too_far > _LEAP_MM:  # somebody set it
+        if too_far > _LEAP_MM:  # another client set it
             self._begin(filter_, at)
-        elif too_far > _SLACK_MM:  # somebody corrected it
+        elif too_far > _SLACK_MM:  # another client corrected it
             turned = math.remainder(at.heading - last.heading, 360.0)
             filter_.shift(at.x - last.x, at.y - last.y, math.radians(turned))
             self._way_back.go(at.t_ns, _NO_STEP)
@@ -185,7 +187,7 @@ class PoseTracker:
             self._trail.add(step, scan)
 
     def _look_at(self, filter_: PoseFilter, told: Iterable[Told]) -> None:
-        """Take in what landmarks tell of moments that are over."""
+        """Take in the landmarks' fixes of moments that are over."""
         heard = (*self._waiting, *(one for one in told if one.source in self._sources))
         self._waiting = tuple(one for one in heard if one.fix.t_ns > self._way_back.t_ns)[-_MOST_WAITING:]
         for source, fix in heard:
@@ -205,7 +207,7 @@ class PoseTracker:
             for match in self._matches(filter_, near):
                 for row in _rows(match, filter_.state):
                     filter_.observe(row, most=_TRUSTED[Source.LOCAL_MAPS])
-            self._trail.clear()  # each scan tells once
+            self._trail.clear()  # each scan counts once
 
     def _find_again(self, filter_: PoseFilter, near: Mirrors, scan: Floats) -> None:
         """Look for the way, where it is lost."""
@@ -230,7 +232,7 @@ class PoseTracker:
             filter_.consider(pose, near, scan)
 
     def _matches(self, filter_: PoseFilter, near: Mirrors) -> tuple[WallMatch, ...]:
-        """The walls that the lines in a map of the last meters are."""
+        """Match the lines in a map of the last meters to walls."""
         x, y, heading = filter_.state[:3].tolist()
         here = Pose(x, y, math.degrees(heading))
         lines = self._trail.lines(self._himm)
@@ -238,7 +240,7 @@ class PoseTracker:
         return tuple(match for match in found if match is not None)
 
     def _around(self, x_mm: float, y_mm: float) -> Mirrors:
-        """The walls that can be heard from here; found anew after each meter."""
+        """Return the walls that can be heard from here; they are searched again after each meter."""
         moved = math.hypot(x_mm - self._near_at[0], y_mm - self._near_at[1])
         if self._near is None or moved > _NEAR_MM:
             reach = self._sonar.reach_mm + self._sonar.ring_mm + _NEAR_MM
@@ -247,7 +249,7 @@ class PoseTracker:
 
 
 def _blur_rad(last: Position | None, at: Position) -> float:
-    """By how much the heading at a scan may be off because scan and position are not quite of one moment."""
+    """Return the possible error of the heading at a scan because scan and position differ in time."""
     if last is None or at.t_ns <= last.t_ns:
         return 0.0
     turned = math.radians(abs(math.remainder(at.heading - last.heading, 360.0)))
@@ -255,7 +257,7 @@ def _blur_rad(last: Position | None, at: Position) -> float:
 
 
 def _rows(match: WallMatch, state: Floats) -> tuple[Row, ...]:
-    """What a wall that was found in a local map tells of the pose: the heading, and how far away it is."""
+    """Return the observations of a wall found in a local map: the heading, and the distance of the wall."""
     x, y, heading = state[:3].tolist()
     off = match.normal_x * x + match.normal_y * y + match.shift_mm
     turned = heading + math.radians(match.turn_deg)
@@ -266,7 +268,7 @@ def _rows(match: WallMatch, state: Floats) -> tuple[Row, ...]:
 
 
 def step_between(last: Position, now: Position) -> Step:
-    """How the robot moved from one position to the next, in its own frame."""
+    """Return the motion of the robot from one position to the next, in its own frame."""
     turned = math.radians(math.remainder(now.heading - last.heading, 360.0))
     heading = math.radians(last.heading)
     dx, dy = now.x - last.x, now.y - last.y
@@ -275,7 +277,7 @@ def step_between(last: Position, now: Position) -> Step:
 
 
 def position_at(t_ns: int, now: Position, last: Position | None) -> Position:
-    """Where the robot was at a time near that of its newest position, if it goes on as it went before."""
+    """Return the robot's position at a time near that of its newest one, at constant speed."""
     if last is None or now.t_ns <= last.t_ns or t_ns == now.t_ns:
         return now
     part = min(max((t_ns - now.t_ns) / (now.t_ns - last.t_ns), -1.0), 1.0)

@@ -1,4 +1,4 @@
-"""How a robot moved of late by its odometry, so that what was seen a while ago can be used now."""
+"""The robot's recent motion by its odometry, so that an observation of a past moment can be used now."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from typing import NamedTuple
 from colony.nav.pose.steps import NOW, Since, Step
 
 KEPT_NS = 5_000_000_000
-"""What was seen longer ago is of no use any more."""
+"""Age beyond which an observation is of no use."""
 
 
 class _Place(NamedTuple):
-    """Where the robot was, from where the way began: x, y in mm and its heading in radians, counted on beyond
-    a turn; and how long the way was until then."""
+    """A place of the robot relative to the beginning of its way.
+
+    x, y in mm, its heading in radians, counted on beyond a turn, and the length of the way until then.
+    """
 
     t_ns: int
     x_mm: float
@@ -36,7 +38,7 @@ class WayBack:
         self._places.append(_Place(t_ns, 0.0, 0.0, 0.0, 0.0))
 
     def go(self, t_ns: int, step: Step) -> None:
-        """The robot has made a step, and it is `t_ns` now."""
+        """Record a step of the robot that ends at `t_ns`."""
         last = self._places[-1]
         sine, cosine = math.sin(last.heading_rad), math.cos(last.heading_rad)
         place = _Place(
@@ -52,11 +54,11 @@ class WayBack:
 
     @property
     def t_ns(self) -> int:
-        """When the newest step ended."""
+        """End of the newest step."""
         return self._places[-1].t_ns
 
     def since(self, t_ns: int) -> Since | None:
-        """How the robot moved since a moment; None where that is before all that is known."""
+        """Return the motion since a moment, or None if the moment is before all that is known."""
         places, now = self._places, self._places[-1]
         if t_ns >= now.t_ns:
             return NOW
@@ -75,7 +77,7 @@ class WayBack:
 
 
 def _between(a: _Place, b: _Place, t_ns: int) -> _Place:
-    """Where the robot was between two places, if it went straight from one to the other."""
+    """Return the robot's place between two others, if it went straight from one to the other."""
     part = (t_ns - a.t_ns) / (b.t_ns - a.t_ns)
     x, y, heading, way = (p + part * (q - p) for p, q in zip(a[1:], b[1:], strict=True))
     return _Place(t_ns, x, y, heading, way)

@@ -29,8 +29,8 @@ class Picture:
 
     Attributes:
         shades: (rows, columns), from 0, black, to 1.
-        cover: likewise, how much of what is behind each texel hides; None: all.
-        wraps: whether it repeats to the sides.
+        cover: likewise, the opacity of each texel; None: all opaque.
+        wraps: True if it repeats to the sides.
     """
 
     shades: Floats2
@@ -41,15 +41,18 @@ class Picture:
 
 
 class Atlas(NamedTuple):
-    """Pictures as the renderer takes them: `sums` has the summed-area tables of all, one behind the other,
-    each (columns + 1, rows + 1); `pictures`, (n, 7), tells where."""
+    """Pictures as the renderer takes them.
+
+    `sums` has the summed-area tables of all pictures, one after the other, each (columns + 1, rows + 1);
+    `pictures`, (n, 7), has their places and sizes.
+    """
 
     sums: Floats
     pictures: Floats2
 
 
 def atlas_of(pictures: Sequence[Picture]) -> Atlas:
-    """An atlas of pictures, which keep their numbers."""
+    """Return an atlas of pictures, which keep their numbers."""
     tables: list[Floats] = []
     rows: list[tuple[float, ...]] = []
     used = 0
@@ -75,7 +78,7 @@ def atlas_of(pictures: Sequence[Picture]) -> Atlas:
 
 @inlined
 def _at(sums: Floats, start: int, high: int, part: float, row: int, rest: float) -> float:
-    """A table between its columns and rows, `start` being the place of the column before."""
+    """Interpolate a table between its columns and rows, `start` being the place of the column before."""
     here = start + row
     left: float = sums[here] + rest * (sums[here + 1] - sums[here])
     here += high + 1
@@ -87,8 +90,10 @@ def _at(sums: Floats, start: int, high: int, part: float, row: int, rest: float)
 def _strip(
     sums: Floats, place: int, wide: int, high: int, left: float, right: float, laps: float, down: float
 ) -> float:
-    """The sum over the strip from the column `left` to `right`, from the top down to row `down`; `laps` is
-    how often the whole picture lies between."""
+    """Return the sum over the strip from the column `left` to `right`, from the top down to row `down`.
+
+    `laps` is the number of times that the whole picture lies between.
+    """
     row = min(int(down), high - 1)
     rest = down - row
     first, last = min(int(left), wide - 1), min(int(right), wide - 1)
@@ -108,13 +113,18 @@ def paint_picture(
 
     Args:
         out: the column, from its top.
-        left, right: which part of the picture the column sees, in mm from its left edge, and not beyond its
-            edges unless it repeats.
-        width: how much of the wall the column covers, of which `left` to `right` is a part.
-        first, last: the rows that see something of it.
+        atlas: the pictures.
+        picture: number of the picture.
+        left: where the part that the column sees begins, in mm from the picture's left edge, and not beyond
+            its edges unless it repeats.
+        right: where that part ends, likewise.
+        width: width of the wall that the column covers, of which `left` to `right` is a part.
+        first: the first row that sees something of it.
+        last: the last such row.
         above: how far below the picture's top the upper edge of row 0 looks, in mm.
-        step: how many mm a row covers.
-        clip_top, clip_bottom: between which heights, in mm below its top, the picture is there at all.
+        step: the mm that a row covers.
+        clip_top: the height, in mm below the picture's top, where its visible part begins.
+        clip_bottom: the height where that part ends, likewise.
         gain: from shades to gray levels.
     """
     about = atlas.pictures[picture]

@@ -1,5 +1,7 @@
-"""Robots and people in front of a camera that looks along the floor: the robots as upright cylinders, people
-as upright pictures that face the camera."""
+"""Robots and people in front of a camera that looks along the floor.
+
+Robots are upright cylinders; people are upright pictures that face the camera.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ _LEAST_DEPTH_MM = 200.0
 
 @inlined
 def _robot_depth(ray: Ray, x: float, y: float, radius: float) -> tuple[float, float]:
-    """Between which depths a ray is in the hull of a robot at (x, y); infinite where it misses it."""
+    """Return the depths between which a ray is in the hull of a robot at (x, y); infinite if it misses."""
     ox, oy, squared = x - ray.x, y - ray.y, ray.length * ray.length
     ahead = ox * ray.dx + oy * ray.dy
     under_root = ahead * ahead - squared * (ox * ox + oy * oy - radius * radius)
@@ -31,8 +33,10 @@ def _robot_depth(ray: Ray, x: float, y: float, radius: float) -> tuple[float, fl
 
 @inlined
 def _person_depth(eye: Eye, ray: Ray, x: float, y: float) -> float:
-    """The depth of somebody at (x, y) whom a ray sees, who is as flat as a picture; infinite where it misses
-    them."""
+    """Return the depth of the person at (x, y) along a ray; infinite if the ray misses.
+
+    A person is as flat as a picture.
+    """
     ox, oy = x - eye.x, y - eye.y
     depth, right = oy * eye.cosine - ox * eye.sine, ox * eye.cosine + oy * eye.sine
     met = (
@@ -43,7 +47,7 @@ def _person_depth(eye: Eye, ray: Ray, x: float, y: float) -> float:
 
 @inlined
 def _paint_robot(column: Floats, near: float, far: float, ray: Ray, axis: float, lens: Lens) -> None:
-    """An upright cylinder, darker at the rim, from above."""
+    """Paint an upright cylinder, darker at the rim, from above."""
     rows = column.shape[0]
     thickness = (far - near) * ray.length / (2.0 * lens.robot_radius)
     shade = _ROBOT_SHADE * (_ROBOT_RIM + (1.0 - _ROBOT_RIM) * thickness)
@@ -65,7 +69,7 @@ def _paint_person(
     lens: Lens,
     scene: Scene,
 ) -> None:
-    """Somebody at (x, y): who it is is told by their number, and how the legs are by the place."""
+    """Paint the person at (x, y): the number gives the looks, the place the position of the legs."""
     picture = 2 * (number % LOOKS) + int(math.floor((x + y) / _STEP_MM) % 2.0)
     middle = (x - eye.x) * eye.cosine + (y - eye.y) * eye.sine
     left = (ray.right - ray.half) * depth - middle + PERSON_WIDTH_MM / 2.0
@@ -88,7 +92,7 @@ def paint_others(
     column: Floats, robot: int, poses: Floats2, people: Floats2, depth: float, ray: Ray, eye: Eye, lens: Lens,
     scene: Scene,
 ) -> None:  # fmt: skip
-    """The robots and people who are nearer than `depth`, from far to near."""
+    """Paint the robots and people nearer than `depth`, from far to near."""
     limit, robots = depth, poses.shape[0]
     more = robots > 1 or people.shape[0] > 0
     while more:

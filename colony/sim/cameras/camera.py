@@ -1,4 +1,4 @@
-"""What the cameras of a robot see that look along the floor: an image of the building in shades of gray.
+"""The cameras that look along the floor: an image of the building in shades of gray.
 
 The optical axis is level, and walls are upright. So a ray of an image column looks in one direction over the
 floor, it ends at one wall, and all of the wall in that column is equally far away: a column is the ceiling,
@@ -38,9 +38,9 @@ class CameraConfig:
     """A camera on the robot's axis, looking along the floor.
 
     Attributes:
-        width, height: of the image in pixels, which are square.
+        width, height: size of the image in pixels, which are square.
         view_deg: the angle that the image's width sees, below 180.
-        yaw_deg: where it looks, counterclockwise from ahead: 90 is to the left.
+        yaw_deg: its direction, counterclockwise from ahead: 90 is to the left.
         above_floor_mm: the height of the lens; below the ceiling.
         optics: its lens and sensor.
 
@@ -56,6 +56,7 @@ class CameraConfig:
     optics: Optics = field(default_factory=Optics)
 
     def __post_init__(self) -> None:
+        """Check the ranges of the parameters."""
         for one in fields(self):
             if one.name != "optics" and not math.isfinite(getattr(self, one.name)):
                 raise ValueError(f"{one.name} is {getattr(self, one.name)!r}; expected a finite number")
@@ -70,7 +71,7 @@ class CameraConfig:
 
 
 def lens_of(config: CameraConfig, *, robot_radius_mm: float) -> Lens:
-    """A camera as the renderer takes it."""
+    """Return a camera as the renderer takes it."""
     return Lens(
         focal=config.width / 2.0 / math.tan(math.radians(config.view_deg) / 2.0),
         above_floor=float(config.above_floor_mm),
@@ -87,16 +88,21 @@ def render(
     poses: Floats2, robot: int, people: Floats2, velocity: float, turn: float, t_ns: int, scene: Scene,
     lens: Lens, sensor: Sensor, canvas: Canvas, first: int, height: int, image: Bytes2,
 ) -> None:  # fmt: skip
-    """Draw some rows of what a camera of a robot sees.
+    """Draw some rows of the image of a robot's camera.
 
     Args:
         poses: (robots, 3), x and y in mm, heading in degrees.
-        robot: whose camera it is.
-        people: (people, 2), where they are.
-        velocity, turn: how the robot moves, in mm/s and degrees/s.
-        t_ns: when.
+        robot: number of the robot with the camera.
+        people: (people, 2), the places of the people.
+        velocity: speed of the robot, in mm/s.
+        turn: turn rate of the robot, in degrees/s.
+        t_ns: time of the image.
+        scene: the scene.
+        lens: the lens.
+        sensor: the sensor.
         canvas: larger than the image by what the blur reaches, on all sides.
-        first, height: the number of the first row drawn, and how many the whole image has.
+        first: number of the first row drawn.
+        height: number of rows of the whole image.
         image: (rows, width), gets the rows, from 0, black, to 255.
     """
     reach = sensor.weights.shape[0] - 1
@@ -111,14 +117,15 @@ def render(
 
 
 class Camera:
-    """A camera of a robot, in a scene. Mutable: the canvas that it draws on, and the scene, whose doors are
-    as those of the world that it saw last.
+    """A camera of a robot, in a scene.
+
+    Mutable: the canvas that it draws on, and the scene, whose doors are those of the world that it saw last.
 
     Args:
-        scene: what there is to be seen.
+        scene: the scene.
         config: the camera.
         robot_radius_mm: the radius of other robots.
-        seed: of the noise and of the gain.
+        seed: seed of the noise and of the gain.
 
     Raises:
         ValueError: the lens would be in the ceiling or above.
@@ -140,15 +147,18 @@ class Camera:
         """Take a picture of a world as it is, to be drawn later.
 
         Gives what draws `count` rows from row `first` on, exactly as they are in the whole image, or raises
-        `ValueError` where the image has none such."""
+        `ValueError` where the image has none such.
+        """
         if world.walls is not self._seen_walls:
             self._scene, self._seen_walls = fitted(self._scene, world.walls), world.walls
         scene, poses, people, speed = self._scene, world.true_poses, world.people, world.speed(robot)
         return lambda first, count: self._drawn(scene, poses, robot, t_ns, people, speed, first, count)
 
     def see(self, world: World, robot: int, t_ns: int) -> Bytes2:
-        """What robot number `robot` of a world sees, with its people and its doors as they are; (height,
-        width)."""
+        """Return the image of robot number `robot` of a world, (height, width).
+
+        People and doors are as they are in the world.
+        """
         return self.shot(world, robot, t_ns)(0, self.config.height)
 
     def image(
@@ -160,12 +170,14 @@ class Camera:
         people: Floats2 = _NOBODY,
         speed: tuple[float, float] = (0.0, 0.0),
     ) -> Bytes2:
-        """What robot number `robot` of those at `poses`, (robots, 3), sees; (height, width) of uint8.
+        """Return the image of robot number `robot` of those at `poses`; (height, width) of uint8.
 
         Args:
-            t_ns: when.
-            people: (people, 2), where they are, in mm.
-            speed: how the robot moves, in mm/s and degrees/s.
+            poses: (robots, 3), x and y in mm, heading in degrees.
+            robot: number of the robot with the camera.
+            t_ns: time of the image.
+            people: (people, 2), the places of the people, in mm.
+            speed: speed of the robot, in mm/s and degrees/s.
         """
         return self._drawn(self._scene, poses, robot, t_ns, people, speed, 0, self.config.height)
 
@@ -187,7 +199,7 @@ class Camera:
         return image
 
     def _room(self, rows: int, walls: int) -> Canvas:
-        """A canvas for so many rows, and for a scene of so many walls."""
+        """Return a canvas for so many rows, and for a scene of so many walls."""
         margin = 2 * (len(self._sensor.weights) - 1)
         size = self.config.width + margin, rows + margin
         canvas = self._canvas

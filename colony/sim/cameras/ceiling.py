@@ -1,4 +1,4 @@
-"""What a camera that looks up sees: the ceiling with its lights, in shades of gray.
+"""The camera that looks up: an image of the ceiling with its lights, in shades of gray.
 
 The camera is on the robot's axis. Columns of the image grow in the direction of travel and rows to the right,
 so that a row is a line along the corridor, which meets a light at its leading edge (thesis section 5.6). The
@@ -40,11 +40,11 @@ class CeilingCameraConfig:
     """A camera that looks straight up, the image's columns along the direction of travel.
 
     Attributes:
-        width, height: of the image in pixels.
+        width, height: size of the image in pixels.
         along_deg, across_deg: the angles that the width and the height see.
         below_ceiling_mm: how far below the ceiling the lens is.
         blur_mm: on the ceiling; edges are ramps of twice this width.
-        vignetting: by which part the image is darker in its corners.
+        vignetting: part by which the image is darker in its corners.
         noise: the standard deviation of a pixel, in gray levels.
 
     Raises:
@@ -61,6 +61,7 @@ class CeilingCameraConfig:
     noise: float = 2.5
 
     def __post_init__(self) -> None:
+        """Check the ranges of the parameters."""
         ranges = {"along_deg": (1.0, 170.0), "across_deg": (1.0, 170.0), "vignetting": (0.0, 1.0)}
         ranges |= {"blur_mm": (0.1, 1000.0), "noise": (0.0, 255.0), "below_ceiling_mm": (100.0, 1e5)}
         ranges |= {"width": (1.0, 4000.0), "height": (1.0, 4000.0)}
@@ -71,17 +72,17 @@ class CeilingCameraConfig:
 
 
 class Overhead(NamedTuple):
-    """What is on a ceiling as the renderer takes it, and room to work in.
+    """A ceiling as the renderer takes it, and its work space.
 
     Attributes:
         lights: (n, 7), x, y, the unit vector along the corridor, half the length along it and across, and
             gray levels above the ceiling's.
         sun: (m, 7), likewise: x, y, the unit vector of the length, half the length and width, gray levels.
-        tiles: (64, 64), by how many gray levels each tile differs.
+        tiles: (64, 64), the difference of each tile in gray levels.
         quantiles: (4096,), of the normal distribution.
         near_lights, near_sun: (32,), the numbers of what is near.
-        level, hidden: (width,), a row of gray levels, and how much of it is covered by lights.
-        seed: of the noise.
+        level, hidden: (width,), a row of gray levels, and the part of it that is covered by lights.
+        seed: seed of the noise.
     """
 
     lights: Floats2
@@ -96,8 +97,11 @@ class Overhead(NamedTuple):
 
 
 class UpwardLens(NamedTuple):
-    """A camera as the renderer takes it: mm of ceiling a pixel, the middle of the image, and what it does to
-    edges, corners and gray levels."""
+    """A camera as the renderer takes it.
+
+    It has the mm of ceiling a pixel, the middle of the image, and the effect on edges, corners and gray
+    levels.
+    """
 
     along_mm: float
     across_mm: float
@@ -109,7 +113,7 @@ class UpwardLens(NamedTuple):
 
 
 def overhead_of(scenery: Scenery, width: int) -> Overhead:
-    """The ceiling of a building in one run, for images of a width."""
+    """Return the ceiling of a building in one run, for images of a width."""
     seed = scenery.seed % SEEDS
     return Overhead(
         lights=np.array([_light_row(light) for light in scenery.lights], dtype=np.float64).reshape(-1, 7),
@@ -125,7 +129,7 @@ def overhead_of(scenery: Scenery, width: int) -> Overhead:
 
 
 def lens_of(config: CeilingCameraConfig) -> UpwardLens:
-    """A camera as the renderer takes it."""
+    """Return a camera as the renderer takes it."""
     half_along = config.below_ceiling_mm * math.tan(math.radians(config.along_deg) / 2)
     half_across = config.below_ceiling_mm * math.tan(math.radians(config.across_deg) / 2)
     return UpwardLens(
@@ -154,14 +158,14 @@ def _sun_row(band: SunBand) -> tuple[float, ...]:
 
 @inlined
 def _inside(depth: float, sharpness: float) -> float:
-    """How much of a blurred edge is seen `depth` inside of it (negative: outside): 0 to 1."""
+    """Return the visible part, 0 to 1, of a blurred edge `depth` inside of it (negative: outside)."""
     part = min(max(0.5 + depth * sharpness, 0.0), 1.0)
     return part * part * (3.0 - 2.0 * part)
 
 
 @inlined
 def _gather(x: float, y: float, reach: float, shapes: Floats2, near: Ints) -> int:
-    """How many rectangles, whose numbers are put into `near`, may be in view from (x, y)."""
+    """Put the rectangles that may be in view from (x, y) into `near` by number, and return their count."""
     count = 0
     for number in range(shapes.shape[0]):
         shape = shapes[number]
@@ -225,12 +229,17 @@ def render_rows(
     x: float, y: float, heading_deg: float, t_ns: int, overhead: Overhead, lens: UpwardLens, rows: Ints,
     image: Bytes2,
 ) -> None:  # fmt: skip
-    """Draw some rows of what a robot's camera sees from (x, y).
+    """Draw some rows of the image of a robot's camera at (x, y).
 
     Args:
-        t_ns: when.
-        rows: (k,), their numbers.
-        image: (k, width), gets them, from 0, black, to 255.
+        x: place of the robot, in mm.
+        y: the same, to the north.
+        heading_deg: heading of the robot.
+        t_ns: time of the image.
+        overhead: the ceiling.
+        lens: the camera.
+        rows: (k,), the numbers of the rows.
+        image: (k, width), gets the rows, from 0, black, to 255.
     """
     sine, cosine = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
     ahead = -lens.along_mm * lens.middle_column
@@ -264,11 +273,11 @@ class CeilingCamera:
         self._all_rows = np.arange(self.config.height, dtype=np.int64)
 
     def image(self, pose: tuple[float, float, float], t_ns: int) -> Bytes2:
-        """What a robot at a pose (x and y in mm, heading in degrees) sees: (height, width)."""
+        """Return the image of a robot at a pose (x and y in mm, heading in degrees): (height, width)."""
         return self._draw(pose, t_ns, self._all_rows)
 
     def rows(self, pose: tuple[float, float, float], t_ns: int, rows: Sequence[int]) -> Bytes2:
-        """Some rows of that image alone, (rows, width): much faster than all of it.
+        """Return some rows of that image alone, (rows, width): much faster than all of it.
 
         Raises:
             ValueError: the image does not have one of them.

@@ -29,8 +29,11 @@ _COVER_SHIFT_MM = 977.0  # covers of different walls do not begin alike
 
 
 class Canvas(NamedTuple):
-    """Room to draw in: a picture, (columns, rows), the same blurred, the present column, and the numbers of
-    the walls that may be seen."""
+    """Work space of the renderer.
+
+    It has a picture, (columns, rows), the same blurred, the present column, and the numbers of the walls that
+    may be visible.
+    """
 
     picture: Floats2
     blurred: Floats2
@@ -39,7 +42,7 @@ class Canvas(NamedTuple):
 
 
 def canvas_of(columns: int, rows: int, walls: int) -> Canvas:
-    """Room for a picture, in a scene of so many walls."""
+    """Return work space for a picture, in a scene of so many walls."""
     return Canvas(
         picture=np.zeros((columns, rows)),
         blurred=np.zeros((columns, rows)),
@@ -50,7 +53,7 @@ def canvas_of(columns: int, rows: int, walls: int) -> Canvas:
 
 @inlined
 def _checkered(x: float, y: float, tile: float, contrast: float, size: float) -> float:
-    """By how much a tiled plane differs from its shade at (x, y), where a pixel covers `size` mm of it."""
+    """Return a tiled plane's difference from its shade at (x, y), where a pixel covers `size` mm of it."""
     odd = (math.floor(x / tile) + math.floor(y / tile)) % 2.0
     fade = max(0.0, 1.0 - 2.0 * size / tile)
     return contrast * fade * (odd - 0.5)
@@ -58,13 +61,13 @@ def _checkered(x: float, y: float, tile: float, contrast: float, size: float) ->
 
 @inlined
 def _floor_shade(x: float, y: float, size: float) -> float:
-    """The shade of the floor at (x, y), where a pixel covers `size` mm of it."""
+    """Return the shade of the floor at (x, y), where a pixel covers `size` mm of it."""
     return _FLOOR_SHADE + _checkered(x, y, _FLOOR_TILE_MM, _FLOOR_CONTRAST, size)
 
 
 @inlined
 def _ceiling_shade(x: float, y: float, size: float) -> float:
-    """The shade of the ceiling at (x, y), likewise."""
+    """Return the shade of the ceiling at (x, y), likewise."""
     return _CEILING_SHADE + _checkered(x, y, _CEILING_TILE_MM, _CEILING_CONTRAST, size)
 
 
@@ -72,7 +75,7 @@ def _ceiling_shade(x: float, y: float, size: float) -> float:
 def _paint_planes(
     column: Floats, top: int, bottom: int, ray: Ray, axis: float, lens: Lens, scene: Scene
 ) -> None:
-    """The ceiling above row `top`, and the floor from row `bottom` on."""
+    """Paint the ceiling above row `top`, and the floor from row `bottom` on."""
     above = scene.ceiling - lens.above_floor
     for row in range(top):
         depth = above * lens.focal / (axis - row)
@@ -87,8 +90,11 @@ def _paint_planes(
 
 @inlined
 def _gather(eye: Eye, reach: float, scene: Scene, near: Ints) -> int:
-    """How many walls, whose numbers are put into `near`, are not wholly beside or behind what is seen: up to
-    `reach` to either side for one mm of depth."""
+    """Put the numbers of the walls that may be in view into `near`, and return their count.
+
+    A wall is in view unless it is wholly behind, or beside the view: `reach` to either side for one mm of
+    depth.
+    """
     count = 0
     for wall in range(scene.walls.shape[0]):
         ax, ay = scene.walls[wall, 0] - eye.x, scene.walls[wall, 1] - eye.y
@@ -106,7 +112,7 @@ def _gather(eye: Eye, reach: float, scene: Scene, near: Ints) -> int:
 
 @inlined
 def _meet_wall(ray: Ray, walls: Floats2, near: Ints, count: int) -> tuple[int, float]:
-    """The wall at which a ray ends, -1 where there is none, and its depth."""
+    """Return the wall at which a ray ends, -1 if there is none, and its depth."""
     met, nearest, behind = -1, FARTHEST_MM, FARTHEST_MM
     for number in range(count):
         wall = near[number]
@@ -127,7 +133,7 @@ def _meet_wall(ray: Ray, walls: Floats2, near: Ints, count: int) -> tuple[int, f
 
 @inlined
 def _along(wall: int, walls: Floats2, eye: Eye, right: float) -> float:
-    """Where along a wall's line the ray ends that looks `right` to the right, in mm; wherever that is."""
+    """Return where along a wall's line, in mm, the ray that looks `right` to the right ends."""
     dx, dy = right * eye.cosine - eye.sine, right * eye.sine + eye.cosine
     ax, ay = walls[wall, 0] - eye.x, walls[wall, 1] - eye.y
     along: float = (ax * dy - ay * dx) / (dx * walls[wall, 5] - dy * walls[wall, 4])
@@ -136,7 +142,7 @@ def _along(wall: int, walls: Floats2, eye: Eye, right: float) -> float:
 
 @inlined
 def _span(wall: int, along: float, walls: Floats2, eye: Eye, ray: Ray) -> tuple[float, float]:
-    """From where to where along a wall a ray sees it, which meets it at `along`."""
+    """Return the range along a wall that a ray sees, which meets it at `along`."""
     one, other = (
         _along(wall, walls, eye, ray.right - ray.half),
         _along(wall, walls, eye, ray.right + ray.half),
@@ -152,7 +158,7 @@ def _hang(
     column: Floats, place: Floats, left: float, right: float, depth: float, axis: float, lens: Lens,
     atlas: Atlas, gain: float,
 ) -> None:  # fmt: skip
-    """A picture on a wall, as far as it is between `left` and `right`; `place` is a row of `Scene.hung`."""
+    """Paint a picture on a wall between `left` and `right`; `place` is a row of `Scene.hung`."""
     step = depth / lens.focal
     above = place[3] - lens.above_floor - (axis + 0.5) * step
     clip = place[3] - place[2]
@@ -170,7 +176,7 @@ def _hang(
 def _paint_wall(
     column: Floats, wall: int, depth: float, ray: Ray, eye: Eye, lens: Lens, scene: Scene
 ) -> None:
-    """A wall and what is on it; each column of it is equally far away, so equally bright."""
+    """Paint a wall and what is on it; each column of it is equally far away, so equally bright."""
     rows = column.shape[0]
     x, y = ray.x + depth * ray.dx, ray.y + depth * ray.dy
     light = 1.0 - _SIDE_LIGHT * (1.0 - abs(scene.walls[wall, 4]))
@@ -209,9 +215,16 @@ def draw_columns(
     """Draw all columns of a canvas, each as the mean of its rays.
 
     Args:
-        velocity, turn: how the robot moves, in mm/s and degrees/s.
+        poses: (robots, 3), x and y in mm, heading in degrees.
+        robot: number of the robot with the camera.
+        people: (people, 2), the places of the people.
+        velocity: speed of the robot, in mm/s.
+        turn: turn rate of the robot, in degrees/s.
+        scene: the scene.
+        lens: the lens.
         middle: the column, between two pixels, of the optical axis.
         axis: its row.
+        canvas: gets the columns.
     """
     columns, rows = canvas.picture.shape
     column, rays = canvas.column, lens.rays

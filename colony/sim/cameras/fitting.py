@@ -1,8 +1,8 @@
-"""A scene with the walls that a world has at the moment: doors stand open, those of elevators slide.
+"""A scene with a world's present walls: doors stand open, those of elevators slide.
 
-Where a wall of the building is not among the world's it has made way for others, and what these are is told
-by where they are: on the line of an elevator's doors they are its leaves, which take along what is pasted on
-them; from the jamb of a door on, leading away from it, its leaf; all others belong to a room or a cabin.
+A wall of the building that the world lacks was replaced by others, and their places identify them: on the
+line of an elevator's doors they are its leaves, which take along what is pasted on them; from the jamb of a
+door on, leading away from it, its leaf; all others belong to a room or a cabin.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _CABIN_MM = (
 
 
 def fitted(scene: Scene, walls: NDArray[np.float64]) -> Scene:
-    """The scene among other walls, (n, 4) or more columns: x0, y0, x1, y1 in mm; none without length."""
+    """Fit the scene to other walls, (n, 4) or more columns: x0, y0, x1, y1 in mm; none without length."""
     segments = np.ascontiguousarray(walls[:, :4])
     own = scene.walls[: scene.own]
     places = {tuple(row): wall for wall, row in enumerate(own[:, :4].tolist())}
@@ -86,7 +86,7 @@ def _look(scene: Scene, row: NDArray[np.float64]) -> _Look:
 
 
 def _on_line(wall: NDArray[np.float64], row: NDArray[np.float64]) -> tuple[float, float] | None:
-    """From where to where along a wall another one lies; None where it does not lie on it."""
+    """Return the range along a wall where another one lies on it, or None if it does not."""
     spans = []
     for x, y in ((row[0], row[1]), (row[2], row[3])):
         dx, dy = x - wall[0], y - wall[1]
@@ -98,7 +98,7 @@ def _on_line(wall: NDArray[np.float64], row: NDArray[np.float64]) -> tuple[float
 
 
 def _is_leaf(door: NDArray[np.float64], row: NDArray[np.float64]) -> bool:
-    """Whether a wall hangs at one of the jambs of a door, and is turned away from it."""
+    """Return True if a wall hangs at one of the jambs of a door, and is turned away from it."""
     jambs = ((door[0], door[1]), (door[2], door[3]))
     ends = ((row[0], row[1]), (row[2], row[3]))
     hangs = any(math.dist(jamb, end) < _NEAR_MM for jamb in jambs for end in ends)
@@ -106,7 +106,7 @@ def _is_leaf(door: NDArray[np.float64], row: NDArray[np.float64]) -> bool:
 
 
 def _leaf_of_elevator(scene: Scene, elevator: int, start: float, end: float) -> _Look:
-    """What is on a leaf that has slid: it moved by what it is short of half the doors."""
+    """Return the look of a leaf that has slid: it moved by what it is short of half the doors."""
     length = float(scene.walls[elevator, 6])
     moved = length / 2 - (end - start)
     is_left = start < _NEAR_MM and end < length - _NEAR_MM
@@ -122,7 +122,7 @@ def _leaf_of_elevator(scene: Scene, elevator: int, start: float, end: float) -> 
 
 
 def _slid(rows: NDArray[np.float64], half: tuple[float, float], shift: float, length: float) -> _Rows:
-    """The parts of rectangles that are on one half of the doors, where the leaf has taken them."""
+    """Return the parts of rectangles that are on one half of the doors, where the leaf has taken them."""
     slid = []
     for start, end, *rest in rows.tolist():
         low = max(max(start, half[0]) + shift, 0.0)

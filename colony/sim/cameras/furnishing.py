@@ -1,4 +1,4 @@
-"""Where posters and fire extinguishers hang in one run: on walls, clear of plates and of each other."""
+"""The places of posters and fire extinguishers in one run: on walls, clear of plates and of each other."""
 
 from __future__ import annotations
 
@@ -21,15 +21,17 @@ _POSTER_MIDDLE_MM = (1250.0, 1550.0)
 _ON_DOOR_MIDDLE_MM = (1300.0, 1450.0)
 _TRIES = 8
 
-_PANE = re.compile(r"\b(glass|window)", re.IGNORECASE)  # nobody hangs anything there
+_PANE = re.compile(r"\b(glass|window)", re.IGNORECASE)  # nothing is hung there
 
 _Span = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spacings:
-    """How much wall has one thing of a kind in the mean, in mm, and with which probability a door has a black
-    poster."""
+    """The mean length of wall for each thing of a kind, in mm.
+
+    With them comes the probability that a door has a black poster.
+    """
 
     black_poster_mm: float
     poster_mm: float
@@ -50,7 +52,7 @@ class _Place:
 def furnished(
     floor: Map, spacings: Spacings, stream: Callable[[int], np.random.Generator]
 ) -> tuple[tuple[Poster, ...], tuple[Extinguisher, ...]]:
-    """The posters and fire extinguishers of a floor; `stream` gives an edge its chance."""
+    """Draw the posters and fire extinguishers of a floor; `stream` gives an edge its chance."""
     hung: list[Poster] = []
     extinguishers: list[Extinguisher] = []
     for place in _places(floor):
@@ -106,7 +108,7 @@ def _extinguishers(
 
 
 def _free(length: float, width: float, taken: list[_Span], rng: np.random.Generator) -> float | None:
-    """A free place of a width, which is taken then; None where a few tries find none."""
+    """Take a free place of a width; None if a few tries find none."""
     room = length - width - 2 * _CLEAR_MM
     if room <= 0.0:
         return None

@@ -13,11 +13,11 @@ import numpy as np
 from colony.sim.compiled import Floats
 
 QUANTILES = 4096
-"""How many there are; a power of two."""
+"""Number of quantiles; a power of two."""
 
 
 @lru_cache(maxsize=1)
 def quantiles() -> Floats:
-    """(4096,), of the normal distribution: one picked at random is a deviate. Read-only for all its users."""
+    """Return (4096,) quantiles of the normal distribution: a random one is a deviate. Read-only."""
     parts = (np.arange(QUANTILES) + 0.5) / QUANTILES
     return np.array([NormalDist().inv_cdf(part) for part in parts.tolist()])

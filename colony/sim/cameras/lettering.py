@@ -1,4 +1,4 @@
-"""What is written in a building: the plates of doors, the markers of elevators, posters.
+"""Drawings of a building's signs: the plates of doors, the markers of elevators, posters.
 
 Letters come from a real font, DejaVu Sans Bold, whose file matplotlib brings along.
 """
@@ -23,7 +23,7 @@ from colony.nav.maps.signs import (
 from colony.sim.cameras.atlas import Picture
 from colony.sim.compiled import Floats2
 
-if TYPE_CHECKING:  # who draws no letters loads no library for it
+if TYPE_CHECKING:  # a process that draws no letters need not load the library
     from PIL.Image import Image
 
 TEXEL_MM = 2.0
@@ -34,7 +34,7 @@ _FINE = 4  # letters are drawn so much larger, and reduced
 
 
 def font_file() -> Path:
-    """The file of DejaVu Sans Bold.
+    """Return the file of DejaVu Sans Bold.
 
     Raises:
         FileNotFoundError: matplotlib is not installed, or has no such font.
@@ -50,7 +50,7 @@ def font_file() -> Path:
 
 @lru_cache(maxsize=256)
 def plate(text: str) -> Picture:
-    """The plate of a door: white characters on black."""
+    """Draw the plate of a door: white characters on black."""
     high, wide = round(PLATE_HEIGHT_MM / TEXEL_MM), round(PLATE_WIDTH_MM / TEXEL_MM)
     ink = np.zeros((high, wide))
     _write(ink, text, height_mm=CHARACTER_HEIGHT_MM, middle=(wide / 2, high / 2), room=wide)
@@ -61,7 +61,7 @@ def plate(text: str) -> Picture:
 
 @lru_cache(maxsize=16)
 def marker(code: int) -> Picture:
-    """The marker of an elevator: a separator, a bit and so on, the first bit leftmost."""
+    """Draw the marker of an elevator: a separator, a bit and so on, the first bit leftmost."""
     stripes = [_BLACK]
     for bit in reversed(range(MARKER_BITS)):
         stripes += [_BLACK if code >> bit & 1 else _WHITE, _BLACK]
@@ -95,7 +95,7 @@ def _write(ink: Floats2, text: str, *, height_mm: float, middle: tuple[float, fl
 
 
 def _letters(text: str, capital: int) -> Image:
-    """A text, as large as its ink is; capitals are `capital` pixels high."""
+    """Draw a text, as large as its ink is; capitals are `capital` pixels high."""
     from PIL import Image, ImageDraw, ImageFont
 
     trial = ImageFont.truetype(str(font_file()), 1000)

@@ -1,4 +1,4 @@
-"""How light it is in a building: brighter under ceiling lights, darker where one is out."""
+"""The lighting of a building: brighter under ceiling lights, darker where one is out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _AROUND_MM = 3.0 * _REACH_MM
 
 
 def lighting_of(bounds: tuple[float, float, float, float], lights: Iterable[CeilingLight]) -> Lighting:
-    """The light within bounds, the least x and y and the greatest x and y in mm, from ceiling lights."""
+    """Return the light levels within bounds, least x and y and greatest x and y in mm, from the lights."""
     x0, y0, x1, y1 = bounds
     columns, rows = (max(math.ceil(size / _CELL_MM) + 1, 1) for size in (x1 - x0, y1 - y0))
     levels = np.full((columns, rows), _AMBIENT)

@@ -1,4 +1,4 @@
-"""What a lens and a sensor make of a picture: blur, dark corners, the gain, noise.
+"""The effect of a lens and a sensor on a picture: blur, dark corners, the gain, noise.
 
 Noise is counted, not drawn in order: it depends on the seed, the time of the image and the pixel, so that a
 band of rows rendered alone is the same as in the whole image.
@@ -27,10 +27,10 @@ class Optics:
     """A lens and a sensor.
 
     Attributes:
-        rays: how many rays make a column, spread over its width and over the exposure.
+        rays: number of rays a column, spread over its width and over the exposure.
         blur: the standard deviation of the lens's blur, as a part of the image's width.
-        vignetting: by which part the image is darker in its corners.
-        exposure_s: for how long light is gathered; what moves is smeared.
+        vignetting: part by which the image is darker in its corners.
+        exposure_s: exposure time; what moves is smeared.
         gain: by which part the gain that the camera chooses is off at most; it changes from place to place.
         noise: the standard deviation of a pixel, in gray levels.
 
@@ -46,6 +46,7 @@ class Optics:
     noise: float = 2.5
 
     def __post_init__(self) -> None:
+        """Check the ranges of the parameters."""
         highest = {"rays": 16.0, "blur": 0.02, "vignetting": 1.0, "exposure_s": 1.0, "gain": 0.9}
         for field in fields(self):
             value, low, high = getattr(self, field.name), float(field.name == "rays"), highest.get(field.name)
@@ -58,8 +59,10 @@ PINHOLE = Optics(rays=1, blur=0.0, vignetting=0.0, exposure_s=0.0, gain=0.0, noi
 
 
 class Sensor(NamedTuple):
-    """Optics as the renderer takes them: the blur's weights from the middle on, and the quantiles of the
-    normal distribution."""
+    """Optics as the renderer takes them.
+
+    The blur's weights from the middle on, and the quantiles of the normal distribution.
+    """
 
     weights: Floats
     quantiles: Floats
@@ -70,7 +73,7 @@ class Sensor(NamedTuple):
 
 
 def sensor_of(optics: Optics, *, width: int, seed: int) -> Sensor:
-    """Optics in front of an image so many pixels wide."""
+    """Return optics in front of an image so many pixels wide."""
     sigma = optics.blur * width
     steps = np.arange(math.ceil(2.5 * sigma) + 1)
     weights = np.exp(-0.5 * (steps / sigma) ** 2) if sigma > 0.0 else np.ones(1)
@@ -86,7 +89,7 @@ def sensor_of(optics: Optics, *, width: int, seed: int) -> Sensor:
 
 @inlined
 def gain_at(x: float, y: float, sensor: Sensor) -> float:
-    """By what the camera multiplies gray levels at a place: smooth noise about 1."""
+    """Return the camera's factor of gray levels at a place: smooth noise about 1."""
     east, north = math.floor(x / _GAIN_MM), math.floor(y / _GAIN_MM)
     across, along = x / _GAIN_MM - east, y / _GAIN_MM - north
     across, along = across * across * (3.0 - 2.0 * across), along * along * (3.0 - 2.0 * along)
@@ -101,8 +104,10 @@ def gain_at(x: float, y: float, sensor: Sensor) -> float:
 
 @inlined
 def blur_columns(picture: Floats2, blurred: Floats2, sensor: Sensor) -> None:
-    """Blur along the rows of the image, which are the columns of `picture`, (columns, rows); those at either
-    end, as many as the blur reaches, are not set."""
+    """Blur along the rows of the image, which are the columns of `picture`, (columns, rows).
+
+    The columns at either end, as many as the blur reaches, are not set.
+    """
     reach = sensor.weights.shape[0] - 1
     for column in range(reach, picture.shape[0] - reach):
         for row in range(picture.shape[1]):
@@ -120,7 +125,13 @@ def expose(
     """Turn a picture, (columns, rows), with a margin as wide as the blur reaches on all sides, into an image.
 
     Args:
+        picture: the picture, in gray levels.
+        t_ns: time of the image, for the noise.
         first: the number of the image's first row in the whole of `height` rows.
+        height: number of rows of the whole image.
+        gain: factor of the gray levels.
+        sensor: the sensor.
+        image: (rows, width), gets the rows.
     """
     reach = sensor.weights.shape[0] - 1
     middle, halfway = (image.shape[1] - 1) / 2.0, (height - 1) / 2.0

@@ -15,7 +15,7 @@ from colony.sim.cameras.lettering import TEXEL_MM, write_lines
 from colony.sim.compiled import Floats2
 
 SIGN_MM = (150.0, 200.0)
-"""How wide and high the sign above a fire extinguisher is."""
+"""Width and height of the sign above a fire extinguisher."""
 
 _BLACK = (
     ((420.0, 150.0), ("ROBOTICS", "LAB"), 0.75),
@@ -37,7 +37,7 @@ _COLORED = (
 _NOTICES = 2
 _NOTICE_MM = (216.0, 279.0)
 POSTERS_MM = (*(size for size, _, _ in _BLACK), *(size for size, _, _ in _COLORED), *(_NOTICE_MM,) * _NOTICES)
-"""How wide and high each kind of poster is."""
+"""Width and height of each kind of poster."""
 
 BLACK_KINDS = tuple(range(len(_BLACK)))
 OTHER_KINDS = tuple(range(len(_BLACK), len(_BLACK) + len(_COLORED) + _NOTICES))
@@ -46,7 +46,7 @@ OTHER_KINDS = tuple(range(len(_BLACK), len(_BLACK) + len(_COLORED) + _NOTICES))
 
 @lru_cache(maxsize=1)
 def posters() -> tuple[Picture, ...]:
-    """All kinds of posters, by number."""
+    """Return all kinds of posters, by number."""
     black = [_black(size, lines, shade) for size, lines, shade in _BLACK]
     colored = [_colored(size, paper, ink, seed) for seed, (size, paper, ink) in enumerate(_COLORED)]
     return (*black, *colored, *(_notice(seed) for seed in range(_NOTICES)))
@@ -68,7 +68,7 @@ def _black(size: tuple[float, float], lines: tuple[str, ...], shade: float) -> P
 
 
 def _colored(size: tuple[float, float], paper: float, print_: float, seed: int) -> Picture:
-    """A heading, a picture and a few lines of text too small to be read."""
+    """Draw a heading, a picture and a few lines of text too small to be read."""
     rng = np.random.default_rng(100 + seed)
     sheet = _sheet(size, paper)
     high, wide = sheet.shape
@@ -86,7 +86,7 @@ def _colored(size: tuple[float, float], paper: float, print_: float, seed: int) 
 
 
 def _notice(seed: int) -> Picture:
-    """A white sheet of letter paper with lines of text."""
+    """Draw a white sheet of letter paper with lines of text."""
     rng = np.random.default_rng(200 + seed)
     sheet = _sheet(_NOTICE_MM, 0.93)
     _lines_of_text(sheet, range(12, sheet.shape[0] - 8, 8), 0.25, rng)
@@ -94,7 +94,7 @@ def _notice(seed: int) -> Picture:
 
 
 def _lines_of_text(sheet: Floats2, rows: range, ink: float, rng: np.random.Generator) -> None:
-    """Lines of words, each a little bar of gray; in place."""
+    """Draw lines of words, each a little bar of gray; in place."""
     wide = sheet.shape[1]
     for row in rows:
         column = end = wide // 8
@@ -107,7 +107,7 @@ def _lines_of_text(sheet: Floats2, rows: range, ink: float, rng: np.random.Gener
 
 @lru_cache(maxsize=1)
 def extinguisher_sign() -> Picture:
-    """FIRE, pale on red."""
+    """Draw FIRE, pale on red."""
     sheet = _sheet(SIGN_MM, 0.30)
     ink = np.zeros_like(sheet)
     write_lines(ink, ("FIRE", "", "EXT"), height_mm=34.0)

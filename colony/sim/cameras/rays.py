@@ -12,8 +12,11 @@ _HALF_LIGHT_MM = 12_000.0  # what is as far away as this is half as bright
 
 
 class Lens(NamedTuple):
-    """A camera as the renderer takes it: focal length in pixels, heights in mm, yaw in radians, the hull of
-    the robots that it sees, its rays a column, and for how many seconds it gathers light."""
+    """A camera as the renderer takes it.
+
+    Focal length in pixels, heights in mm, yaw in radians, the hull of the robots that it sees, its rays a
+    column, and its exposure in seconds.
+    """
 
     focal: float
     above_floor: float
@@ -25,8 +28,10 @@ class Lens(NamedTuple):
 
 
 class Eye(NamedTuple):
-    """A camera in one moment: where it is, its heading in radians, and the row, from the first one drawn, of
-    its optical axis."""
+    """A camera at one moment: its place, its heading in radians, and the row of its optical axis.
+
+    The row counts from the first one drawn.
+    """
 
     x: float
     y: float
@@ -36,8 +41,11 @@ class Eye(NamedTuple):
 
 
 class Ray(NamedTuple):
-    """A direction in the world's frame, for one mm of depth, and where it starts: `right` to the right of the
-    optical axis. The ray stands for all that is up to `half` to either side of it."""
+    """A ray: a direction in the world's frame, for one mm of depth, and its start.
+
+    `right` is to the right of the optical axis. The ray stands for all that is up to `half` to either side of
+    it.
+    """
 
     x: float
     y: float
@@ -50,13 +58,13 @@ class Ray(NamedTuple):
 
 @inlined
 def level_of(shade: float, distance: float) -> float:
-    """A shade as it comes out from a distance, in gray levels."""
+    """Return a shade as it appears from a distance, in gray levels."""
     return 255.0 * shade / (1.0 + distance / _HALF_LIGHT_MM)
 
 
 @inlined
 def light_at(x: float, y: float, lighting: Lighting) -> float:
-    """How light it is at (x, y)."""
+    """Return the light level at (x, y)."""
     columns, rows = lighting.levels.shape
     across = min(max((x - lighting.x) / lighting.cell, 0.0), columns - 1.0)
     along = min(max((y - lighting.y) / lighting.cell, 0.0), rows - 1.0)
@@ -71,12 +79,13 @@ def light_at(x: float, y: float, lighting: Lighting) -> float:
 
 @inlined
 def row_below(height: float, depth: float, axis: float, lens: Lens, rows: int) -> int:
-    """The first row, from 0 to `rows`, that looks below a height at a depth."""
+    """Return the first row, from 0 to `rows`, that looks below a height at a depth."""
     row = axis - lens.focal * (height - lens.above_floor) / depth
     return int(min(max(math.ceil(row), 0.0), rows + 0.0))
 
 
 @inlined
 def paint(column: Floats, start: int, end: int, level: float) -> None:
+    """Set the pixels from `start` up to `end` of a column to a level."""
     for row in range(start, end):
         column[row] = level

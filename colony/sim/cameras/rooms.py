@@ -42,7 +42,7 @@ class Room:
 
 
 def room_behind(walls: NDArray[np.float64], door: int) -> Room | None:
-    """The room behind a door, among walls (n, 4) in mm; None where there is no room to open the door."""
+    """Return the room behind a door, among walls (n, 4) in mm, or None if the door cannot open."""
     x0, y0, x1, y1 = walls[door].tolist()
     width = math.hypot(x1 - x0, y1 - y0)
     ex, ey = (x1 - x0) / width, (y1 - y0) / width
@@ -67,7 +67,7 @@ def room_behind(walls: NDArray[np.float64], door: int) -> Room | None:
 
 
 def opened(room: Room, angle_deg: float, hinge_first: bool) -> list[tuple[float, float, float, float]]:
-    """The segments in place of the door when it stands open: the walls of the room, then the leaf, or two.
+    """Return the segments in place of an open door: the walls of the room, then the leaf, or two.
 
     `hinge_first` says whether a single leaf hangs where the door begins, or where it ends.
     """

@@ -1,8 +1,8 @@
-"""What is on the walls of a map: doors in their frames with plates beside them, elevators with their markers,
-what walls are made of, and the posters and fire extinguishers of one run.
+"""The scene of a map's walls, with the doors, signs and furnishings of one run.
 
-What a wall is made of is read from the map's remark on it: painted brick, brick, glass brick, plaster, steel,
-glass, window, tile. A remark that says nothing of that kind stands for plaster.
+Doors are in their frames with plates beside them; elevators have their markers; walls have posters and fire
+extinguishers. The material of a wall comes from the map's remark on it: painted brick, brick, glass brick,
+plaster, steel, glass, window, tile. A remark without a material stands for plaster.
 """
 
 from __future__ import annotations
@@ -51,12 +51,14 @@ _COVERS: tuple[tuple[re.Pattern[str], _Made], ...] = tuple(
         (r"", textures.plaster),
     )
 )
-"""What a remark says a wall is made of: the first that fits."""
+"""Patterns of the remarks on walls, and their materials: the first that fits."""
 
 
 class _Shelf(NamedTuple):
-    """The pictures of a floor, by number: the cover of each wall, what hangs there, and where the posters
-    begin."""
+    """The pictures of a floor, by number.
+
+    The cover of each wall, what hangs there, and the number of the first poster.
+    """
 
     atlas: Atlas
     covers: tuple[int, ...]
@@ -69,7 +71,7 @@ class _Shelf(NamedTuple):
 
 
 def scene_of(floor: Map, scenery: Scenery | None = None) -> Scene:
-    """The scene of a map, as it is in one run: with its posters, its lights, and its doors open or shut.
+    """Return the scene of a map in one run: with its posters, its lights, and its doors open or shut.
 
     Without a scenery all doors are shut, all lights are on, and nothing hangs there but plates and markers.
     """
@@ -95,8 +97,10 @@ def scene_of(floor: Map, scenery: Scenery | None = None) -> Scene:
 
 @lru_cache(maxsize=_SHELVES)
 def _shelf(floor: Map) -> _Shelf:
-    """All pictures that may be seen on a floor, and no others, as covers are large: 3 MB each. Kept, since
-    experiments ask for the floors of a building again and again."""
+    """Return the pictures of a floor, and no others, as covers are large: 3 MB each.
+
+    They are cached, since experiments ask for the floors of a building again and again.
+    """
     walls = walls_of(floor)
     pictures: list[Picture] = []
 
@@ -119,8 +123,11 @@ def _shelf(floor: Map) -> _Shelf:
 
 
 def _cover(walls: Walls, edge: int) -> _Made:
-    """What draws what a wall is made of. The remark on a door is on its leaf, unless it is of glass as a
-    whole: other doors hang in plain walls."""
+    """Return the painter of a wall's material.
+
+    The remark on a door describes its leaf, unless it is of glass as a whole: other doors hang in plain
+    walls.
+    """
     is_leaf = walls.kinds[edge] is EdgeKind.DOOR and not walls.glass[edge]
     attribute = "" if is_leaf else walls.attributes[edge]
     return next(made for says, made in _COVERS if says.search(attribute))
@@ -148,7 +155,7 @@ def _panels(wall: int, kind: EdgeKind, is_glass: bool, length: float) -> Iterabl
 
 
 def _signs(floor: Map, shelf: _Shelf) -> Iterator[Hung]:
-    """Plates and markers; a marker's halves are on the two leaves, the gap between them is shut."""
+    """Return the plates and markers; a marker's halves are on the two leaves, the gap between is shut."""
     for sign in plates_of(floor):
         yield _at_height(sign.edge, sign.start_mm, sign.end_mm, PLATE_HEIGHT_MM, shelf.plates[sign.text])
     for mark in markers_of(floor):

@@ -13,7 +13,7 @@ from colony.sim.compiled import Floats2
 
 PERSON_WIDTH_MM = 620.0
 EXTINGUISHER_MM = (190.0, 560.0)
-"""How wide and high one is."""
+"""Width and height of a fire extinguisher."""
 
 _TEXEL_MM = 5.0
 _SHADES = (0.28, 0.34)  # red, in shades of gray: the cylinder, and where it shines
@@ -35,19 +35,19 @@ _LOOKS = (
     _Look(1710.0, 0.36, 0.44, 0.58, 0.25, True),
 )
 LOOKS = len(_LOOKS)
-"""How many people look different; each has two pictures: legs together, and apart."""
+"""Number of different people; each has two pictures: legs together, and apart."""
 
 _Mask = NDArray[np.bool_]
 
 
 @lru_cache(maxsize=1)
 def people() -> tuple[Picture, ...]:
-    """The pictures of people: number 2 * look + gait."""
+    """Return the pictures of people: number 2 * look + gait."""
     return tuple(_person(look, stride) for look in _LOOKS for stride in (0.0, 1.0))
 
 
 def _person(look: _Look, stride: float) -> Picture:
-    """Somebody from the front: `stride` is 0 where the legs are together, 1 where they are apart."""
+    """Draw a person from the front: `stride` is 0 with the legs together, 1 with the legs apart."""
     rows, columns = round(look.height_mm / _TEXEL_MM), round(PERSON_WIDTH_MM / _TEXEL_MM)
     aside = (np.arange(columns) + 0.5) * _TEXEL_MM - PERSON_WIDTH_MM / 2
     x, y = np.meshgrid(aside, (rows - 0.5 - np.arange(rows)) * _TEXEL_MM / look.height_mm)
@@ -77,13 +77,13 @@ def _person(look: _Look, stride: float) -> Picture:
 
 
 def _torso(y: Floats2) -> Floats2:
-    """Half the width of a coat, by the part of the height: shoulders, waist, hem."""
+    """Return half the width of a coat, by the part of the height: shoulders, waist, hem."""
     return np.interp(y, [0.28, 0.42, 0.62, 0.78, 0.81, 0.83], [215.0, 190.0, 165.0, 220.0, 190.0, 90.0])
 
 
 @lru_cache(maxsize=1)
 def extinguisher() -> Picture:
-    """A red cylinder with a black valve, a hose and a pale label."""
+    """Draw a red cylinder with a black valve, a hose and a pale label."""
     wide, high = EXTINGUISHER_MM
     columns, rows = round(wide / _TEXEL_MM), round(high / _TEXEL_MM)
     x, y = np.meshgrid(

@@ -26,13 +26,16 @@ def snapshot(
     seed: int = 0,
     speed_mm_s: float = 0.0,
 ) -> Bytes2:
-    """What a camera sees of a robot at a pose (x and y in mm, heading in degrees): (height, width).
+    """Return the image of a robot's camera at a pose (x and y in mm, heading in degrees): (height, width).
 
     Args:
-        scenery: the building in one run, its people where they begin; without one everything is shut, and
-            nobody is there.
-        seed: of the noise.
-        speed_mm_s: how fast the robot drives, which smears what is near.
+        floor: the map.
+        pose: pose of the robot.
+        config: the camera.
+        scenery: the building in one run, its people where they begin; without one all doors are shut, and
+            there are no people.
+        seed: seed of the noise.
+        speed_mm_s: speed of the robot, which smears what is near.
 
     Raises:
         ValueError: a number of the pose is not finite, or the lens would be in the ceiling.
@@ -54,11 +57,17 @@ def snapshots(
     hazards: int | None,
     speed_mm_s: float,
 ) -> dict[str, Bytes2]:
-    """Return what cameras of this width and height see: those that look along the floor, with so many degrees
-    counterclockwise from ahead, and `up`, the one that looks at the ceiling.
+    """Return the images of several cameras of this width and height.
+
+    These are the cameras along the floor, and `up`, the one that looks at the ceiling.
 
     Args:
-        hazards: the seed of what goes wrong in the building; None for nothing.
+        floor: the map.
+        pose: pose of the robot.
+        yaws: direction of each camera along the floor, in degrees counterclockwise from ahead.
+        size: width and height of the images.
+        hazards: the seed of the building's hazards; None for none.
+        speed_mm_s: speed of the robot.
 
     Raises:
         ValueError: as `snapshot`.
@@ -76,7 +85,7 @@ def snapshots(
 
 
 def png_of(image: Bytes2) -> bytes:
-    """An image, (height, width), as the content of a PNG file."""
+    """Encode an image, (height, width), as a PNG file."""
     from io import BytesIO
 
     from PIL import Image

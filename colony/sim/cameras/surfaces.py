@@ -1,4 +1,4 @@
-"""What a building looks like: its walls with what is on them, the floor and the ceiling, in shades of gray.
+"""The looks of a building: its walls with what is on them, the floor and the ceiling, in shades of gray.
 
 A wall has a cover, such as painted blocks, or one shade; on it lie panels, rectangles of another shade such
 as doors and skirting boards, and on those hang pictures: plates, markers, posters. `scene.py` says
@@ -21,12 +21,14 @@ from colony.sim.sensors.sonar import wall_table
 CEILING_MM = 2700.0
 WALL_SHADE = 0.78
 BARE = -1
-"""In place of the number of a cover: the wall has one shade."""
+"""Number in place of a cover's: the wall has one shade."""
 
 
 class Panel(NamedTuple):
-    """A rectangle on wall `wall`, from `start` to `end` along it and `bottom` to `top` above the floor, all
-    in mm. `shade` is from 0, black, to 1."""
+    """A rectangle on wall `wall`, from `start` to `end` along it and from `bottom` to `top` in height.
+
+    All in mm, heights above the floor. `shade` is from 0, black, to 1.
+    """
 
     wall: int
     start: float
@@ -37,8 +39,10 @@ class Panel(NamedTuple):
 
 
 class Hung(NamedTuple):
-    """A picture on wall `wall`: the part of it that is from `start` to `end` along the wall and from `bottom`
-    to `top` above the floor. All of it begins at `origin` along the wall and reaches up to `top`."""
+    """A picture on wall `wall`: the part from `start` to `end` along it and from `bottom` to `top` in height.
+
+    Heights are above the floor. The whole picture begins at `origin` along the wall and reaches up to `top`.
+    """
 
     wall: int
     start: float
@@ -50,8 +54,10 @@ class Hung(NamedTuple):
 
 
 class Lighting(NamedTuple):
-    """How light it is: `levels` at the corners of a grid whose first one is at (x, y), `cell` mm apart, by
-    columns; 1 is usual."""
+    """The light levels of a building, at the corners of a grid, by columns; 1 is usual.
+
+    The first corner of the grid is at (x, y); the corners are `cell` mm apart.
+    """
 
     levels: Floats2
     x: float
@@ -76,11 +82,11 @@ class Scene(NamedTuple):
         hung: (k, 6), `Hung` likewise.
         first_hung: (n + 1,), where those of each wall begin.
         atlas: the pictures; the first ones are people.
-        lighting: how light it is.
+        lighting: the light levels.
         ceiling: its height in mm.
         doors, elevators: the numbers of walls that are doors or elevators, and may open.
         rooms: the cover of the walls of rooms that are seen through open doors, or `BARE`.
-        own: how many walls the building itself has; those after them came with doors that are open.
+        own: number of walls of the building itself; those after them came with doors that are open.
     """
 
     walls: Floats2
@@ -113,12 +119,18 @@ def scene(
     elevators: Sequence[int] = (),
     rooms: int = BARE,
 ) -> Scene:
-    """A scene of wall segments, (n, 4) in mm, and what is on them; segments without length are not seen.
+    """Return a scene of wall segments, (n, 4) in mm, and what is on them; empty segments are not visible.
 
     Args:
-        covers: of each wall, a number in `atlas`; all are bare where nothing is said.
+        walls: the segments.
+        panels: the panels on them.
+        ceiling_mm: height of the ceiling.
+        covers: number of each wall's cover in `atlas`; by default all walls are bare.
+        hung: the pictures on the walls.
         atlas: as `atlas_with` gives it.
-        doors, elevators: the numbers of walls that may open.
+        lighting: the light levels.
+        doors: the numbers of walls that are doors, which may open.
+        elevators: the numbers of walls that are elevators' doors, which may open.
         rooms: the cover of what is behind the doors.
     """
     segments = np.array(walls, dtype=np.float64).reshape(-1, 4)
@@ -147,12 +159,12 @@ def scene(
 
 
 def atlas_with(pictures: Sequence[Picture]) -> Atlas:
-    """An atlas of people, whom every building has, and of pictures, whose numbers begin at `PEOPLE`."""
+    """Return an atlas of people, for every building, and of pictures, whose numbers begin at `PEOPLE`."""
     return atlas_of((*people(), *pictures))
 
 
 PEOPLE = len(people())
-"""How many pictures of people an atlas begins with."""
+"""Number of pictures of people with which an atlas begins."""
 
 
 def _numbers(found: Iterable[int]) -> Ints:
@@ -160,7 +172,7 @@ def _numbers(found: Iterable[int]) -> Ints:
 
 
 def _by_wall(things: Iterable[tuple[int, tuple[float, ...]]], walls: int) -> tuple[Floats2, Ints]:
-    """Things, each with the number of its wall, sorted by that, and where those of each wall begin."""
+    """Return things, each with its wall's number, sorted by that, and where each wall's things begin."""
     ordered = sorted(things, key=lambda thing: thing[0])
     counts = np.bincount(np.array([wall for wall, _ in ordered], dtype=np.int64), minlength=walls)
     first = np.concatenate([[0], counts.cumsum()]).astype(np.int64)

@@ -1,4 +1,4 @@
-"""What walls are made of, as pictures that repeat to the sides and are as high as the wall.
+"""The materials of walls, as pictures that repeat to the sides and are as high as the wall.
 
 Shades only, from 0, black, to 1: painted blocks with their joints, bare bricks, glass bricks with the light
 behind them, plaster, steel, windows. Each is drawn from chance of its own, always the same.
@@ -20,7 +20,7 @@ _HEIGHTS = 2  # of walls for which each picture is kept, of 3 MB: all ceilings o
 
 
 def _grid(width_mm: float, height_mm: float) -> tuple[Floats2, Floats2]:
-    """The middles of texels: from the left, and from the floor, in mm."""
+    """Return the middles of texels: from the left, and from the floor, in mm."""
     across = (np.arange(round(width_mm / TEXEL_MM)) + 0.5) * TEXEL_MM
     up = height_mm - (np.arange(round(height_mm / TEXEL_MM)) + 0.5) * TEXEL_MM
     made_across, made_up = np.meshgrid(across, up)
@@ -34,7 +34,7 @@ def _pattern(shades: Floats2, height_mm: float, darkest: float = 0.0) -> Picture
 
 
 def _cloud(shape: tuple[int, int], cells: tuple[int, int], rng: np.random.Generator) -> Floats2:
-    """Smooth noise of standard deviation 1 that repeats to the sides, with so many lumps down and across."""
+    """Return smooth noise, standard deviation 1, repeating to the sides, so many lumps down and across."""
     spectrum = np.fft.rfft2(rng.standard_normal(shape))
     down, across = np.fft.fftfreq(shape[0]) * shape[0], np.fft.rfftfreq(shape[1]) * shape[1]
     spectrum *= np.exp(-((down[:, None] / cells[0]) ** 2) - (across[None, :] / cells[1]) ** 2)
@@ -47,8 +47,10 @@ def _cloud(shape: tuple[int, int], cells: tuple[int, int], rng: np.random.Genera
 def _blocks(
     across: Floats2, up: Floats2, block: tuple[float, float], *, staggered: bool
 ) -> tuple[Floats2, Floats2, Floats2, Floats2]:
-    """The number of the course and of the block in it of each texel, and how far it is from the block's edge
-    to the side and up or down, in mm."""
+    """Return the course and the block of each texel, and its distances from the block's edge.
+
+    The distances, to the side and up or down, are in mm.
+    """
     wide, high = block
     course = np.floor(up / high)
     shifted = across + (wide / 2 * (course % 2) if staggered else 0.0)
@@ -75,7 +77,7 @@ def _masonry(
 
 @lru_cache(maxsize=_HEIGHTS)
 def painted_brick(height_mm: float) -> Picture:
-    """Concrete blocks of 406 by 203 mm, painted over: joints show as shallow lines."""
+    """Draw concrete blocks of 406 by 203 mm, painted over: joints show as shallow lines."""
     return _masonry(
         block=(405.0, 203.0), columns=8, height_mm=height_mm, shade=0.74, joint=0.60, joint_mm=10.0,
         spread=0.010, seed=11,
@@ -84,7 +86,7 @@ def painted_brick(height_mm: float) -> Picture:
 
 @lru_cache(maxsize=_HEIGHTS)
 def bare_brick(height_mm: float) -> Picture:
-    """Bricks of 203 by 67 mm, unpainted, with pale joints."""
+    """Draw bricks of 203 by 67 mm, unpainted, with pale joints."""
     return _masonry(
         block=(205.0, 68.0), columns=16, height_mm=height_mm, shade=0.42, joint=0.58, joint_mm=10.0,
         spread=0.045, seed=12,
@@ -93,8 +95,11 @@ def bare_brick(height_mm: float) -> Picture:
 
 @lru_cache(maxsize=_HEIGHTS)
 def glass_brick(height_mm: float) -> Picture:
-    """Glass blocks of 200 by 200 mm in dark joints. The light behind them is uneven: groups are bright,
-    others dark, and each block has a pale rim and a darker middle or the other way around."""
+    """Draw glass blocks of 200 by 200 mm in dark joints.
+
+    The light behind them is uneven: groups are bright, others dark, and each block has a pale rim and a
+    darker middle or the other way around.
+    """
     rng = np.random.default_rng(13)
     size, columns = 200.0, 20
     across, up = _grid(size * columns, height_mm)
@@ -115,7 +120,7 @@ def glass_brick(height_mm: float) -> Picture:
 
 @lru_cache(maxsize=_HEIGHTS)
 def plaster(height_mm: float) -> Picture:
-    """A plain wall, a little uneven."""
+    """Draw a plain wall, a little uneven."""
     rng = np.random.default_rng(14)
     shape = (round(height_mm / TEXEL_MM), 640)
     shades = _PLASTER + 0.010 * _cloud(shape, (10, 12), rng) + 0.008 * _cloud(shape, (120, 140), rng)
@@ -124,7 +129,7 @@ def plaster(height_mm: float) -> Picture:
 
 @lru_cache(maxsize=_HEIGHTS)
 def tile(height_mm: float) -> Picture:
-    """Slabs of 300 by 300 mm with fine dark joints: tile, marble, sandstone."""
+    """Draw slabs of 300 by 300 mm with fine dark joints: tile, marble, sandstone."""
     return _masonry(
         block=(300.0, 300.0), columns=10, height_mm=height_mm, shade=0.66, joint=0.45, joint_mm=5.0,
         spread=0.03, seed=15,
@@ -133,7 +138,7 @@ def tile(height_mm: float) -> Picture:
 
 @lru_cache(maxsize=_HEIGHTS)
 def steel(height_mm: float) -> Picture:
-    """Brushed steel: soft upright streaks, paler above than below."""
+    """Draw brushed steel: soft upright streaks, paler above than below."""
     rng = np.random.default_rng(16)
     shape = (round(height_mm / TEXEL_MM), 400)
     streaks = _cloud((1, shape[1]), (1, 90), rng) * 0.012
@@ -144,7 +149,7 @@ def steel(height_mm: float) -> Picture:
 
 @lru_cache(maxsize=_HEIGHTS)
 def window(height_mm: float) -> Picture:
-    """Panes of 900 mm from 900 mm above the floor on, in dark frames; the day is bright behind them."""
+    """Draw panes of 900 mm from 900 mm above the floor on, in dark frames; it is day behind them."""
     across, up = _grid(3600.0, height_mm)
     rng = np.random.default_rng(17)
     pane = (up > 900.0) & (up < 2400.0)
@@ -158,7 +163,7 @@ def window(height_mm: float) -> Picture:
 
 @lru_cache(maxsize=_HEIGHTS)
 def glass(height_mm: float) -> Picture:
-    """Panes of clear glass in steel frames: what is seen through them is dim, with soft reflections."""
+    """Draw panes of clear glass in steel frames: what is behind them is dim, with soft reflections."""
     across, up = _grid(3600.0, height_mm)
     rng = np.random.default_rng(18)
     aside = across % 900.0
@@ -170,7 +175,7 @@ def glass(height_mm: float) -> Picture:
 
 @lru_cache(maxsize=_HEIGHTS)
 def shelves(height_mm: float) -> Picture:
-    """The wall of a room: shelves full of books up to 1.9 m, 1.6 m wide, then as much plain wall."""
+    """Draw the wall of a room: shelves full of books up to 1.9 m, 1.6 m wide, then as much plain wall."""
     rng = np.random.default_rng(19)
     across, up = _grid(3200.0, height_mm)
     shades = 0.66 + 0.012 * _cloud(across.shape, (10, 12), rng)

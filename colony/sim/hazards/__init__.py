@@ -1,0 +1,1 @@
+"""Hazards: what may go wrong in a building, and its state in one run."""

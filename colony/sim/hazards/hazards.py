@@ -1,4 +1,4 @@
-"""What goes wrong in a building: hazards with their rates, each with a switch and chance of its own.
+"""Hazards of a building with their rates, each with a switch and a random stream of its own.
 
     scenery = draw(Hazards(), floor, seed=7)
     world = World(walls=scenery, poses=[floor.start], seed=7)
@@ -47,11 +47,11 @@ _BAND_MM = (800.0, 2500.0)
 
 _MOST = dict.fromkeys(("slip", "glass", "light_out", "light_dim", "dim_brightness", "sunlit"), 1.0)
 _MOST |= {"poster_on_door": 1.0, "open_door": 1.0, "cross_talk": 1.0, "door_deg": 90.0, "compass_deg": 180.0}
-"""What a number of `Hazards` is at most, where it has a limit."""
+"""Upper limits of the numbers of `Hazards` that have one."""
 
 
 class Hazard(IntEnum):
-    """What can go wrong. The number is that of its stream of chance, and never changes."""
+    """A kind of hazard. The number is that of its random stream, and never changes."""
 
     SLIP = 0
     GLASS = 1
@@ -67,19 +67,19 @@ class Hazard(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hazards:
-    """Which hazards there are, and how bad they are; lengths in mm, angles in degrees, times in seconds.
+    """The hazards and their rates; lengths in mm, angles in degrees, times in seconds.
 
     Attributes:
         on: the hazards that are switched on.
         slip: the probability that wheels slip when a robot's middle crosses a metal joint.
         slip_turn_deg: the standard deviation of the turn that goes with it.
-        slip_loss_mm: between which lengths the wheels spin.
+        slip_loss_mm: range of the length that the wheels spin.
         joint_spacing_mm: so much corridor has one joint, besides those between the wings.
         glass: the probability that a glass door is not noticed by sonar and infrared in this run.
         light_out, light_dim: the probabilities of a light; `dim_brightness` is that of a dim one.
         sunlit: the probability that a corridor's ceiling is lit by the sun.
         person_spacing_mm: so much corridor has one person in the mean.
-        walk_mm_s: between which speeds people walk.
+        walk_mm_s: range of people's walking speed.
         open_door: the probability of a door; `door_deg` are the angles between which it stands open.
         cross_talk: the probability that a sonar reading is false.
         encoder_scale: the standard deviation of a factor common to both wheels.
@@ -115,6 +115,7 @@ class Hazards:
     poster_on_door: float = 0.02
 
     def __post_init__(self) -> None:
+        """Check the ranges of the rates."""
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name == "on":
@@ -136,7 +137,7 @@ class Hazards:
 
     @staticmethod
     def none() -> Hazards:
-        """A building in which nothing goes wrong."""
+        """Return the hazards of a building in which nothing goes wrong."""
         return Hazards(on=frozenset())
 
     def without(self, *hazards: Hazard) -> Hazards:
@@ -149,10 +150,10 @@ class Hazards:
 
 
 def draw(hazards: Hazards, floor: Map, seed: int) -> Scenery:
-    """What a floor is like in the run of a seed.
+    """Draw a floor's scenery in the run of a seed.
 
-    Floors that share a seed share their luck: of each the same lights are out, counted in the order of the
-    map. So each floor of a building has a seed of its own.
+    Floors with the same seed have the same draws: of each the same lights are out, counted in the order of
+    the map. So each floor of a building has a seed of its own.
 
     Raises:
         ValueError: the seed is below 0.
@@ -193,7 +194,7 @@ def _glass(hazards: Hazards, premises: Premises, seed: int) -> tuple[int, ...]:
 
 
 def _doors(hazards: Hazards, premises: Premises, seed: int) -> list[tuple[OpenDoor, bool]]:
-    """The doors that stand open, and whether they hang where they begin."""
+    """Draw the doors that stand open, and whether they hang where they begin."""
     drawn = _stream(seed, Hazard.DOORS).random((len(premises.walls), 3)).tolist()
     low, high = hazards.door_deg
     return [
@@ -206,7 +207,7 @@ def _doors(hazards: Hazards, premises: Premises, seed: int) -> list[tuple[OpenDo
 def _walls(
     premises: Premises, glass: tuple[int, ...], doors: list[tuple[OpenDoor, bool]]
 ) -> tuple[Floats2, NDArray[np.bool_]]:
-    """What is solid, edge by edge, and whether it is silent."""
+    """Return the solid segments, edge by edge, and which of them are silent."""
     standing_open = {door.edge: (door.angle_deg, hinge_first) for door, hinge_first in doors}
     rows: list[tuple[float, ...]] = []
     silent: list[bool] = []
@@ -267,7 +268,7 @@ def _people(hazards: Hazards, premises: Premises, seed: int) -> Iterator[Person]
 
 
 def _joints(hazards: Hazards, premises: Premises, seed: int) -> tuple[Joint, ...]:
-    """Between the wings, and every so many meters of all corridors, laid end to end."""
+    """Draw the joints between the wings, and every so many meters of all corridors, laid end to end."""
     phase = _stream(seed, Hazard.SLIP).random()
     if Hazard.SLIP not in hazards.on:
         return ()

@@ -1,6 +1,6 @@
-"""What there is in a building for hazards to befall: doors and the rooms behind them, corridors, lights.
+"""The parts of a building that hazards may befall: doors and the rooms behind them, corridors, lights.
 
-Nothing here depends on chance. Old and new wing are told apart by their corridors: where corridors of
+Nothing here depends on chance. The old and the new wing differ in their corridors: where corridors of
 different widths meet, two wings do, and the floor has a joint.
 """
 
@@ -52,7 +52,7 @@ class Premises:
 
 @lru_cache(maxsize=16)
 def premises_of(floor: Map) -> Premises:
-    """A floor as hazards take it; kept, as experiments ask for the same floor a thousand times."""
+    """Return a floor as hazards take it; cached, as experiments ask for the same floor often."""
     walls, corridors = walls_of(floor), corridors_of(floor)
     tracks = tuple(_track(corridor) for corridor in corridors)
     rooms = {
@@ -82,7 +82,7 @@ def _track(corridor: Corridor) -> Track:
 
 
 def _light(x: float, y: float, tracks: tuple[Track, ...]) -> CeilingLight:
-    """A light, along the corridor whose middle line is nearest."""
+    """Return a light, along the corridor whose middle line is nearest."""
     nearest = min(tracks, key=lambda track: round(_distance(track, x, y)), default=None)
     return CeilingLight(x_mm=x, y_mm=y, heading_deg=0.0 if nearest is None else nearest.heading_deg)
 
@@ -93,7 +93,7 @@ def _distance(track: Track, x: float, y: float) -> float:
 
 
 def _walk(track: Track, walls: NDArray[np.float64]) -> Track | None:
-    """The part of a corridor that people walk: not up to its ends, and as wide as the walls leave it."""
+    """Return the part of a corridor that people walk: short of its ends, as wide as the walls leave it."""
     length = track.length_mm - 2 * _TURN_MM
     if length < _LEAST_WALK_MM:
         return None
@@ -110,7 +110,7 @@ def _walk(track: Track, walls: NDArray[np.float64]) -> Track | None:
 
 
 def _clearance(track: Track, walls: NDArray[np.float64]) -> float:
-    """How far aside of a track the nearest wall is, anywhere along it (and a shoulder beyond its ends)."""
+    """Return the least distance of a wall from a track, along it and a shoulder beyond its ends."""
     least = math.inf
     low, high = -PERSON_RADIUS_MM, track.length_mm + PERSON_RADIUS_MM
     for x0, y0, x1, y1 in walls.tolist():
@@ -125,7 +125,7 @@ def _clearance(track: Track, walls: NDArray[np.float64]) -> float:
 
 
 def _wing_joints(corridors: tuple[Corridor, ...], tracks: tuple[Track, ...]) -> list[Joint]:
-    """A joint across the narrower of two corridors of different wings, at each of its mouths."""
+    """Return a joint across the narrower of two corridors of different wings, at each of its mouths."""
     joints: list[Joint] = []
     for space in turning_spaces_of(corridors):
         one, other = sorted(space.corridors, key=lambda c: corridors[c].width_mm)

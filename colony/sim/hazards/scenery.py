@@ -1,7 +1,7 @@
-"""What a building is like in one run: which doors are open, which lights are out, who walks there.
+"""A building's state in one run: which doors are open, which lights are out, which people walk there.
 
-A scenery is plain data, the same for everybody who looks at it: the world takes from it what is solid and
-what is heard, the ceiling camera what shines. `colony.sim.hazards.hazards.draw` makes one.
+A scenery is plain data, shared by its users: the world takes from it what is solid and what is heard, the
+ceiling camera what shines. `colony.sim.hazards.hazards.draw` makes one.
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ PERSON_RADIUS_MM = 250.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Track:
-    """The middle line of a corridor: from (x_mm, y_mm) over `length_mm` toward `heading_deg`, with
-    `half_width_mm` free to either side."""
+    """The middle line of a corridor: from (x_mm, y_mm) over `length_mm` toward `heading_deg`.
+
+    It has `half_width_mm` free to either side.
+    """
 
     x_mm: float
     y_mm: float
@@ -28,27 +30,26 @@ class Track:
     half_width_mm: float
 
     def at(self, along_mm: float, aside_mm: float = 0.0) -> Point:
-        """The place so far along the line, and so far to its left."""
+        """Return the place at this distance along the line, and this far to its left."""
         unit = direction(self.heading_deg)
         x = self.x_mm + along_mm * unit.x - aside_mm * unit.y
         return Point(x, self.y_mm + along_mm * unit.y + aside_mm * unit.x)
 
     def coordinates(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        """How far along the line a place is, and how far to its left."""
+        """Return the distance of a place along the line, and its distance to the left of it."""
         unit = direction(self.heading_deg)
         dx, dy = x_mm - self.x_mm, y_mm - self.y_mm
         return dx * unit.x + dy * unit.y, dy * unit.x - dx * unit.y
 
     def joint(self, along_mm: float) -> Joint:
-        """A joint across the corridor."""
+        """Return a joint across the corridor."""
         left, right = self.at(along_mm, self.half_width_mm), self.at(along_mm, -self.half_width_mm)
         return Joint(x0_mm=left.x, y0_mm=left.y, x1_mm=right.x, y1_mm=right.y)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenDoor:
-    """A door that stands open: edge number `edge` of the map, its leaf (or its two) turned into the room by
-    `angle_deg`."""
+    """An open door: edge number `edge` of the map, its leaf or leaves turned into the room by `angle_deg`."""
 
     edge: int
     angle_deg: float
@@ -56,14 +57,14 @@ class OpenDoor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Person:
-    """Somebody who walks up and down a corridor.
+    """A person who walks up and down a corridor.
 
     Attributes:
         track: the corridor.
-        along_mm: where on the track at the beginning.
-        offset_mm: how far to the left of the middle line (as the track runs) they like to walk.
-        forward: whether they begin along the track, or against it.
-        speed_mm_s: of their walk.
+        along_mm: place on the track at the beginning.
+        offset_mm: preferred distance to the left of the middle line, as the track runs.
+        forward: True if the person begins along the track, False against it.
+        speed_mm_s: walking speed.
     """
 
     track: Track
@@ -85,8 +86,11 @@ class Joint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slip:
-    """What happens on joints: with which probability wheels slip on a crossing, the standard deviation of
-    the turn of the robot, and between which lengths (mm) the wheels spin without driving it."""
+    """The slip of wheels on joints.
+
+    The probability of a slip on a crossing, the standard deviation of the robot's turn, and the range of the
+    length (mm) that the wheels spin without driving it.
+    """
 
     probability: float
     turn_deg: float
@@ -99,8 +103,10 @@ NO_SLIP = Slip(probability=0.0, turn_deg=0.0, least_mm=0.0, most_mm=0.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CeilingLight:
-    """A lamp of 0.6 m along its corridor by 1.2 m across it. `heading_deg` is along the corridor;
-    `brightness` is 1, less where it is dim, 0 where it is out."""
+    """A lamp of 0.6 m along its corridor by 1.2 m across it.
+
+    `heading_deg` is along the corridor; `brightness` is 1, less if it is dim, 0 if it is out.
+    """
 
     x_mm: float
     y_mm: float
@@ -110,8 +116,10 @@ class CeilingLight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SunBand:
-    """A rectangle of ceiling on which the sun falls: its middle, the heading of its length, and by how much
-    it is brighter than the rest, in gray levels."""
+    """A rectangle of ceiling on which the sun falls.
+
+    It has its middle, the heading of its length, and the excess of its brightness, in gray levels.
+    """
 
     x_mm: float
     y_mm: float
@@ -123,8 +131,11 @@ class SunBand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Poster:
-    """A sheet on edge number `edge` of the map: it begins `start_mm` along it, and its middle is `middle_mm`
-    above the floor. `kind` is which of `colony.sim.cameras.posters` it is."""
+    """A sheet on edge number `edge` of the map.
+
+    It begins `start_mm` along the edge, and its middle is `middle_mm` above the floor. `kind` is its number
+    in `colony.sim.cameras.posters`.
+    """
 
     edge: int
     start_mm: float
@@ -142,7 +153,7 @@ class Extinguisher:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Iron:
-    """What disturbs a compass: a field drawn from `seed` that stays within `most_deg` to either side.
+    """The disturbance of a compass: a field drawn from `seed` that stays within `most_deg` to either side.
 
     Its values at the corners of a grid, `spacing_mm` apart, are independent; between them it is smooth.
     """
@@ -157,13 +168,13 @@ class Scenery:
     """A building in one run.
 
     Attributes:
-        seed: of what is decided while a robot drives: slips, cross-talk, what people do.
+        seed: seed of the chance while a robot drives: slips, cross-talk, people.
         walls: (n, 4) float64, read-only: x0, y0, x1, y1 in mm: all that is solid and stands still.
         silent: (n,) bool, read-only: which of them neither sonar nor infrared notices.
-        doors: those that stand open.
+        doors: the doors that stand open.
         glass: the edges of the map that are silent.
         lights, sun: on the ceiling.
-        people: who walks there.
+        people: the people who walk there.
         joints, slip: of the floor.
         cross_talk: the probability that a sonar reading is false.
         encoder_scale: what both wheels report of a millimeter, beyond their own errors.
@@ -189,5 +200,5 @@ class Scenery:
 
 
 def bare(walls: NDArray[np.float64], *, seed: int = 0) -> Scenery:
-    """Walls, (n, 4) in mm, and nothing else."""
+    """Return walls, (n, 4) in mm, and nothing else."""
     return Scenery(seed=seed, walls=walls, silent=np.zeros(len(walls), dtype=np.bool_))

@@ -1,0 +1,1 @@
+"""The simulated hardware: devices and the process that serves them to drivers."""

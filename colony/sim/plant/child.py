@@ -30,15 +30,15 @@ SIMULATOR = "Simulator"
 """Its name among the processes of a robot."""
 
 Look = float | Literal["up"]
-"""Where a camera looks: so many degrees counterclockwise from ahead, or at the ceiling."""
+"""Direction of a camera: so many degrees counterclockwise from ahead, or at the ceiling."""
 
 
 class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """What is simulated: one robot in the building of a map, with cameras by name, each with where it looks.
+    """The specification of a plant: one robot in the building of a map, with the direction of each camera.
 
-    `start` is where the robot begins, x and y in mm and its heading in degrees, None for where the map says;
-    `hazards` is the seed of what goes wrong there (docs/hazards.md), None where nothing does; `folder` is the
-    robot's, `logical_ns` as in `colony.sim.plant.process.PlantOptions`.
+    `start` is the robot's first pose, x and y in mm and its heading in degrees, None for the map's; `hazards`
+    is the seed of the hazards (docs/hazards.md), None for none; `folder` is the robot's, `logical_ns` as in
+    `colony.sim.plant.process.PlantOptions`.
     """
 
     robot: str
@@ -52,12 +52,12 @@ class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def socket(self) -> Path:
-        """Where drivers attach."""
+        """Path of the socket to which drivers attach."""
         return plant_socket(Path(self.folder))
 
 
 def plant_socket(folder: Path) -> Path:
-    """The socket of the plant in a robot's folder."""
+    """Return the socket of the plant in a robot's folder."""
     return folder / "plant"
 
 
@@ -74,7 +74,7 @@ def serve(
 ) -> None:
     """Simulate until it is time to end; `ready` is called when drivers can attach.
 
-    `tell` is told what takes long until then.
+    `tell` is called with a message for what takes long until then.
 
     Raises:
         LiveError: a plant of the robot runs already, or the folder cannot be used.
@@ -115,7 +115,7 @@ def _camera(look: Look) -> CameraConfig | CeilingCameraConfig:
 
 
 def main() -> None:
-    """The entry of the process."""
+    """Run the process."""
     from colony.text.diagnostics import Failure
 
     drop_what_cannot_be_printed()

@@ -1,4 +1,4 @@
-"""What stands outside the simulated robots: what is true of them, and a hand that carries them elsewhere."""
+"""The control of a plant from outside the robots: their true state, and moves to other places."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class PlantControl:
             raise
 
     def truth(self, robot: str) -> Truth:
-        """What is true of a robot."""
+        """Return the true state of a robot."""
         answer = self._ask(AskTruth(robot=robot))
         assert isinstance(answer, Truth)
         return answer
@@ -58,7 +58,7 @@ class PlantControl:
         self._ask(Place(robot=robot, x=x, y=y, heading=heading))
 
     def advance(self, dt_ns: int) -> None:
-        """In logical time: let so much of it pass."""
+        """Let logical time pass."""
         self._ask(Advance(dt_ns=dt_ns))
 
     def close(self) -> None:
@@ -66,9 +66,11 @@ class PlantControl:
         self._sock.close()
 
     def __enter__(self) -> PlantControl:
+        """Return the control itself."""
         return self
 
     def __exit__(self, *raised: object) -> None:
+        """Close the connection."""
         self.close()
 
     def _ask(self, message: ToPlant) -> FromPlant:

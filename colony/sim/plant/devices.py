@@ -1,7 +1,7 @@
-"""The hardware of simulated robots as it is without any program: it runs in its own time, reports, and stops
-what nobody commands any more.
+"""The hardware of simulated robots without any program.
 
-No I/O, and no clock: times are arguments. `colony.sim.plant.process` connects it to sockets.
+It runs in its own time, reports readings, and stops a base whose commands have ceased. No I/O, and no clock:
+times are arguments. `colony.sim.plant.process` connects it to sockets.
 """
 
 from __future__ import annotations
@@ -25,12 +25,14 @@ STEP_NS = 20_000_000
 WATCHDOG_NS = 500_000_000
 
 MOST_BEHIND_NS = 1_000_000_000
-"""What the plant is behind by more than this (its process was stopped, say) is not simulated: time is
-skipped, in which nothing moves."""
+"""Largest delay that the plant catches up.
+
+If it is behind by more (its process was stopped, say), it skips the time, in which nothing moves.
+"""
 
 
 Eye = Camera | CeilingCamera
-"""What a robot sees with: along the floor, or the ceiling."""
+"""A camera of a robot: along the floor, or at the ceiling."""
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
@@ -41,14 +43,14 @@ class _Command:
 
 
 class Devices:
-    """The devices of all robots of a world, in steps of one length. Mutable: up to when time has passed.
+    """The devices of all robots of a world, in steps of one length. Mutable: the time reached.
 
     Args:
         world: the robots.
-        names: of the robots, in the order of their numbers.
-        cameras: what each robot sees with, by name.
+        names: names of the robots, in the order of their numbers.
+        cameras: cameras of each robot, by name.
         now_ns: the present.
-        step_ns: of the simulation.
+        step_ns: step of the simulation.
         watchdog_ns: after so much time without a command a base stops; None: never.
 
     Raises:
@@ -79,7 +81,7 @@ class Devices:
         self.reached_ns = now_ns
 
     def number(self, robot: str) -> int:
-        """The number of a robot.
+        """Return the number of a robot.
 
         Raises:
             ValueError: there is none of this name.
@@ -91,7 +93,7 @@ class Devices:
             raise ValueError(f"there is no robot `{robot}` here; there is {known}") from None
 
     def check_camera(self, camera: str) -> None:
-        """Whether robots have a camera of this name.
+        """Check that the robots have a camera of this name.
 
         Raises:
             ValueError: they do not.
@@ -126,7 +128,7 @@ class Devices:
         self.reached_ns += dt_ns
 
     def _guard(self) -> None:
-        """The watchdogs of the bases."""
+        """Stop the bases whose watchdogs have expired."""
         for robot, command in enumerate(self._commands):
             if command.at_ns is not None and not self._in_time(command.at_ns):
                 self.halt(robot)
@@ -151,12 +153,12 @@ class Devices:
         self._commands[robot].at_ns = None
 
     def driven(self, robot: int) -> bool:
-        """Whether a base is commanded by somebody."""
+        """Return True if a base has a recent command."""
         at_ns = self._commands[robot].at_ns
         return at_ns is not None and self._in_time(at_ns)
 
     def place(self, robot: int, x: float, y: float, heading: float) -> None:
-        """Carry a robot there; `ValueError` where it has no room, or a number is not finite."""
+        """Carry a robot there; `ValueError` if it has no room, or a number is not finite."""
         self._world.place(robot, (x, y, heading))
 
     # --- readings ------------------------------------------------------------------------------------
@@ -187,7 +189,7 @@ class Devices:
                 assert_never(eye)
 
     def truth(self, robot: int) -> Truth:
-        """What is true of a robot."""
+        """Return the true state of a robot."""
         pose, speed = self._world.true_pose(robot), self._world.speed(robot)
         return Truth(
             t_ns=self.reached_ns,

@@ -1,9 +1,9 @@
 """Drivers of devices in another process, the plant (`colony.sim.plant.process`).
 
-Each keeps a connection in a thread of its own, which takes what the device reports and connects again, ever
-more patiently, when the plant or the connection dies. Who reads a driver gets the newest report at once, and
-None when it is older than `FRESH_NS`: a robot whose hardware is gone reads "no value", it does not go on with
-what was.
+Each keeps a connection in a thread of its own, which takes the device's reports and reconnects, with growing
+delays, when the plant or the connection dies. A reader of a driver gets the newest report at once, and None
+when it is older than `FRESH_NS`: a robot without hardware reads "no value", and does not go on with old
+readings.
 
 Commands are sent once, when they are given, and never repeated here: the device stops by itself when they
 cease to come.
@@ -51,7 +51,7 @@ from colony.sim.plant.protocol import (
 )
 
 FRESH_NS = 500_000_000
-"""How old a reading may be; images and all."""
+"""Largest age of a reading; images included."""
 
 _SHORTEST_PAUSE_S = 0.02
 _LONGEST_PAUSE_S = 0.1
@@ -65,7 +65,7 @@ class _Cable(Generic[R]):
     """One connection to the plant, and the newest reading. Mutable: both; used by two threads.
 
     Args:
-        path: of the plant's socket.
+        path: path of the plant's socket.
         attach: what to attach to.
         kind: what comes from it.
     """
@@ -87,11 +87,11 @@ class _Cable(Generic[R]):
 
     @property
     def problem(self) -> str | None:
-        """Why there is no connection; None while there is one."""
+        """Reason why there is no connection; None while there is one."""
         return None if self._attached else self._problem
 
     def newest(self) -> R | None:
-        """The newest reading, however old; in logical time one that is asked for now."""
+        """Return the newest reading, however old; in logical time ask for one now."""
         return self.ask(lambda number: Sense(number=number)) if self._logical else self._newest
 
     def tell(self, message: ToPlant) -> bool:
@@ -126,11 +126,11 @@ class _Cable(Generic[R]):
 
     @property
     def logical(self) -> bool:
-        """Whether the device's time passes by commands only."""
+        """True if the device's time passes by commands only."""
         return self._logical
 
     def close(self) -> None:
-        """Pull the cable; the device notices. Again is nothing."""
+        """Close the connection; the device notices. Idempotent."""
         self._closed.set()
         with self._guard:
             if self._sock is not None:
@@ -191,7 +191,7 @@ def _hang_up(sock: socket.socket) -> None:
 
 
 class _Remote(Generic[R]):
-    """What all remote drivers are."""
+    """The common part of all remote drivers."""
 
     def __init__(
         self, path: Path, attach: Attach, kind: type[R], base_ns: int, clock: Callable[[], int]
@@ -203,7 +203,7 @@ class _Remote(Generic[R]):
 
     @property
     def problem(self) -> str | None:
-        """Why there is no connection to the device; None while there is one."""
+        """Reason why there is no connection to the device; None while there is one."""
         return self._cable.problem
 
     def close(self) -> None:
@@ -221,9 +221,11 @@ class _Remote(Generic[R]):
         return None if now_ns - t_ns > FRESH_NS else (reading, t_ns - self._base_ns)
 
     def _logical_ns(self, t_ns: int, now_ns: int) -> int:
-        """The time of a reading where time is logical: it goes as the plant's does, frame by frame, and is
-        never behind the clock. So it is not behind the Clock's ticks either, which begin with the clock and
-        go by frames."""
+        """Return the time of a reading where time is logical.
+
+        It goes as the plant's does, frame by frame, and is never behind the clock. So it is not behind the
+        Clock's ticks either, which begin with the clock and go by frames.
+        """
         ahead_ns = now_ns - t_ns if self._ahead_ns is None else max(self._ahead_ns, now_ns - t_ns)
         self._ahead_ns = ahead_ns
         return t_ns + ahead_ns
@@ -233,9 +235,9 @@ class RemoteBase(_Remote[BaseReading]):
     """The base of a robot in the plant.
 
     Args:
-        path: of the plant's socket.
+        path: path of the plant's socket.
         robot: its name.
-        base_ns: where the robot's time begins, on the plant's clock.
+        base_ns: begin of the robot's time, on the plant's clock.
         clock: the plant's clock, the machine's monotonic one.
         config: what the robot is like; the plant's is not asked.
     """
@@ -255,15 +257,18 @@ class RemoteBase(_Remote[BaseReading]):
         self.limits = limits_of(config or RobotConfig())
 
     def drive(self, velocity: float, turn: float) -> None:
+        """Command the speeds of the base; in logical time, wait for the frame to pass."""
         if self._cable.logical:
             self._cable.ask(lambda number: DriveBase(velocity=velocity, turn=turn, number=number))
         else:
             self._cable.tell(DriveBase(velocity=velocity, turn=turn))
 
     def stop(self) -> None:
+        """Command the base to stop."""
         self._cable.tell(Halt())
 
     def state(self) -> BaseState | None:
+        """Return the newest state of the base, or None if there is none."""
         found = self._newest()
         return None if found is None else replace(found[0].taken, t_ns=found[1])
 
@@ -277,10 +282,12 @@ class RemoteProximity(_Remote[ProximityReading]):
         super().__init__(path, AttachProximity(robot=robot), ProximityReading, base_ns, clock)
 
     def sonar(self) -> Sample | None:
+        """Return the newest sonar readings, or None if there are none."""
         found = self._newest()
         return None if found is None else Sample(found[0].taken.sonar, found[1])
 
     def infrared(self) -> Sample | None:
+        """Return the newest infrared readings, or None if there are none."""
         found = self._newest()
         return None if found is None else Sample(found[0].taken.infrared, found[1])
 
@@ -300,5 +307,6 @@ class RemoteCamera(_Remote[CameraReading]):
         super().__init__(path, AttachCamera(robot=robot, camera=camera), CameraReading, base_ns, clock)
 
     def grab(self) -> Image | None:
+        """Return the newest image, or None if there is none."""
         found = self._newest()
         return None if found is None else msgspec.structs.replace(found[0].taken, t_ns=found[1])

@@ -1,4 +1,4 @@
-"""What a connection of the plant is attached to, and what it may say there. No I/O.
+"""The ports of a plant: what a connection is attached to, and the messages allowed there. No I/O.
 
 A message that its connection must not send raises `ValueError`; its text goes back to the sender.
 """
@@ -64,9 +64,12 @@ def reading(port: Device, devices: Devices, number: int = 0) -> Reading:
 def answer(port: Attach, message: ToPlant, devices: Devices, logical_ns: int | None) -> FromPlant | None:
     """Do what a message asks for, and return the answer if it has one.
 
-    What goes wrong at the control is said, and the connection stands.
+    An error at the control is reported, and the connection stays open.
 
     Args:
+        port: what the connection is attached to.
+        message: the message.
+        devices: the devices.
         logical_ns: the logical time that passes with each command; None in real time.
     """
     if isinstance(port, AttachControl):

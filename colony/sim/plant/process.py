@@ -1,11 +1,11 @@
-"""The simulator as a process of its own, as a robot's hardware is: a building with robots in it, which runs
-in real time whoever is connected, behind a unix socket.
+"""The simulator as a process of its own, like a robot's hardware.
 
     serve_plant(options, stop=stopped.is_set, ready=started.set)
 
-One thread does everything: it lets time pass in small steps, reports what sensors read to whoever is
-attached to them, and takes commands. A reader that is too slow misses readings; it never holds up the others.
-What cannot be read is answered by a refusal and the end of its connection.
+It is a building with robots in it, which runs in real time behind a unix socket, with or without clients. One
+thread does everything: it lets time pass in small steps, reports sensor readings to the attached drivers, and
+takes commands. A reader that is too slow misses readings; it never holds up the others. A message that cannot
+be read is answered by a refusal and the end of its connection.
 
 In logical time there is one robot, and its time passes by a frame with each command to its base, as fast as
 the commands come; where none is sent, as with `idle hold`, it stands still.
@@ -49,16 +49,16 @@ from colony.sim.plant.protocol import (
 from colony.sim.world.world import World
 
 REPORT_NS = 20_000_000
-"""From one report of a base or a ring to the next."""
+"""Time between two reports of a base or a ring."""
 
 IMAGE_NS = 100_000_000
-"""From one image of a camera to the next."""
+"""Time between two images of a camera."""
 
 _CONNECTIONS = 1000
 _IDLE_S = 0.1
 _CHUNK = 65536
 _UNREAD = 65536
-"""Who leaves so many bytes of answers unread is not listened to any more until it reads them."""
+"""Bytes of unread answers at which the plant stops reading from a client until it takes them."""
 
 
 class PlantInUse(Exception):
@@ -67,18 +67,18 @@ class PlantInUse(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantOptions:
-    """What is simulated, and where.
+    """The options of a plant.
 
     Attributes:
-        path: of the socket, in a folder of the owner alone, which is made where there is none.
+        path: path of the socket, in a folder of the owner alone, which is created if it is missing.
         building: the walls, and what they look like.
-        robots: by name, where each begins: x, y in mm, heading in degrees counterclockwise from north.
-        cameras: of each robot, by name.
-        hazards: what goes wrong in the building; nothing unless told otherwise.
-        hazards_seed: of the hazards.
-        config: what the robots are like.
-        seed: of the simulated errors.
-        step_ns: of the simulation.
+        robots: each robot's first pose, by name: x, y in mm, heading in degrees counterclockwise from north.
+        cameras: cameras of each robot, by name.
+        hazards: hazards of the building; none by default.
+        hazards_seed: seed of the hazards.
+        config: the parameters of the robots.
+        seed: seed of the simulated errors.
+        step_ns: step of the simulation.
         watchdog_ns: after so much time without a command a base stops.
         logical_ns: None for real time; else the logical time that passes with each command.
     """
@@ -103,7 +103,9 @@ def serve_plant(
     ready: Callable[[], None] = lambda: None,
     clock: Callable[[], int] = time.monotonic_ns,
 ) -> None:
-    """Simulate until `stop` says so, which is asked all the time; `ready` is told when drivers can attach.
+    """Simulate until `stop` returns True; `ready` is called when drivers can attach.
+
+    `stop` is polled.
 
     Raises:
         ValueError: the options make no sense: a robot has no room, or logical time with several robots.
@@ -154,7 +156,7 @@ def _devices(options: PlantOptions, clock: Callable[[], int]) -> Devices:
 
 @contextmanager
 def _listening(path: Path) -> Iterator[socket.socket]:
-    """A socket at `path`, in place of one that a killed process left behind."""
+    """Open a socket at `path`, in place of one that a killed process left behind."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     found = path.parent.stat()
     if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
@@ -207,7 +209,7 @@ class _Server:
         selector.register(listener, selectors.EVENT_READ, None)
 
     def turn(self) -> None:
-        """Let time pass and report; then wait for the next step, or for somebody who wants something."""
+        """Let time pass and report; then wait for the next step, or for a message."""
         wait_s = _IDLE_S
         if self._logical_ns is None:
             self._devices.advance(self._clock())
@@ -284,7 +286,7 @@ class _Server:
             self._send(connection, pack(reply))
 
     def _make_room(self, port: AttachBase) -> None:
-        """A base has one cable: who drives keeps it, and who does not loses it to the next."""
+        """Make room for a base's new connection: a driver in command keeps its own, an idle one loses it."""
         for other in tuple(self._connections):
             if other.port == port:
                 if self._devices.driven(self._devices.number(port.robot)):

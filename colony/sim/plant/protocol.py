@@ -1,4 +1,4 @@
-"""What the simulated devices and their drivers say to each other over unix stream sockets.
+"""The protocol between the simulated devices and their drivers, over unix stream sockets.
 
 Each message is four bytes of length, most significant first, one byte of version, then msgpack. A connection
 begins with what it is attached to, and is that device's cable from then on: readings come by themselves,
@@ -38,14 +38,14 @@ Taken = TypeVar("Taken")
 
 
 class _Message(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=True):
-    """In bytes, an array that begins with the message's name."""
+    """A message: in bytes, an array that begins with the message's name."""
 
 
 # --- to the plant --------------------------------------------------------------------------------
 
 
 class AttachBase(_Message, frozen=True, kw_only=True):
-    """This is the cable of a robot's base; who drives has it, another one gets it when it is idle."""
+    """A request for a robot's base; a driver in command keeps it, an idle one loses it to the next."""
 
     robot: str
 
@@ -86,7 +86,7 @@ class Sense(_Message, frozen=True, kw_only=True):
 
 
 class AskTruth(_Message, frozen=True, kw_only=True):
-    """Where is the robot really?"""
+    """A request for the true state of a robot."""
 
     robot: str
 
@@ -101,7 +101,7 @@ class Place(_Message, frozen=True, kw_only=True):
 
 
 class Advance(_Message, frozen=True, kw_only=True):
-    """In logical time: let so much of it pass."""
+    """A request to let logical time pass."""
 
     dt_ns: int
 
@@ -110,21 +110,24 @@ class Advance(_Message, frozen=True, kw_only=True):
 
 
 class Attached(_Message, frozen=True, kw_only=True):
-    """The device is there. `logical`: its time passes by commands only. `began_ns` is when the plant began,
-    which tells one process from another that was started in its place."""
+    """The answer that the device is there.
+
+    `logical`: its time passes by commands only. `began_ns` is when the plant began; it distinguishes a
+    process from another one started in its place.
+    """
 
     logical: bool
     began_ns: int = 0
 
 
 class Refusal(_Message, frozen=True, kw_only=True):
-    """What was asked is not done, and why. What came from a device's cable ends it."""
+    """The answer that a request is refused, and why. On a device's connection it ends it."""
 
     message: str
 
 
 class Done(_Message, frozen=True, kw_only=True):
-    """What was asked is done."""
+    """The answer that a request is done."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +140,7 @@ class Rings:
 
 
 class _Reading(_Message, Generic[Taken], frozen=True, kw_only=True):
-    """What a device read; `number` is that of the message that asked for it."""
+    """A reading of a device; `number` is that of the message that asked for it."""
 
     taken: Taken
     number: int = 0
@@ -156,11 +159,11 @@ class CameraReading(_Reading[Image], frozen=True, kw_only=True):
 
 
 class Truth(_Message, frozen=True, kw_only=True):
-    """What is true of a robot at `t_ns`, whatever it believes.
+    """The true state of a robot at `t_ns`, whatever it believes.
 
     Position in mm, heading in degrees, speeds in mm/s and deg/s, the way driven so far in mm. `bumps` counts
-    how often it ran into something. `driven`: its base has a cable, and was commanded within the watchdog's
-    time. `skipped_ns` is the time that the plant was too late to simulate.
+    its collisions. `driven`: its base has a connection, and was commanded within the watchdog's time.
+    `skipped_ns` is the time that the plant was too late to simulate.
     """
 
     t_ns: int
@@ -192,13 +195,13 @@ _to_plant: msgspec.msgpack.Decoder[ToPlant] = msgspec.msgpack.Decoder(ToPlant)
 
 
 def pack(message: ToPlant | FromPlant) -> bytes:
-    """A message as it goes over a socket."""
+    """Pack a message for a socket."""
     body = _encoder.encode(message)
     return (len(body) + 1).to_bytes(_LENGTH, "big") + bytes([VERSION]) + body
 
 
 def read_to_plant(payload: bytes) -> ToPlant:
-    """The message in a payload.
+    """Read the message in a payload.
 
     Raises:
         BadBytes: there is none.
@@ -207,7 +210,7 @@ def read_to_plant(payload: bytes) -> ToPlant:
 
 
 def read_from_plant(payload: bytes) -> FromPlant:
-    """Likewise, for the other direction."""
+    """Read the message in a payload, for the other direction."""
     return _read(payload, _from_plant)
 
 
@@ -228,7 +231,7 @@ class Unpacker:
         self._rest = bytearray()
 
     def feed(self, data: bytes) -> Iterator[bytes]:
-        """Every payload that is complete.
+        """Return every payload that is complete.
 
         Raises:
             BadBytes: one claims to be empty or larger than allowed.

@@ -17,12 +17,15 @@ class PlantDevices:
     """Drivers of what is in the plant."""
 
     def base(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> RemoteBase:
+        """Open the base of a robot."""
         return holds.enter_context(closing(RemoteBase(Path(device.plant), robot, base_ns=base_ns)))
 
     def proximity(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> RemoteProximity:
+        """Open the proximity sensors of a robot."""
         return holds.enter_context(closing(RemoteProximity(Path(device.plant), robot, base_ns=base_ns)))
 
     def camera(self, device: Device, robot: str, camera: str, base_ns: int, holds: ExitStack) -> RemoteCamera:
+        """Open a camera of a robot."""
         return holds.enter_context(closing(RemoteCamera(Path(device.plant), robot, camera, base_ns=base_ns)))
 
 

@@ -1,0 +1,1 @@
+"""The sensors of the simulated robots: sonars, infrared detectors, compass."""

@@ -14,7 +14,7 @@ _MASK = 2**64 - 1
 
 
 def disturbance_deg(iron: Iron, x_mm: float, y_mm: float) -> float:
-    """By how much a compass at a place reads too much, in degrees, within `iron.most_deg` to either side."""
+    """Return the error of a compass at a place, in degrees, within `iron.most_deg` to either side."""
     if iron.most_deg == 0.0:
         return 0.0
     column, row = math.floor(x_mm / iron.spacing_mm), math.floor(y_mm / iron.spacing_mm)
@@ -26,7 +26,7 @@ def disturbance_deg(iron: Iron, x_mm: float, y_mm: float) -> float:
 
 
 def _corner(seed: int, column: int, row: int) -> float:
-    """The value of a corner of the grid, in [-1, 1); splitmix64, as in `colony.sim.chance`."""
+    """Return the value of a corner of the grid, in [-1, 1); splitmix64, as in `colony.sim.chance`."""
     bits = (seed * 0x9E3779B97F4A7C15 + column * 0xD1B54A32D192ED03 + row * 0x8CB92BA72F3D8DD7) & _MASK
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
         bits = ((bits ^ (bits >> shift)) * factor) & _MASK

@@ -1,4 +1,4 @@
-"""What the 24 sonars and infrared detectors of each robot see.
+"""The 24 sonars and infrared detectors of each robot.
 
 A transducer hears in a cone. The cone is filled with rays, evenly, two of them on its edges; each ray ends at
 the first thing that it meets, and whether that thing is *heard* is a second question:
@@ -60,7 +60,7 @@ class Fan(NamedTuple):
 
 
 class Ears(NamedTuple):
-    """What a robot hears and sees, as in `RobotConfig`; angles are given by what is computed from them."""
+    """The hearing and sight of a robot, as in `RobotConfig`, with values computed from its angles."""
 
     radius: float
     full_range: float
@@ -74,20 +74,20 @@ class Ears(NamedTuple):
 
 
 class Talk(NamedTuple):
-    """With which probability a reading is false, and the seed of that."""
+    """The probability that a reading is false, and the seed of that."""
 
     probability: float
     seed: int
 
 
 def _rays_of(config: RobotConfig) -> tuple[int, float]:
-    """How many rays a cone has on either side of its axis, and the angle between them in degrees."""
+    """Return the number of rays on either side of a cone's axis, and the angle between them in degrees."""
     on_a_side = math.ceil(config.sonar_half_beam_deg / RAY_STEP_DEG - 1e-9)
     return on_a_side, config.sonar_half_beam_deg / on_a_side if on_a_side else RAY_STEP_DEG
 
 
 def fan_of(config: RobotConfig) -> Fan:
-    """The rays of a robot."""
+    """Return the rays of a robot."""
     on_a_side, step_deg = _rays_of(config)
     axes = np.radians((np.arange(CHANNELS) - AHEAD) * SPACING_DEG)
     offsets = np.radians(np.arange(-on_a_side, on_a_side + 1) * step_deg)
@@ -104,7 +104,7 @@ def fan_of(config: RobotConfig) -> Fan:
 
 
 def ears_of(config: RobotConfig) -> Ears:
-    """What a robot hears and sees."""
+    """Return the hearing and sight of a robot."""
     return Ears(
         radius=config.radius_mm,
         full_range=config.sonar_range_mm,
@@ -119,7 +119,7 @@ def ears_of(config: RobotConfig) -> Ears:
 
 
 def wall_table(walls: Floats2) -> Floats2:
-    """Walls as the compiled functions take them.
+    """Return walls as the compiled functions take them.
 
     Args:
         walls: (n, 4), x0, y0, x1, y1 in mm; none without length.
@@ -133,7 +133,7 @@ def wall_table(walls: Floats2) -> Floats2:
 
 
 def corner_reflectors(walls: Floats2) -> Bools2:
-    """Which ends of walls are corners that send sound back, seen from which side.
+    """Return which ends of walls are corners that send sound back, seen from which side.
 
     Args:
         walls: (n, 7), as `wall_table` gives them.
@@ -158,7 +158,7 @@ def corner_reflectors(walls: Floats2) -> Bools2:
 
 @inlined
 def _cones(low: float, high: float, half_beam: float) -> tuple[int, int]:
-    """The first transducer whose cone meets the bearings from low to high (rad), and how many do.
+    """Return the first transducer whose cone meets the bearings from low to high (rad), and their count.
 
     What is in the cone of a transducer is, seen from the robot's center, even closer to its axis.
     """
@@ -251,7 +251,7 @@ def _meet_walls(x: float, y: float, sine: float, cosine: float, walls: Floats2, 
 def _meet_hulls(
     robot: int, poses: Floats2, sine: float, cosine: float, crowd: Crowd, ears: Ears, fan: Fan
 ) -> None:
-    """Stop the rays of a robot where they meet another one, or somebody."""
+    """Stop the rays of a robot where they meet another robot, or a person."""
     for channel in range(CHANNELS):
         fan.deepest[channel] = fan.depth[channel].max()
     robots = poses.shape[0]
@@ -269,7 +269,7 @@ def _wall_echo(
     x: float, y: float, dx: float, dy: float, reach: float, wall: int, walls: Floats2, reflectors: Bools2,
     ears: Ears,
 ) -> float:  # fmt: skip
-    """How far away a wall is heard by a ray from (x, y) that meets it after `reach`; infinity if it is not.
+    """Return the distance at which a ray from (x, y) hears a wall that it meets after `reach`, or infinity.
 
     All in the world's frame; (dx, dy) is the ray's direction.
     """
@@ -295,7 +295,7 @@ def _nearest_echo(
     channel: int, x: float, y: float, sine: float, cosine: float, walls: Floats2, reflectors: Bools2,
     ears: Ears, fan: Fan,
 ) -> float:  # fmt: skip
-    """The nearest thing that a transducer of a robot at (x, y) hears, at most the full range."""
+    """Return the nearest thing that a transducer of a robot at (x, y) hears, at most the full range."""
     u, v = fan.origin_u[channel], fan.origin_v[channel]
     from_x, from_y = x - u * sine - v * cosine, y + u * cosine - v * sine
     nearest = ears.full_range
@@ -312,7 +312,7 @@ def _nearest_echo(
 
 @inlined
 def _talked_over(talk: Talk, step: int, channel: int, reading: float) -> float:
-    """A reading, or the sound of another transducer in its place."""
+    """Return a reading, or the sound of another transducer in its place."""
     if chance(talk.seed, CROSS_TALK, step, channel) < talk.probability and reading > _LEAST_FALSE_MM:
         part = chance(talk.seed, CROSS_TALK, step, channel + CHANNELS)
         reading = _LEAST_FALSE_MM + part * (reading - _LEAST_FALSE_MM)
@@ -328,11 +328,17 @@ def sense(
 
     Args:
         poses: (robots, 3), x and y in mm, heading in degrees.
-        walls, reflectors: as `wall_table` and `corner_reflectors` give them, without those that are silent.
-        step: how many steps were made so far; each has cross-talk of its own.
+        walls: as `wall_table` gives them, without those that are silent.
+        reflectors: as `corner_reflectors` gives them, likewise.
+        crowd: the people.
+        ears: the hearing and sight of the robots.
+        talk: the cross-talk.
+        step: the number of steps so far; each has cross-talk of its own.
+        fan: the rays, and work space.
         noise: (robots, k), standard normal; those of the 24 transducers begin at column `at`.
+        at: that column.
         sonar: (robots, 24), gets the readings in mm.
-        infrared: (robots, 24), gets whether there is something on the axis, heard or not.
+        infrared: (robots, 24), gets True where there is something on the axis, heard or not.
     """
     for robot in range(poses.shape[0]):
         x, y, heading = poses[robot, 0], poses[robot, 1], math.radians(poses[robot, 2])

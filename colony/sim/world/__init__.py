@@ -1,0 +1,1 @@
+"""The simulated world: robots, people, doors and elevators in a building."""

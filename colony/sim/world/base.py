@@ -1,4 +1,4 @@
-"""How the robots' bases move: two wheels, limited acceleration, a round hull that walls and robots stop.
+"""The motion of the robots' bases: two wheels, limited acceleration, a round hull stopped by obstacles.
 
 A step is cut into slices of twenty milliseconds at most. In each slice the speeds move toward the command, as
 far as the acceleration allows, and the robot drives an exact arc. Where the arc's end would be inside a wall
@@ -58,7 +58,7 @@ class Bases(NamedTuple):
 
 
 def bases_at(poses: Floats2, scales: Floats2) -> Bases:
-    """Robots that stand at `poses`, (robots, 3), and believe so, with no room yet for what is near."""
+    """Return bases that stand at `poses`, (robots, 3), with such odometry, and an empty work space."""
     count = len(poses)
     return Bases(
         poses=poses,
@@ -77,7 +77,7 @@ def bases_at(poses: Floats2, scales: Floats2) -> Bases:
 
 
 class Near(NamedTuple):
-    """How many walls, robots and people are in the rooms of `Bases`."""
+    """Numbers of walls, robots and people in the work space of `Bases`."""
 
     walls: int
     robots: int
@@ -85,7 +85,7 @@ class Near(NamedTuple):
 
 
 class Drivetrain(NamedTuple):
-    """How a base drives, as in `RobotConfig`; `slip` is a deviation per square root of a millimeter."""
+    """The parameters of a drive, as in `RobotConfig`; `slip` is a deviation per root of a millimeter."""
 
     radius: float
     wheel_base: float
@@ -96,7 +96,7 @@ class Drivetrain(NamedTuple):
 
 @inlined
 def _wall_vector(walls: Floats2, wall: int, x: float, y: float) -> tuple[float, float]:
-    """The vector from a point to the nearest point of a wall."""
+    """Return the vector from a point to the nearest point of a wall."""
     ax, ay, ex, ey = walls[wall, 0] - x, walls[wall, 1] - y, walls[wall, 4], walls[wall, 5]
     part = min(max(-(ax * ex + ay * ey), 0.0), walls[wall, 6])
     return ax + part * ex, ay + part * ey
@@ -104,20 +104,20 @@ def _wall_vector(walls: Floats2, wall: int, x: float, y: float) -> tuple[float, 
 
 @inlined
 def _wall_distance(walls: Floats2, wall: int, x: float, y: float) -> float:
-    """From a point to a wall."""
+    """Return the distance from a point to a wall."""
     dx, dy = _wall_vector(walls, wall, x, y)
     return math.sqrt(dx * dx + dy * dy)
 
 
 @inlined
 def _approach(speed: float, wanted: float, most: float) -> float:
-    """`speed`, changed toward `wanted` by `most` at most."""
+    """Return `speed`, changed toward `wanted` by `most` at most."""
     return speed + min(max(wanted - speed, -most), most)
 
 
 @inlined
 def _arc(heading: float, distance: float, turn: float) -> tuple[float, float]:
-    """The displacement of a drive over `distance` while the heading changes by `turn` degrees."""
+    """Return the displacement of a drive over `distance` while the heading changes by `turn` degrees."""
     half = math.radians(turn) / 2.0
     chord = distance * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
     along = math.radians(heading) + half
@@ -128,9 +128,9 @@ def _arc(heading: float, distance: float, turn: float) -> tuple[float, float]:
 def _free_of_wall(
     x: float, y: float, dx: float, dy: float, walls: Floats2, wall: int, radius: float
 ) -> float:
-    """How much of the way (dx, dy) a hull at (x, y) can go before it touches a wall; 1 is all.
+    """Return the part of the way (dx, dy) that a hull at (x, y) can go before it touches a wall; 1 is all.
 
-    Where the hull is in the wall already, only what comes nearer to it is stopped.
+    If the hull is in the wall already, only what comes nearer to it is stopped.
     """
     before = _wall_distance(walls, wall, x, y)
     after = _wall_distance(walls, wall, x + dx, y + dy)
@@ -148,7 +148,7 @@ def _free_of_wall(
 
 @inlined
 def _free_of_hull(ox: float, oy: float, dx: float, dy: float, apart: float) -> float:
-    """How much of the way (dx, dy) a hull can go before it touches one at (ox, oy) from it; 1 is all."""
+    """Return the part of the way (dx, dy) that a hull can go before it touches one at the offset (ox, oy)."""
     before, after = math.hypot(ox, oy), math.hypot(ox - dx, oy - dy)
     free = 1.0
     if after < apart and after < before:
@@ -164,7 +164,7 @@ def _free_of_hull(ox: float, oy: float, dx: float, dy: float, apart: float) -> f
 
 @inlined
 def _gather(robot: int, bases: Bases, walls: Floats2, crowd: Crowd, reach: float, radius: float) -> Near:
-    """What is put into the rooms: all that a robot may touch when it moves by `reach` at most."""
+    """Put all that a robot may touch within `reach` into the work space, and return the counts."""
     x, y = bases.poses[robot, 0], bases.poses[robot, 1]
     most = (radius + reach + _SKIN_MM) ** 2
     wall_count = 0
@@ -192,7 +192,7 @@ def _gather(robot: int, bases: Bases, walls: Floats2, crowd: Crowd, reach: float
 
 @inlined
 def _half(heading: float, dx: float, dy: float) -> int:
-    """Which half of the hull is in the direction (dx, dy): 0 the front, 1 the rear."""
+    """Return the half of the hull in the direction (dx, dy): 0 the front, 1 the rear."""
     angle = math.radians(heading)
     return 0 if dy * math.cos(angle) - dx * math.sin(angle) >= 0.0 else 1
 
@@ -248,7 +248,7 @@ def _count(
 @inlined
 def _free(robot: int, bases: Bases, radius: float, walls: Floats2, crowd: Crowd, near: Near,
           dx: float, dy: float) -> float:  # fmt: skip
-    """How much of the way (dx, dy) a robot can go before it touches what is near; 1 is all."""
+    """Return the part of the way (dx, dy) that a robot can go before it touches what is near; 1 is all."""
     x, y = bases.poses[robot, 0], bases.poses[robot, 1]
     free = 1.0
     for wall in bases.wall_room[: near.walls]:
@@ -295,10 +295,14 @@ def move(
     """Move all robots for `time_s` seconds, one after the other, in slices of equal length.
 
     Args:
-        bases: changed.
+        bases: the bases; changed.
+        drive: the parameters of their drive.
         walls: as `wall_table` gives them.
         crowd: people, who stand still meanwhile.
         noise: (robots, k), standard normal; those of the wheels begin at column `at`, two a slice.
+        at: that column.
+        slices: number of slices.
+        time_s: the time in seconds.
     """
     for robot in range(bases.poses.shape[0]):
         fastest = max(abs(bases.speeds[robot, 0]), abs(bases.commands[robot, 0]))

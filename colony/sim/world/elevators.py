@@ -2,13 +2,13 @@
 
     floors = {floor.name: draw(Hazards(), floor, seed=7 + n) for n, floor in enumerate(building.maps)}
     elevators = Elevators(world, building, floors, "msu_engineering_3")
-    elevators.open("acs.elev.L")          # somebody presses the button
+    elevators.open("acs.elev.L")          # a person presses the button
     elevators.advance(0.05)               # after each step of the world
 
 An elevator's edge is a pair of doors that slide apart, and a cabin 2 m wide and 1.8 m deep lies behind it.
-Until it is opened for the first time it is the shut door that a map has. Doors do not close on a robot: where
-one stands between them they open again, as those do that have a light barrier. The buttons are pressed by
-somebody else (thesis section 5.4.6): `colony/sim/world/operator.py`.
+Until it is opened for the first time it is the shut door that a map has. Doors do not close on a robot: if
+one stands between them they open again, as doors with a light barrier do. The operator presses the buttons
+(thesis section 5.4.6): `colony/sim/world/operator.py`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from colony.sim.world.world import World
 
 CABIN_WIDTH_MM, CABIN_DEPTH_MM = 2000.0, 1800.0
 SLIDE_S = 2.5
-"""How long doors take to open or close."""
+"""Seconds that doors take to open or close."""
 
 _BARRIER_MM = 30.0
 
@@ -45,7 +45,7 @@ class Cabin:
 
     @property
     def width_mm(self) -> float:
-        """Of the doors."""
+        """Width of the doors."""
         return math.hypot(self.x1_mm - self.x0_mm, self.y1_mm - self.y0_mm)
 
     @property
@@ -54,13 +54,13 @@ class Cabin:
         return math.degrees(math.atan2(self.y1_mm - self.y0_mm, self.x1_mm - self.x0_mm)) % 360.0
 
     def inside(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        """How far from the middle of the doors a place is, along them and into the cabin."""
+        """Return the distance of a place from the middle of the doors, along them and into the cabin."""
         ex, ey = self._along
         dx, dy = x_mm - (self.x0_mm + self.x1_mm) / 2, y_mm - (self.y0_mm + self.y1_mm) / 2
         return dx * ex + dy * ey, dy * ex - dx * ey
 
     def at(self, along_mm: float, deep_mm: float) -> tuple[float, float]:
-        """The place so far from the middle of the doors: `inside` the other way around."""
+        """Return the place so far from the middle of the doors: `inside` the other way around."""
         ex, ey = self._along
         x, y = (self.x0_mm + self.x1_mm) / 2, (self.y0_mm + self.y1_mm) / 2
         return x + along_mm * ex - deep_mm * ey, y + along_mm * ey + deep_mm * ex
@@ -70,13 +70,13 @@ class Cabin:
         return (self.x1_mm - self.x0_mm) / self.width_mm, (self.y1_mm - self.y0_mm) / self.width_mm
 
     def holds(self, x_mm: float, y_mm: float, radius_mm: float) -> bool:
-        """Whether something round is inside, behind the doors, at this place."""
+        """Return True if something round at this place is inside, behind the doors."""
         along, deep = self.inside(x_mm, y_mm)
         aside = abs(along) <= CABIN_WIDTH_MM / 2 - radius_mm
         return aside and radius_mm <= deep <= CABIN_DEPTH_MM - radius_mm
 
     def walls(self, opening: float) -> list[tuple[float, float, float, float]]:
-        """The cabin, and its doors: `opening` is 0 where they are shut, 1 where they are open."""
+        """Return the walls of the cabin, and its doors: `opening` is 0 if they are shut, 1 if open."""
         half, side = self.width_mm / 2, max(CABIN_WIDTH_MM, self.width_mm) / 2
         corners = [(-half, 0.0), (-side, 0.0), (-side, CABIN_DEPTH_MM)]
         corners += [(-along, deep) for along, deep in reversed(corners)]
@@ -87,7 +87,7 @@ class Cabin:
 
 
 def cabin_of(floor: Map, node: str) -> Cabin:
-    """The elevator whose edge begins at a node.
+    """Return the elevator whose edge begins at a node.
 
     Raises:
         ValueError: no elevator begins there.
@@ -103,7 +103,7 @@ def cabin_of(floor: Map, node: str) -> Cabin:
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class _Doors:
-    """What is in motion. Mutable: how far the doors are open, and whether they are to be."""
+    """The doors of a cabin. Mutable: how far they are open, and whether they are to be open."""
 
     cabin: Cabin
     opening: float = 0.0
@@ -119,7 +119,7 @@ class Elevators:
 
     Args:
         world: the robots, on `floor`.
-        building: which elevators lead where.
+        building: the building, with its elevators.
         sceneries: each floor, by the name of its map.
         floor: the name of the map on which the robots are.
 
@@ -153,7 +153,7 @@ class Elevators:
         self._at(node).to_open = False
 
     def cabin(self, node: str) -> Cabin:
-        """The elevator at a node of this floor.
+        """Return the elevator at a node of this floor.
 
         Raises:
             ValueError: no elevator begins there.
@@ -161,7 +161,7 @@ class Elevators:
         return self._at(node).cabin
 
     def opening(self, node: str) -> float:
-        """How far the doors are open: from 0, shut, to 1."""
+        """Return how far the doors are open: from 0, shut, to 1."""
         return self._doors[node].opening if node in self._doors else 0.0
 
     def advance(self, dt_s: float) -> None:
@@ -225,7 +225,7 @@ class Elevators:
         return False
 
     def _carried(self, here: Cabin, there: Cabin, robot: int) -> tuple[float, float, float]:
-        """Where a robot is after the ride: at the same place of the cabin."""
+        """Return the pose of a robot after the ride: at the same place of the cabin."""
         pose, radius = self._world.true_pose(robot), self._world.config.radius_mm
         along, deep = here.inside(pose.x_mm, pose.y_mm)
         if not here.holds(pose.x_mm, pose.y_mm, radius):
@@ -234,7 +234,7 @@ class Elevators:
         return *there.at(along, deep), pose.heading_deg + there.heading_deg - here.heading_deg
 
     def _walls(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """The walls of this floor, with the cabins whose doors were used in place of their edges."""
+        """Return the walls of this floor, with the cabins of used doors in place of their edges."""
         scenery = self._sceneries[self.floor]
         walls, silent = scenery.walls, scenery.silent
         for doors in self._doors.values():

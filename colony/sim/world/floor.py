@@ -24,9 +24,9 @@ class Floor(NamedTuple):
 
     Attributes:
         joints: (n, 4), x0, y0, x1, y1 in mm.
-        crossings: (robots,), how many each robot has crossed so far, on this floor and others before it.
+        crossings: (robots,), joints crossed by each robot so far, on this floor and those before it.
         probability, turn_deg, least_mm, most_mm: as in `Slip`.
-        seed: of the slips.
+        seed: seed of the slips.
     """
 
     joints: Floats2
@@ -39,7 +39,7 @@ class Floor(NamedTuple):
 
 
 def floor_of(joints: Sequence[Joint], slip: Slip, *, crossings: Ints, seed: int) -> Floor:
-    """A floor; `crossings`, (robots,), are counted on there."""
+    """Return a floor; `crossings`, (robots,), are counted on there."""
     ends = [(j.x0_mm, j.y0_mm, j.x1_mm, j.y1_mm) for j in joints]
     return Floor(
         joints=np.array(ends, dtype=np.float64).reshape(-1, 4),
@@ -54,7 +54,7 @@ def floor_of(joints: Sequence[Joint], slip: Slip, *, crossings: Ints, seed: int)
 
 @inlined
 def _crosses(floor: Floor, x0: float, y0: float, x1: float, y1: float) -> bool:
-    """Whether the way from (x0, y0) to (x1, y1) crosses a joint."""
+    """Return True if the way from (x0, y0) to (x1, y1) crosses a joint."""
     found = False
     for joint in range(floor.joints.shape[0]):
         jx, jy = floor.joints[joint, 0], floor.joints[joint, 1]
@@ -69,7 +69,7 @@ def _crosses(floor: Floor, x0: float, y0: float, x1: float, y1: float) -> bool:
 
 @inlined
 def _slip(robot: int, floor: Floor, poses: Floats2, odometry: Floats2, ahead: float) -> None:
-    """A robot crosses a joint, driving forward (`ahead` is 1) or backward (-1)."""
+    """Let a robot slip that crosses a joint, driving forward (`ahead` is 1) or backward (-1)."""
     event = floor.crossings[robot] + 1_000_000 * robot
     floor.crossings[robot] += 1
     if chance(floor.seed, SLIPS, event, 0) < floor.probability:
@@ -83,11 +83,14 @@ def _slip(robot: int, floor: Floor, poses: Floats2, odometry: Floats2, ahead: fl
 
 @compiled
 def slip(floor: Floor, before: Floats2, poses: Floats2, speeds: Floats2, odometry: Floats2) -> None:
-    """Let the wheels of robots slip that came from `before` to `poses`, both (robots, 3), in a short time.
+    """Let the wheels slip of robots that came from `before` to `poses`, both (robots, 3), in a short time.
 
     Args:
-        floor, poses, odometry: changed.
+        floor: the floor; changed.
+        before: the poses before.
+        poses: the poses now; changed.
         speeds: (robots, 2), ahead and turning.
+        odometry: the poses by odometry; changed.
     """
     for robot in range(poses.shape[0]):
         if _crosses(floor, before[robot, 0], before[robot, 1], poses[robot, 0], poses[robot, 1]):

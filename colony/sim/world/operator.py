@@ -1,12 +1,12 @@
-"""Somebody who presses the buttons of elevators for a robot (thesis section 5.4.6): one more script.
+"""The operator, who presses the buttons of elevators for a robot (thesis section 5.4.6): one more script.
 
     scripts["operator"] = operator(elevators, world, seed=7)
 
 It hears at DServer which elevator the robot is to take (ElevatorCall), and sees as people do where the robot
 stands and how far doors are open. When the robot waits before the doors it presses the button, some time
 later; when the robot has turned around in the cabin, that of the other floor; when the doors are open there
-it says so (FloorReached). What it presses is of the simulated building; all that the robot hears of it comes
-by the servers.
+it says so (FloorReached). It acts on the simulated building; all that the robot hears of it comes by the
+servers.
 """
 
 from __future__ import annotations
@@ -24,34 +24,33 @@ from colony.sim.world.elevators import Cabin, Elevators
 from colony.sim.world.world import World
 
 DELAY_S = (2.0, 20.0)
-"""Between which times doors open after a robot has come to wait before them: it has to be noticed, and the
-cabin to come."""
+"""Range of the time until doors open for a waiting robot, which has to be noticed, and the cabin to come."""
 
 RIDE_S = (4.0, 15.0)
-"""Between which times doors begin to open on the other floor after they have shut."""
+"""Range of the time from the shutting of the doors to their opening on the other floor."""
 
 LOOK_S = 0.25
-"""How often the operator looks."""
+"""Seconds between two looks of the operator."""
 
 STANDS_S = 1.5
 """A robot that has not moved for so long waits."""
 
 _BEFORE_MM, _ASIDE_MM = 3000.0, 1200.0
-"""Who waits before doors is so near to them, and to their middle."""
+"""Largest distance of a robot that waits before doors, from them and from their middle."""
 
 _TURNED_DEG = 20.0
 _STILL_MM_S, _STILL_DEG_S = 1.0, 0.5
 
 
 def waits_before(cabin: Cabin, pose: tuple[float, float, float]) -> bool:
-    """Whether a robot at a pose stands in front of the doors and looks at them."""
+    """Return True if a robot at a pose stands in front of the doors and looks at them."""
     along, deep = cabin.inside(pose[0], pose[1])
     near = -_BEFORE_MM < deep < 0.0 and abs(along) < _ASIDE_MM
     return near and _apart_deg(pose[2], cabin.heading_deg) < _TURNED_DEG
 
 
 def has_turned(cabin: Cabin, pose: tuple[float, float, float], radius_mm: float) -> bool:
-    """Whether a robot at a pose is inside and looks at the doors."""
+    """Return True if a robot at a pose is inside and looks at the doors."""
     back = _apart_deg(pose[2], cabin.heading_deg + 180.0) < _TURNED_DEG
     return back and cabin.holds(pose[0], pose[1], radius_mm)
 
@@ -60,9 +59,9 @@ def operator(elevators: Elevators, world: World, *, seed: int, robot: int = 0) -
     """Take a robot along whenever it calls; never ends.
 
     Args:
-        elevators: whose buttons are pressed.
-        world: where the robot is seen.
-        seed: of how long everything takes.
+        elevators: the elevators.
+        world: the world of the robot.
+        seed: seed of the delays.
         robot: its number there.
     """
     chance = random.Random(seed)
@@ -82,10 +81,9 @@ def operator(elevators: Elevators, world: World, *, seed: int, robot: int = 0) -
 
 
 class _Ride:
-    """One call. Mutable: `there`, the node of the doors that the operator is at.
+    """A call. Mutable: `there`, the node of the doors that the operator is at.
 
-    Where the robot calls no more, or for another elevator, it is given up: nobody is there for whom a button
-    could be pressed.
+    The ride is given up if the robot calls no more, or for another elevator.
     """
 
     def __init__(self, elevators: Elevators, world: World, robot: int, call: Call) -> None:
@@ -94,7 +92,7 @@ class _Ride:
         self.there = call.node
 
     def done(self, delay_s: float, ride_s: float) -> Generator[Step, Any, None]:
-        """From the call to the open doors on the other floor, as long as the robot wants it."""
+        """Serve a call until the doors are open on the other floor, as long as the robot wants it."""
         cabin, radius_mm = self._elevators.cabin(self._call.node), self._world.config.radius_mm
         if not (yield from self._stands(lambda: waits_before(cabin, self._pose))):
             return
@@ -120,7 +118,7 @@ class _Ride:
         return self._world.true_pose(self._robot)
 
     def _stands(self, there: Callable[[], bool]) -> Generator[Step, Any, bool]:
-        """Until the robot has stood there for a while; False where it does not call any more."""
+        """Wait until the robot has stood there for a while; False if it does not call any more."""
         stood_s = 0.0
         while stood_s < STANDS_S:
             yield from sleep(LOOK_S)
@@ -132,7 +130,7 @@ class _Ride:
         return True
 
     def _shut(self) -> Generator[Step, Any, bool]:
-        """Press the button of the other floor until the doors are shut: they open again on who is between."""
+        """Press the button of the other floor until the doors are shut: a robot between opens them again."""
         while self._elevators.opening(self.there) > 0.0:
             self._elevators.close(self.there)
             yield from sleep(LOOK_S)

@@ -2,12 +2,12 @@
 
 A person keeps to a line beside the middle of a corridor and turns around at its end. When a robot is in the
 way they do, at random, one of two things: they step aside and pass, or they stop and look at it, for up to
-fifteen seconds, and step aside then. Where there is no room to pass they always stop, and then turn around.
-Who has stopped for a robot does not do so again for a minute.
+fifteen seconds, and step aside then. If there is no room to pass they always stop, and then turn around. A
+person who has stopped for a robot does not do so again for a minute.
 
 They never walk into a robot: a step that would bring them nearer than `_BERTH_MM` to a hull is not taken. So
-a robot that stands still is never touched; one that drives into somebody has done it itself. People do not
-mind each other.
+a robot that stands still is never touched; a collision with a person is always caused by the robot. People do
+not mind each other.
 
 Everything happens along the person's track: s along it, v to the left of it, both in mm.
 """
@@ -27,16 +27,16 @@ from colony.sim.hazards.scenery import PERSON_RADIUS_MM, Person
 
 LONGEST_STOP_S = 15.0
 
-_STOPPING = 0.4  # the part of encounters in which somebody stops
+_STOPPING = 0.4  # the part of encounters in which the person stops
 _NOTICE_MM = 2600.0  # from so far a person minds a robot ahead, middle to middle
 _HALT_MM = 1100.0  # nearer than this to a robot they stop
 _BERTH_MM = 60.0
 _PASSING_MM = 850.0  # how far aside of a robot they like to pass, middle to middle, and what must do
 _TIGHT_MM = 740.0
-_WIDE_MM = 1600.0  # who minds a robot goes on to do so until it is so far aside, or behind
+_WIDE_MM = 1600.0  # a person minds a robot until it is so far aside, or behind
 _SIDE_MM_S = 500.0
 _CALM_S = 60.0
-_PATIENCE_S = 4.0  # who cannot get past for so long turns around
+_PATIENCE_S = 4.0  # a person who cannot get past for so long turns around
 _WALL_MM = 50.0
 _START_MM = 2000.0
 
@@ -57,7 +57,7 @@ class Crowd(NamedTuple):
 
 
 def crowd_of(people: Sequence[Person], *, seed: int) -> Crowd:
-    """People where they begin."""
+    """Return people where they begin."""
     places = np.zeros((len(people), 17))
     for row, person in zip(places, people, strict=True):
         track = person.track
@@ -75,9 +75,10 @@ def crowd_of(people: Sequence[Person], *, seed: int) -> Crowd:
 def make_way(crowd: Crowd, poses: NDArray[np.float64], *, of: int | None = None) -> None:
     """Move people who are in the way of robots that are put down along their track.
 
-    Who finds no place there that is far enough from all robots takes the farthest.
+    A person without a place there that is far enough from all robots takes the farthest.
 
     Args:
+        crowd: the people; changed.
         poses: (robots, 3), of all robots.
         of: only this robot is put down; None: all are.
     """
@@ -106,7 +107,7 @@ def _put(row: Floats) -> None:
 
 @inlined
 def _way_aside(row: Floats, robot_v: float) -> float:
-    """Where to pass a robot that is `robot_v` aside of the track; nan where there is no room."""
+    """Return v for passing a robot that is `robot_v` aside of the track; nan if there is no room."""
     left = min(robot_v + _PASSING_MM, row[LIMIT])
     right = max(robot_v - _PASSING_MM, -row[LIMIT])
     left_fits, right_fits = left - robot_v >= _TIGHT_MM, robot_v - right >= _TIGHT_MM
@@ -122,7 +123,7 @@ def _turn_around(row: Floats) -> None:
 
 @inlined
 def _decide(row: Floats, person: int, seed: int, aside: float) -> None:
-    """What a person does who has just met a robot."""
+    """Decide what a person does after meeting a robot."""
     event = int(row[MEETINGS]) + 1_000_000 * person
     row[MEETINGS] += 1.0
     no_room = math.isnan(aside)
@@ -137,7 +138,7 @@ def _decide(row: Floats, person: int, seed: int, aside: float) -> None:
 
 @inlined
 def _ahead(row: Floats, poses: Floats2) -> tuple[float, float]:
-    """How far ahead of a person the nearest robot is that is in the way (infinity: none), and its v."""
+    """Return how far ahead of a person the nearest robot in the way is (infinity: none), and its v."""
     nearest, its_v = math.inf, 0.0
     wide = _PASSING_MM if row[MOOD] == _WALKS else _WIDE_MM
     for robot in range(poses.shape[0]):
@@ -151,7 +152,7 @@ def _ahead(row: Floats, poses: Floats2) -> tuple[float, float]:
 
 @inlined
 def _allowed(row: Floats, poses: Floats2, berth: float, ds: float, dv: float) -> bool:
-    """Whether a step keeps clear of all robots, or at least leads away from them."""
+    """Return True if a step keeps clear of all robots, or at least leads away from them."""
     allowed = True
     for robot in range(poses.shape[0]):
         dx, dy = row[X] - poses[robot, 0], row[Y] - poses[robot, 1]

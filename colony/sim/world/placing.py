@@ -25,7 +25,7 @@ def check_room(poses: NDArray[np.float64], walls: NDArray[np.float64], radius: f
 
 
 def checked_walls(walls: ArrayLike) -> NDArray[np.float64]:
-    """A copy of the walls, without those that have no length."""
+    """Return a copy of the walls, without walls of no length."""
     checked = np.array(walls, dtype=np.float64, order="C")
     if checked.size == 0:
         return np.empty((0, 4))
@@ -37,7 +37,7 @@ def checked_walls(walls: ArrayLike) -> NDArray[np.float64]:
 
 
 def checked_poses(poses: Sequence[tuple[float, float, float]]) -> NDArray[np.float64]:
-    """A copy of the poses, headings in [0, 360)."""
+    """Return a copy of the poses, headings in [0, 360)."""
     checked = np.array(poses, dtype=np.float64)
     if checked.ndim != 2 or checked.shape[1] != 3 or len(checked) > MOST_ROBOTS:
         raise ValueError(

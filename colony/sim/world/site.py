@@ -1,11 +1,11 @@
-"""Where a plan is driven: its floors as they are in one run, a robot on one of them, the elevators between.
+"""The site of a plan: its floors as they are in one run, a robot on one of them, the elevators between.
 
     site = Site(building, plan, Hazards(), seed=7)
     plant = Plant(site.world, clock, [site.elevators.advance])
     loop = Loop(behavior, simulated_drivers(plant), scripts, clock=clock, advance=plant.catch_up)
 
-Each floor is drawn from a seed of its own, so that the floors have not one luck. Cameras ask for the floor on
-which the robot is at the moment.
+Hazards are drawn independently for each floor, from a seed of its own. Cameras ask for the floor on which the
+robot is at the moment.
 """
 
 from __future__ import annotations
@@ -30,15 +30,16 @@ _Eye = TypeVar("_Eye")
 class Site:
     """The floors of a plan, and the robot at its beginning. Mutable: the world, the elevators.
 
-    `building` is what there is of it: those floors, the one first on which the plan begins.
+    `building` has only those floors, the one first on which the plan begins.
 
     Args:
-        building: whose first floor is drawn from `seed`, and each other one from that plus its number.
-        plan: only the floors through which it leads are there.
-        hazards: what goes wrong on them.
-        seed: of the floors.
-        noise_seed: of the robot's own errors; that of the floors where nothing is said.
-        config: what the robot is like.
+        building: the building; its first floor is drawn from `seed`, and each other one from that plus its
+            number.
+        plan: the plan; the site has only the floors through which it leads.
+        hazards: the hazards of the floors.
+        seed: seed of the floors.
+        noise_seed: seed of the robot's own errors; by default that of the floors.
+        config: the parameters of the robot.
     """
 
     def __init__(
@@ -72,7 +73,7 @@ class Site:
         return self.elevators.floor
 
     def eyes(self, made: Callable[[Map, Scenery], _Eye]) -> Callable[[], _Eye]:
-        """A camera a floor, made when it is first wanted; gives that of the floor on which the robot is."""
+        """Return a function that gives the camera of the robot's present floor; made when first wanted."""
         kept: dict[str, _Eye] = {}
 
         def here() -> _Eye:

@@ -29,18 +29,18 @@ from colony.sim.world.placing import check_room, checked_poses, checked_walls
 
 MAX_STEP_S = 10.0
 TURN_S = 0.05
-"""Where people walk or wheels slip, this happens at least so often."""
+"""Longest time between two moves of people, or two checks for slips."""
 
 
 class Speed(NamedTuple):
-    """How a base moves: ahead in mm/s (negative is backward), turning counterclockwise in degrees/s."""
+    """The speed of a base: ahead in mm/s (negative is backward), turning counterclockwise in degrees/s."""
 
     velocity_mm_s: float
     turn_deg_s: float
 
 
 class Bumper(NamedTuple):
-    """Which halves of the hull are touched."""
+    """The halves of the hull that are touched."""
 
     front: bool
     rear: bool
@@ -77,7 +77,7 @@ class World:
                 with its people, joints and whatever else goes wrong in it.
             poses: one (x, y, heading) a robot, in mm and degrees counterclockwise from north. People who
                 stand there begin elsewhere.
-            config: what the robots are like; RoME by default.
+            config: the parameters of the robots; RoME by default.
             seed: where the randomness of the robots' own errors comes from.
 
         Raises:
@@ -128,7 +128,7 @@ class World:
         self._iron = scenery.iron
 
     def __len__(self) -> int:
-        """How many robots there are."""
+        """Return the number of robots."""
         return len(self._bases.poses)
 
     def command(self, robot: int, velocity_mm_s: float, turn_deg_s: float) -> None:
@@ -173,69 +173,73 @@ class World:
             slip(self._floor, before, bases.poses, bases.speeds, bases.odometry)
 
     def sonar(self, robot: int) -> NDArray[np.float64]:
-        """What the sonars read, (24,) float64 in mm: 12 ahead, 18 left, 0 back, 6 right."""
+        """Return the sonar readings, (24,) float64 in mm: 12 ahead, 18 left, 0 back, 6 right."""
         self._sense()
         readings: NDArray[np.float64] = self._sonar[self._index(robot)].copy()
         return readings
 
     def infrared(self, robot: int) -> NDArray[np.bool_]:
-        """What the infrared detectors see, (24,) bool, numbered like the sonars."""
+        """Return the infrared readings, (24,) bool, numbered like the sonars."""
         self._sense()
         seen: NDArray[np.bool_] = self._infrared[self._index(robot)].copy()
         return seen
 
     def bumper(self, robot: int) -> Bumper:
-        """Which halves of a robot's hull are touched by a wall, a person or another robot."""
+        """Return which halves of a robot's hull are touched by a wall, a person or another robot."""
         return Bumper(*self._now().contacts[self._index(robot)])
 
     def bumps(self, robot: int) -> int:
-        """How often a robot has run into something so far; a contact that lasts counts once."""
+        """Return the number of a robot's collisions so far; a contact that lasts counts once."""
         return int(self._bases.bumps[self._index(robot)])
 
     def contact_speed(self, robot: int) -> float:
-        """How fast a robot was itself when it ran into something, in mm/s: the worst of its contacts so far.
+        """Return the speed of a robot itself in its collisions so far, in mm/s: the largest of them.
 
-        0 where it has touched nothing.
+        0 if it has touched nothing.
         """
         return float(self._bases.impacts[self._index(robot)])
 
     def compass(self, robot: int) -> float:
-        """What a compass on a robot reads: its heading in degrees, in [0, 360), off by what iron does to it
-        where the robot stands (thesis Figure 6.2)."""
+        """Return the compass reading of a robot: its heading in degrees, in [0, 360).
+
+        Iron where the robot stands disturbs it (thesis Figure 6.2).
+        """
         x, y, heading = self.true_pose(robot)
         return (heading + disturbance_deg(self._iron, x, y)) % 360.0
 
     @property
     def walls(self) -> NDArray[np.float64]:
-        """What is solid at the moment, (n, 7) as `wall_table` gives it; another array after each change, and
-        not to be written to."""
+        """Solid segments at the moment, (n, 7) as `wall_table` gives them.
+
+        It is another array after each change, and must not be written to.
+        """
         return self._walls
 
     @property
     def people(self) -> NDArray[np.float64]:
-        """Where people are: a copy, (people, 2), x and y in mm of their middles."""
+        """Places of the people: a copy, (people, 2), x and y in mm of their middles."""
         return self._crowd.places[:, [X, Y]]
 
     def distance(self, robot: int) -> float:
-        """How far a robot has driven so far, forward and backward, in mm."""
+        """Return the distance that a robot has driven so far, forward and backward, in mm."""
         return float(self._bases.distances[self._index(robot)])
 
     def speed(self, robot: int) -> Speed:
-        """How fast a robot moves at the moment."""
+        """Return the present speed of a robot."""
         return Speed(*self._now().speeds[self._index(robot)])
 
     def wheel_speed(self, robot: int) -> float:
-        """The mean magnitude of the speeds of both wheels, in mm/s."""
+        """Return the mean magnitude of the speeds of both wheels, in mm/s."""
         speed = self.speed(robot)
         half = math.radians(speed.turn_deg_s) * self.config.wheel_base_mm / 2.0
         return (abs(speed.velocity_mm_s - half) + abs(speed.velocity_mm_s + half)) / 2.0
 
     def true_pose(self, robot: int) -> Pose:
-        """Where a robot really is."""
+        """Return the true pose of a robot."""
         return Pose(*self._now().poses[self._index(robot)])
 
     def odometry(self, robot: int) -> Pose:
-        """Where a robot believes it is, by counting what its wheels turn; at first the true pose."""
+        """Return the pose of a robot by its wheels' odometry; at first the true pose."""
         return Pose(*self._now().odometry[self._index(robot)])
 
     def set_odometry(self, robot: int, pose: tuple[float, float, float]) -> None:
@@ -249,7 +253,7 @@ class World:
 
     @property
     def true_poses(self) -> NDArray[np.float64]:
-        """Where all robots really are: a copy, (robots, 3), x and y in mm, heading in degrees."""
+        """True poses of all robots: a copy, (robots, 3), x and y in mm, heading in degrees."""
         return self._bases.poses.copy()
 
     def place(self, robot: int, pose: tuple[float, float, float]) -> None:
@@ -304,7 +308,7 @@ class World:
         return robot
 
     def _now(self) -> _Snapshot:
-        """The present state as plain Python numbers, made once a step."""
+        """Return the present state as plain Python numbers, made once a step."""
         if self._snapshot is None:
             arrays = (self._bases.poses, self._bases.odometry, self._bases.speeds, self._bases.contacts)
             self._snapshot = _Snapshot(*(array.tolist() for array in arrays))

@@ -11,7 +11,7 @@ _HEAD = """  rankdir=LR; fontname="Helvetica"; ranksep=0.5; nodesep=0.3;
 
 
 def to_dot(network: Network, title: str = "") -> str:
-    """A DOT digraph: dominant wires enter their node from above, inferior ones from the left."""
+    """Return a DOT digraph: dominant wires enter their node from above, inferior ones from the left."""
     lines = ["digraph network {", _HEAD]
     if title:
         lines.append(f"  label={_quoted(title)}; labelloc=t;")

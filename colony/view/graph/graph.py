@@ -10,12 +10,12 @@ from colony.view.graph import svg as graph_svg
 
 
 def to_svg(drawn: Program | Network, title: str = "") -> str:
-    """A program's network, or a network, as an SVG document."""
+    """Return a program's network, or a network, as an SVG document."""
     return graph_svg.to_svg(_network(drawn), title)
 
 
 def to_dot(drawn: Program | Network, title: str = "") -> str:
-    """A program's network, or a network, as a DOT digraph, for Graphviz."""
+    """Return a program's network, or a network, as a DOT digraph, for Graphviz."""
     return graph_dot.to_dot(_network(drawn), title)
 
 

@@ -1,4 +1,4 @@
-"""Where things stand in the picture of a network, in rows and columns.
+"""The layout of a network's picture, in rows and columns.
 
 As in the colony figures of the literature, wires run to the right, one row a module, the dominant side above.
 A node stands in the row of its inferior wire, which goes straight through it; the dominant wire ends in
@@ -64,12 +64,12 @@ class Layout:
 
 
 def layout(network: Network) -> Layout:
-    """Actuators in order, then the wires that are used several times, then those that drive nothing."""
+    """Lay out actuators in order, then wires that are used several times, then wires that drive nothing."""
     return Layout(diagrams=tuple(_Drawing(network).diagrams()))
 
 
 def inputs(node: NetworkNode) -> tuple[int, ...]:
-    """Dominant and inferior, or nothing of a module."""
+    """Return the dominant and the inferior input, or nothing for a module."""
     return () if isinstance(node, ModuleLeaf) else (node.dominant, node.inferior)
 
 
@@ -108,7 +108,7 @@ class _Drawing:
             yield self.diagram(root, self.names[root], actuator=False, used=True)
 
     def diagram(self, root: int, ends_in: str, *, actuator: bool, used: bool) -> Diagram:
-        """One tree. Rows are given from the dominant side down, columns once the inputs have theirs."""
+        """Lay out one tree, rows from the dominant side down, columns once the inputs have theirs."""
         places: list[Place] = []
         connections: list[Connection] = []
         done: list[int] = []  # places of inputs whose node is still to come

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def to_networkx(drawn: Program | Network) -> networkx.MultiDiGraph:
-    """A directed multigraph along the flow of commands, from modules to actuators.
+    """Return a directed multigraph along the flow of commands, from modules to actuators.
 
     Nodes have `kind` (module, suppressor, inhibitor, actuator), `label`, and suppressors and inhibitors
     `window_ns`; edges have `side` (dominant, inferior, or output into an actuator).
@@ -39,7 +39,7 @@ def to_networkx(drawn: Program | Network) -> networkx.MultiDiGraph:
 
 
 def to_graphml(drawn: Program | Network) -> str:
-    """The graph of `to_networkx` as a GraphML document."""
+    """Return the graph of `to_networkx` as a GraphML document."""
     import networkx
 
     return "\n".join(networkx.generate_graphml(to_networkx(drawn))) + "\n"

@@ -48,7 +48,7 @@ _STYLE = """
 
 
 def to_svg(network: Network, title: str = "") -> str:
-    """An SVG document of the network; the same network always gives the same text.
+    """Return an SVG document of the network; the same network always gives the same text.
 
     Readable for up to some tens of modules, and linear in the network for any number.
     """
@@ -56,7 +56,7 @@ def to_svg(network: Network, title: str = "") -> str:
 
 
 def text_width(text: str, size: float) -> float:
-    """A safe estimate of how wide a text is, in a sans serif type of `size` pixels."""
+    """Return a safe estimate of a text's width, in a sans serif type of `size` pixels."""
     return 0.58 * size * len(text)
 
 
@@ -81,7 +81,7 @@ class _Picture:
         self.tops = {id(d): self.top + i * BETWEEN_DIAGRAMS for i, d in enumerate(drawn.diagrams)}
 
     def _columns(self) -> list[float]:
-        """The x of each column (of modules, their right side), and at last that of the actuators."""
+        """Return the x of each column (of modules, their right side), and at last that of the actuators."""
         places = [place for d in self.drawn.diagrams for place in d.places]
         pitches = [LEAST_PITCH] * (1 + max((place.column for place in places), default=0))
         for d in self.drawn.diagrams:
@@ -122,7 +122,7 @@ class _Picture:
         return head + "\n".join(elements) + "\n</svg>\n"
 
     def _end_x(self) -> float:
-        """Where the boxes of actuators begin."""
+        """Return the x at which the boxes of actuators begin."""
         return self.columns[-1]
 
     def _point(self, diagram: Diagram, place: Place) -> _Point:
@@ -131,7 +131,7 @@ class _Picture:
     # --- diagrams ---------------------------------------------------------------------------------
 
     def _diagram(self, diagram: Diagram) -> list[str]:
-        """Wires first, so that nodes are painted over their ends."""
+        """Draw the wires first, so that nodes are painted over their ends."""
         elements = [self._connection(diagram, connection) for connection in diagram.connections]
         elements.append(self._ending(diagram))
         elements += [self._place(diagram, place) for place in diagram.places]
@@ -151,7 +151,7 @@ class _Picture:
         return f'<path class="wire {kind}" d="{path}" marker-end="url(#{kind})"/>'
 
     def _ending(self, diagram: Diagram) -> str:
-        """The wire that leaves the diagram, and what it goes to."""
+        """Draw the wire that leaves the diagram, and what it goes to."""
         root = diagram.places[diagram.root]
         start = self._point(diagram, root)
         x = self._end_x() if diagram.actuator else start.x + LEAST_PITCH - RADIUS
@@ -209,7 +209,7 @@ def _text(x: float, y: float, text: str, kind: str = "") -> str:
 
 
 def _flag(kind: str, x: float, y: float, width: float, text: str) -> str:
-    """A box that points to the right: stubs, the names that they stand for, and actuators."""
+    """Draw a box that points to the right: stubs, the names that they stand for, and actuators."""
     half, point = BOX_HEIGHT / 2, 11.0
     path = (
         f"M {_n(x + 4)} {_n(y - half)} H {_n(x + width - point)} L {_n(x + width)} {_n(y)} "
@@ -222,7 +222,7 @@ def _flag(kind: str, x: float, y: float, width: float, text: str) -> str:
 
 
 def _markers() -> str:
-    """Arrow heads, one for each color of wire."""
+    """Return arrow heads, one for each color of wire."""
     colors = (("inferior", "#6b7c8d"), ("suppresses", "#1f6fb2"), ("inhibits", "#b8352a"))
     heads = (
         f'<marker id="{name}" viewBox="0 0 8 8" refX="7.5" refY="4" markerWidth="5.5" markerHeight="5.5" '

@@ -1,0 +1,1 @@
+"""The network that reads the characters of a plate, and the decoding of its output."""

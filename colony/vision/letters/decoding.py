@@ -1,4 +1,4 @@
-"""From the classes of single columns to texts: how probable each text is as a whole.
+"""The decoding of single columns' classes to texts, each with its probability as a whole.
 
 A text is written in the columns in many ways: each character over one column or several, with blanks between
 them, and always between two equal ones. Its probability is the sum over all ways (connectionist temporal
@@ -25,10 +25,10 @@ _BEAM = 12
 
 
 def likely_texts(log_probabilities: Floats) -> dict[str, float]:
-    """The most probable texts with their probabilities, by a search that keeps the best dozen of beginnings.
+    """Return the most probable texts with their probabilities, by a beam search of a dozen beginnings.
 
     Args:
-        log_probabilities: of each class at each column, (columns, classes).
+        log_probabilities: the log probability of each class at each column, (columns, classes).
     """
     probabilities = np.exp(log_probabilities.astype(np.float64))
     beam: dict[str, tuple[float, float]] = {"": (1.0, 0.0)}
@@ -49,7 +49,7 @@ def _longer(
     characters: Sequence[tuple[str, float]],
     column: npt.NDArray[np.float64],
 ) -> dict[str, tuple[float, float]]:
-    """The beginnings after one more column, each with the probabilities that it ends in a blank, or not."""
+    """Extend the beginnings by a column, each with the probabilities to end in a blank, or not."""
     longer: dict[str, tuple[float, float]] = {}
     for text, (ended, going) in beam.items():
         both = ended + going
@@ -68,12 +68,12 @@ def _longer(
 
 
 class States(NamedTuple):
-    """What texts emit, one text a row, (texts, states): their characters, and blanks around each.
+    """The emissions of texts, one text a row, (texts, states): the characters, and blanks around each.
 
     Attributes:
-        classes: of each state.
-        valid: which states a text has; the rest only fills up its row.
-        leaps: which states may follow the one before the last, without the blank between.
+        classes: the class of each state.
+        valid: True for the states that a text has; the rest only fills up its row.
+        leaps: True for states that may follow the one before the last, without the blank between.
     """
 
     classes: npt.NDArray[np.intp]
@@ -82,7 +82,7 @@ class States(NamedTuple):
 
 
 def states_of(texts: Sequence[str]) -> States:
-    """The states of some texts, one at least; any of them may be empty."""
+    """Return the states of some texts, one at least; any of them may be empty."""
     longest = max(len(text) for text in texts)
     classes = np.full((len(texts), 2 * longest + 1), BLANK)
     valid = np.zeros(classes.shape, bool)
@@ -95,10 +95,11 @@ def states_of(texts: Sequence[str]) -> States:
 
 
 def log_probabilities_of(texts: Sequence[str], log_probabilities: Floats) -> npt.NDArray[np.float64]:
-    """The logarithm of the probability of each text, (texts); -inf where it does not fit into the columns.
+    """Return the log probability of each text, (texts); -inf where it does not fit into the columns.
 
     Args:
-        log_probabilities: of each class at each column, (columns, classes).
+        texts: the texts.
+        log_probabilities: the log probability of each class at each column, (columns, classes).
     """
     if not texts:
         return np.zeros(0)

@@ -1,9 +1,9 @@
-"""The network that reads characters: a small convolutional one, which tells for each of 32 columns of a strip
-how probable each character is there, or none.
+"""The network that reads characters: a small convolutional one.
 
-Three convolutions of 3 by 3, each followed by a rectification and the first two by pooling; then one over the
-whole height, one along the columns, and a linear layer to the classes. Characters are seen from near; whether
-the strip as a whole is a plate is told by a head of its own: a hidden layer over all columns. The weights are
+For each of 32 columns of a strip it gives the probability of each character, and of none. Three convolutions
+of 3 by 3, each followed by a rectification and the first two by pooling; then one over the whole height, one
+along the columns, and a linear layer to the classes. Characters need a small receptive field; a separate
+head, a hidden layer over all columns, decides whether the strip as a whole is a plate. The weights are
 learned by `python -m colony.vision.training` and stored as 8-bit integers with a scale for each channel.
 """
 
@@ -28,19 +28,19 @@ BLANK = len(CHARACTERS)
 """The class of a column that has no character of its own: before, between and after them."""
 
 FRAMES = 32
-"""For how many columns the network tells classes: one for two columns of the strip."""
+"""Number of columns for which the network gives classes: one for two columns of the strip."""
 
 HEAD_AFTER = 4
-"""After how many convolutions the head begins."""
+"""Number of convolutions before the head."""
 
 HEAD_POOL = (1, 4)
-"""How many rows and columns are pooled before it."""
+"""Rows and columns that are pooled before the head."""
 
 POOLS = ((2, 2), (2, 1), (1, 1), (1, 1), (1, 1))
-"""How many rows and columns are pooled after each convolution."""
+"""Rows and columns that are pooled after each convolution."""
 
 PADS = ((1, 1), (1, 1), (1, 1), (0, 1), (0, 1))
-"""How many rows and columns of zeros are added on each side before each convolution."""
+"""Rows and columns of zeros that are added on each side before each convolution."""
 
 WEIGHTS_FILE = "letters.npz"
 
@@ -54,11 +54,12 @@ class Layer:
 
 
 class Look(NamedTuple):
-    """What the network tells of a strip.
+    """The output of the network for a strip.
 
     Attributes:
-        log_probabilities: of each class at each column, (32, 37), if the strip is a plate.
-        plate: the logarithm of how much more probable it is that it is one than not.
+        log_probabilities: the log probability of each class at each column, (32, 37), if the strip is a
+            plate.
+        plate: the log odds that the strip is a plate.
     """
 
     log_probabilities: Floats
@@ -70,11 +71,11 @@ class LetterNet:
     """The network.
 
     Attributes:
-        layers: the last of which is linear and gives the classes.
-        head: the hidden layer, and the linear one that tells whether it is a plate.
-        sharpness, trust: by what the logarithms of a text's probability, and of its prior, are multiplied so
-            that readings are right as often as they say.
-        facts: how it was trained, in words: seed, steps, fonts, accuracies.
+        layers: the layers; the last one is linear and gives the classes.
+        head: the hidden layer, and the linear one that decides whether the strip is a plate.
+        sharpness, trust: factors of the log probability of a text and of its log prior. They calibrate the
+            readings: these are right as often as their confidence says.
+        facts: description of the training: seed, steps, fonts, accuracies.
     """
 
     layers: tuple[Layer, ...]
@@ -84,7 +85,7 @@ class LetterNet:
     facts: str
 
     def look(self, strip: Floats) -> Look:
-        """What it tells of a strip, (24, 64)."""
+        """Run the network on a strip, (24, 64)."""
         x, plate = strip[:, :, None], 0.0
         for i, (pad, pool) in enumerate(zip(PADS, POOLS, strict=True), 1):
             x = _pooled(np.maximum(_convolved(x, self.layers[i - 1], pad), 0.0), pool)
@@ -99,7 +100,7 @@ class LetterNet:
 
 @cache
 def network() -> LetterNet:
-    """The network with the weights of the package; they are read once.
+    """Return the network with the weights of the package; the file is read once.
 
     Raises:
         ValueError: the file of the weights is not one of this version.
@@ -113,7 +114,7 @@ def network() -> LetterNet:
 
 
 def packed(net: LetterNet) -> dict[str, npt.NDArray[np.generic]]:
-    """The arrays of a file of weights."""
+    """Return the arrays of a file of weights."""
     arrays: dict[str, npt.NDArray[np.generic]] = {
         "sharpness": np.array(net.sharpness),
         "trust": np.array(net.trust),
@@ -128,7 +129,7 @@ def packed(net: LetterNet) -> dict[str, npt.NDArray[np.generic]]:
 
 
 def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> LetterNet:
-    """The network whose weights are in these arrays.
+    """Return the network whose weights are in these arrays.
 
     Raises:
         ValueError: an array is missing, or the layers do not fit together.
@@ -165,7 +166,7 @@ def _check(layers: Sequence[Layer], channels: Sequence[int]) -> None:
 
 
 def _convolved(x: Floats, layer: Layer, pad: tuple[int, int]) -> Floats:
-    """(rows, columns, channels) of a convolution without strides."""
+    """Return the convolution without strides, (rows, columns, channels)."""
     high, wide, channels, out = layer.kernel.shape
     if pad != (0, 0):
         framed = np.zeros((x.shape[0] + 2 * pad[0], x.shape[1] + 2 * pad[1], channels), np.float32)
@@ -181,7 +182,7 @@ def _convolved(x: Floats, layer: Layer, pad: tuple[int, int]) -> Floats:
 
 
 def _pooled(x: Floats, pool: tuple[int, int]) -> Floats:
-    """The greatest of each cell of so many rows and columns."""
+    """Return the maximum of each cell of so many rows and columns."""
     rows, columns, channels = x.shape
     high, wide = pool
     if wide > 1:

@@ -1,9 +1,8 @@
-"""What may stand on a door plate, before anyone looks at it: how probable a text is as the number of a room
-or as a word on a door.
+"""The prior of the texts on door plates: the probability of a text as a room's number or a word on a door.
 
 Rooms are numbers of one to five digits, perhaps with a letter before or after them. Some doors have a word
-that many buildings share. The rest is any string of letters, or of letters and digits. It is no list of the
-rooms of a building; where a map tells those, they are given as a lexicon.
+that many buildings share. The rest is any string of letters, or of letters and digits. The prior is no list
+of the rooms of a building; a map's rooms are given as a lexicon.
 """
 
 from __future__ import annotations
@@ -18,8 +17,10 @@ SHAPES = {
     "0A": 0.005, "00A": 0.015, "000A": 0.04, "0000A": 0.01,
     "A": 0.004, "AA": 0.004, "AAA": 0.004, "AAAA": 0.004, "AAAAA": 0.004,
 }  # fmt: skip
-"""How often plates have a text of a shape: a 0 is any digit, an A any letter. Beside digits, the letters I
-and O are left out, as rules for the numbers of rooms do."""
+"""Frequencies of the shapes of texts: a 0 is any digit, an A any letter.
+
+Beside digits, the letters I and O are left out, as rules for the numbers of rooms do.
+"""
 
 ROOM_LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"
 
@@ -28,26 +29,26 @@ WORDS = (
     "JAN", "JANIT", "KITCH", "LAB", "LADIE", "LIBRA", "LIFT", "LOBBY", "LOUNG", "MAIL", "MECH", "MEETI",
     "MEN", "OFFIC", "PRINT", "ROOM", "SHOP", "STAFF", "STAIR", "STORA", "STUDY", "TOILE", "WC", "WOMEN",
 )  # fmt: skip
-"""On doors anywhere; a plate has at most five characters."""
+"""Words on doors anywhere; a plate has at most five characters."""
 
 WORD_SHARE = 0.06
-"""How often plates have one of these words."""
+"""Fraction of plates that have one of these words."""
 
 ANYTHING_SHARE = 0.01
-"""How often they have just any digits and letters."""
+"""Fraction of plates that have arbitrary digits and letters."""
 
 LONGEST = 5
-"""How many characters a plate has at most."""
+"""Largest number of characters on a plate."""
 
 KNOWN = 0.97
-"""How often a plate has one of the texts of a lexicon, where there is one."""
+"""Probability that a plate has one of a lexicon's texts, if a lexicon is given."""
 
 
 def log_prior(text: str, lexicon: Collection[str] = ()) -> float:
-    """How much more probable a text is on a plate than among random strings, as a natural logarithm.
+    """Return the log odds of a text on a plate against random strings, as a natural logarithm.
 
     Args:
-        text: of digits and capital letters, not empty.
+        text: digits and capital letters, not empty.
         lexicon: texts one of which a plate has nearly always (`KNOWN`), all of them equally often.
     """
     share = _share(text)
@@ -59,7 +60,7 @@ def log_prior(text: str, lexicon: Collection[str] = ()) -> float:
 
 @cache
 def _share(text: str) -> float:
-    """How often plates have this text."""
+    """Return the fraction of plates that have this text."""
     shape = "".join("0" if c.isdigit() else "A" for c in text)
     letters = len(ROOM_LETTERS) if "0" in shape else 26
     choices = math.prod(10 if c == "0" else letters for c in shape)

@@ -1,0 +1,1 @@
+"""Ceiling lights: their detection in scan lines, and the count along a corridor."""

@@ -1,9 +1,9 @@
-"""How far a robot is along a straight track: odometry and landmarks in a Kalman filter of one dimension.
+"""Progress of a robot along a straight track: odometry and landmarks in a one-dimensional Kalman filter.
 
-What the odometry says is the *reported* progress, in mm along the track. True progress is that plus an error.
-While the robot goes a way d, the error grows by the odometry's scale error times d, and by what wheels slip;
-a landmark whose place is known tells the error itself. Two states, the error and the scale error, follow from
-that, with their covariance. The scale error outlives a track: it is the robot's.
+The odometry gives the *reported* progress, in mm along the track. True progress is that plus an error. Over a
+way d, the error grows by the odometry's scale error times d, and by the slip of the wheels; a landmark at a
+known place measures the error itself. Two states, the error and the scale error, follow from that, with their
+covariance. The scale error outlives a track: it is the robot's.
 
 A wheel that slips on a metal joint loses some centimeters at once. Such a jump is no scale error, and would
 spoil it: a landmark that is further off than both could explain moves the error alone.
@@ -15,13 +15,13 @@ import math
 from dataclasses import dataclass, replace
 
 START_SIGMA_MM = 150.0
-"""How well the place is known at the start of a track, after a corner."""
+"""Standard deviation of the place at the start of a track, after a corner."""
 
 SCALE_SIGMA = 0.012
-"""How far the odometry's scale is off, before any landmark told it."""
+"""Standard deviation of the odometry's scale before any landmark."""
 
 SLIP_MM2_A_MM = 0.03
-"""By how much the variance of the error grows with the way: 40 mm lost, in 50 m in the mean."""
+"""Growth of the error's variance a mm of way: 40 mm lost, in 50 m in the mean."""
 
 _JUMP_SIGMAS = 2.5
 
@@ -36,10 +36,10 @@ class Scale:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reckoning:
-    """What is known where the reported progress is `at_mm`.
+    """The estimate where the reported progress is `at_mm`.
 
-    `error_mm` is true less reported progress, `variance` and `scale` are what they say,
-    `covariance` is that of the error and the scale error.
+    `error_mm` is true less reported progress, with its `variance`; `scale` is the scale error with its own
+    variance; `covariance` is that of the two.
     """
 
     at_mm: float = 0.0

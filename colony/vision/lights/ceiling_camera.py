@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 LIGHT_LENGTH_MM = 600.0
-"""Of a ceiling light, along the corridor."""
+"""Length of a ceiling light along the corridor."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,9 +21,9 @@ class CeilingCamera:
     """A camera that looks straight up, `height_mm` below the ceiling.
 
     Attributes:
-        columns, rows: of the image, in pixels.
+        columns, rows: size of the image, in pixels.
         length_deg, across_deg: the full angles that the columns and the rows see, below 180.
-        height_mm: from the lens to the ceiling.
+        height_mm: distance from the lens to the ceiling.
         ahead_mm, left_mm: where it is mounted, from the robot's center.
 
     Positions in the image are in pixels, pixel i reaching from i - 0.5 to i + 0.5; offsets on the ceiling are
@@ -42,6 +42,7 @@ class CeilingCamera:
     left_mm: float = 0.0
 
     def __post_init__(self) -> None:
+        """Check the ranges of the parameters."""
         if min(self.columns, self.rows) < 4:
             raise ValueError(f"an image of {self.columns} x {self.rows} pixels; expected at least 4 x 4")
         for name in ("length_deg", "across_deg"):
@@ -54,12 +55,12 @@ class CeilingCamera:
 
     @property
     def mm_a_column(self) -> float:
-        """What a column covers of the ceiling, along the robot."""
+        """Length of the ceiling that a column covers, along the robot."""
         return 2.0 * self.height_mm * math.tan(math.radians(self.length_deg / 2.0)) / self.columns
 
     @property
     def mm_a_row(self) -> float:
-        """What a row covers of the ceiling, across the robot."""
+        """Width of the ceiling that a row covers, across the robot."""
         return 2.0 * self.height_mm * math.tan(math.radians(self.across_deg / 2.0)) / self.rows
 
     @property
@@ -68,19 +69,19 @@ class CeilingCamera:
         return self.rows // 4, self.rows // 2, 3 * self.rows // 4
 
     def ahead_of(self, column: float) -> float:
-        """How far ahead of the robot's center this column of the image sees the ceiling, in mm."""
+        """Return how far ahead of the robot's center this column of the image sees the ceiling, in mm."""
         return self.ahead_mm + self.mm_a_column * (column - (self.columns - 1) / 2.0)
 
     def left_of(self, row: float) -> float:
-        """How far to the left of the robot's center this row of the image sees the ceiling, in mm."""
+        """Return how far to the left of the robot's center this row of the image sees the ceiling, in mm."""
         return self.left_mm + self.mm_a_row * ((self.rows - 1) / 2.0 - row)
 
     def column_of(self, ahead_mm: float) -> float:
-        """Which column sees the ceiling so far ahead; it may be outside of the image."""
+        """Return the column that sees the ceiling so far ahead; it may be outside of the image."""
         return (self.columns - 1) / 2.0 + (ahead_mm - self.ahead_mm) / self.mm_a_column
 
     def row_of(self, left_mm: float) -> float:
-        """Which row sees the ceiling so far to the left; it may be outside of the image."""
+        """Return the row that sees the ceiling so far to the left; it may be outside of the image."""
         return (self.rows - 1) / 2.0 - (left_mm - self.left_mm) / self.mm_a_row
 
 

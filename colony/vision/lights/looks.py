@@ -1,4 +1,4 @@
-"""What a script sees of the ceiling: scan lines of cameras, made into lights."""
+"""Observations of the ceiling for a script: scan lines of cameras, turned into lights."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from colony.vision.lights.scan_lines import Light, ceiling_lights
 _TRIES = 3
 
 SILENT = (CallRefused, ConnectionLost, ServerNotFound, TimedOut)
-"""What a server that does not answer raises; to be asked again in the next look."""
+"""Errors of a server that does not answer; the next look asks it again."""
 
 
 class Look(NamedTuple):
@@ -32,7 +32,7 @@ Looker = Callable[[float], Generator[Step, Any, tuple[Look, ...]]]
 
 
 def hurry(names: Sequence[str], period_s: float) -> Generator[Step, Any, None]:
-    """Have these cameras take an image every `period_s` at least. One that does not let us is let be."""
+    """Make these cameras take an image at least every `period_s`. A camera that refuses is left alone."""
     for name in names:
         try:
             if (yield from do(name, camera.period())) > period_s * 1e9:
@@ -42,7 +42,7 @@ def hurry(names: Sequence[str], period_s: float) -> Generator[Step, Any, None]:
 
 
 def cameras_looker(names: Sequence[str], geometries: Sequence[CeilingCamera]) -> Looker:
-    """Looks at these cameras, one after the other. A camera that does not answer shows nothing."""
+    """Return a function that looks at these cameras in turn. A silent camera shows nothing."""
     newest = dict.fromkeys(names, -1)
 
     def look(tilt_deg: float) -> Generator[Step, Any, tuple[Look, ...]]:
@@ -62,7 +62,7 @@ def cameras_looker(names: Sequence[str], geometries: Sequence[CeilingCamera]) ->
 
 
 def _scan(name: str, geometry: CeilingCamera) -> Generator[Step, Any, list[Image]]:
-    """The scan lines of one image; empty where the camera was too fast for that, several times in a row."""
+    """Return the scan lines of one image; empty if the camera was too fast, several times in a row."""
     bands: list[Image] = []
     for row in geometry.scan_rows * _TRIES:
         band = yield from do(name, camera.grab_rows(row))
@@ -74,6 +74,6 @@ def _scan(name: str, geometry: CeilingCamera) -> Generator[Step, Any, list[Image
 
 
 def _gray(band: Image) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
-    """A band as lines of gray: the first channel, where there are several."""
+    """Return a band as lines of gray: the first channel, where there are several."""
     pixels = camera.array(band)
     return pixels if pixels.ndim == 2 else pixels[:, :, 0]

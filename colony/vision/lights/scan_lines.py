@@ -2,7 +2,7 @@
 
 *Edges.* The gradient at a pixel border is the mean of the pixels after it less the mean of those before it.
 An edge is where its magnitude is greatest and above a threshold that comes from the line itself: from its
-noise, which the differences of neighboring pixels tell whatever the ceiling looks like. So a dim light, and
+noise, which the differences of neighboring pixels show whatever the ceiling looks like. So a dim light, and
 one on a ceiling in the sun, have edges as one on a dark ceiling has. Where the gradient's peak has its center
 of gravity is the edge, to a small part of a pixel.
 
@@ -31,7 +31,7 @@ from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, CeilingCamera
 Lines = NDArray[np.uint8]
 
 REACH = 6
-"""How many pixels on each side of a border the gradient is taken over."""
+"""Number of pixels on each side of a border that the gradient covers."""
 
 NOISES = 5.5
 """The least gradient of an edge, in standard deviations of the gradient of a line without any edge."""
@@ -41,17 +41,17 @@ LEAST_GRADIENT = 16.0
 between the tiles of a ceiling."""
 
 WIDE = 16
-"""How many pixels on each side the step of an edge is measured over, `_GAP` pixels away from it."""
+"""Number of pixels on each side over which an edge's step is measured, `_GAP` pixels away from it."""
 
 STEP = 0.6
 """An edge is one between two levels: its gradient is this part of the step at least, so that it is sharp and
 no sunshine, and the step this part of the gradient, so that it is no thin line, as seams are."""
 
 CLEAR_PARTIAL = 3.0
-"""From how many times the least gradient on an edge alone may be a light that goes on beyond the image."""
+"""Least gradient, in units of the threshold, of a lone edge as a light that goes on beyond the image."""
 
 CLEAR = 1.3
-"""From how many times the least gradient on the edges of a light in a single line are clear enough."""
+"""Least gradient, in units of the threshold, of the edges of a light in a single line."""
 
 STEEPEST_DEG = 25.0
 """The largest tilt of the heading against the corridor that lines may agree upon."""
@@ -81,8 +81,9 @@ class LineLight(NamedTuple):
 class Light(NamedTuple):
     """A ceiling light: its center is `ahead_mm` ahead of the robot, along the corridor, and negative behind.
 
-    `tilt_deg` is the robot's heading less the corridor's, counterclockwise, None where the lines do not tell;
-    `lines` how many lines agree upon it, `whole` that both of its edges are seen, `quality` in [0, 1].
+    `tilt_deg` is the robot's heading less the corridor's, counterclockwise, None if the lines do not show it;
+    `lines` is the number of lines that agree upon it, `whole` is True if both of its edges are seen,
+    `quality` is in [0, 1].
     """
 
     ahead_mm: float
@@ -93,18 +94,19 @@ class Light(NamedTuple):
 
 
 class _Edge(NamedTuple):
-    """At `column`, to a part of a pixel; `rise` is its gradient in units of the least one, signed."""
+    """An edge at `column`, to a part of a pixel; `rise` is its signed gradient in units of the threshold."""
 
     column: float
     rise: float
 
 
 def ceiling_lights(lines: Lines, camera: CeilingCamera, *, tilt_deg: float = 0.0) -> tuple[Light, ...]:
-    """The lights that the lines agree upon, best first, none overlapping a better one.
+    """Return the lights that the lines agree upon, best first, none overlapping a better one.
 
     Args:
         lines: n x columns, the scan lines of the camera.
-        tilt_deg: the heading against the corridor by what is known otherwise, for lights that do not tell it.
+        camera: the camera.
+        tilt_deg: the heading against the corridor from other sources, for lights that do not show it.
     """
     lefts = [camera.left_of(row) for row in camera.scan_rows]
     found = line_lights(lines, camera)
@@ -119,7 +121,7 @@ def ceiling_lights(lines: Lines, camera: CeilingCamera, *, tilt_deg: float = 0.0
 
 
 def line_lights(lines: Lines, camera: CeilingCamera) -> tuple[tuple[LineLight, ...], ...]:
-    """The lights in each line, by itself.
+    """Return the lights in each line, by itself.
 
     Raises:
         ValueError: the lines are not as long as the camera's.
@@ -133,7 +135,7 @@ def line_lights(lines: Lines, camera: CeilingCamera) -> tuple[tuple[LineLight, .
 
 
 def _edges(lines: Lines) -> list[list[_Edge]]:
-    """The edges of each line, in the order of their columns."""
+    """Return the edges of each line, in the order of their columns."""
     sums = np.zeros((lines.shape[0], lines.shape[1] + 1))
     np.cumsum(lines, axis=1, out=sums[:, 1:])
     gradient = (sums[:, 2 * REACH :] - 2.0 * sums[:, REACH:-REACH] + sums[:, : -2 * REACH]) / REACH
@@ -153,7 +155,7 @@ def _edges(lines: Lines) -> list[list[_Edge]]:
 
 
 def _least_gradients(lines: Lines) -> NDArray[np.float64]:
-    """Of an edge, in each line: by its noise, which the differences of neighboring pixels tell."""
+    """Return the least gradient of an edge in each line, by the noise of neighboring pixels."""
     steps = np.abs(np.diff(lines.astype(np.int16), axis=1))
     # The median of whole gray levels is a coarse measure: half a level is added for what rounding hides.
     middle = steps.shape[1] // 2
@@ -165,8 +167,10 @@ def _least_gradients(lines: Lines) -> NDArray[np.float64]:
 def _steps(
     sums: NDArray[np.float64], line: NDArray[np.intp], border: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """By how much the level changes across borders, from `WIDE` pixels before to `WIDE` after them; fewer
-    where the image ends. Border i is between columns i - 1 and i."""
+    """Return the change of the level across borders, from `WIDE` pixels before to `WIDE` after them.
+
+    There are fewer pixels where the image ends. Border i is between columns i - 1 and i.
+    """
     last = sums.shape[1] - 1
     after, before = np.minimum(border + _GAP, last - 1), np.maximum(border - _GAP, 1)
     end, first = np.minimum(after + WIDE, last), np.maximum(before - WIDE, 0)
@@ -177,7 +181,7 @@ def _steps(
 
 
 def _refined(gradient: NDArray[np.float64], border: int, rise: float) -> _Edge:
-    """An edge at the center of gravity of the gradient about its peak: a step makes a triangle of it."""
+    """Return an edge at the centroid of the gradient about its peak: a step makes a triangle of it."""
     half = min(REACH - 1, border, len(gradient) - 1 - border)
     weights = np.maximum(gradient[border - half : border + half + 1] * math.copysign(1.0, rise), 0.0)
     center = border + float(weights @ _OFFSETS[REACH - half : REACH + half + 1]) / float(weights.sum())
@@ -185,7 +189,7 @@ def _refined(gradient: NDArray[np.float64], border: int, rise: float) -> _Edge:
 
 
 def _separate(edges: list[_Edge]) -> list[_Edge]:
-    """Of edges of the same sign that are closer than `REACH` only the strongest; at most so many in all."""
+    """Keep the strongest of edges of the same sign closer than `REACH`, and a limited number in all."""
     kept: list[_Edge] = []
     for edge in sorted(edges, key=lambda edge: -abs(edge.rise))[:_MOST_EDGES]:
         if all(abs(edge.column - k.column) > REACH or edge.rise * k.rise < 0.0 for k in kept):
@@ -197,7 +201,7 @@ def _separate(edges: list[_Edge]) -> list[_Edge]:
 
 
 def _paired(edges: list[_Edge], camera: CeilingCamera) -> tuple[LineLight, ...]:
-    """Every pair of edges that is a light, and every edge whose other one is beyond the image."""
+    """Return the pairs of edges that are lights, and the edges whose other one is beyond the image."""
     lights = [
         light
         for near in edges
@@ -245,7 +249,7 @@ def _longest_mm() -> float:
 def _claims(
     found: tuple[tuple[LineLight, ...], ...], lefts: list[float], tilt_deg: float
 ) -> list[Light | None]:
-    """What each line, each pair of lines and all of them together could mean."""
+    """Return what each line, each pair of lines and all lines together could mean."""
     seen = [(light, left) for lights, left in zip(found, lefts, strict=True) for light in lights]
     claims = [_single(light, left, tilt_deg, len(lefts)) for light, left in seen]
     groups = (group for count in range(2, len(lefts) + 1) for group in combinations(seen, count))
@@ -267,7 +271,7 @@ def _single(light: LineLight, left_mm: float, tilt_deg: float, lines: int) -> Li
 
 
 def _agreed(group: tuple[tuple[LineLight, float], ...], tilt_deg: float, lines: int) -> Light | None:
-    """The light that these lines see, if one tilt explains all of their edges."""
+    """Return the light that these lines see, if one tilt explains all of their edges."""
     near = [(light.near_mm, left) for light, left in group if light.near_mm is not None]
     far = [(light.far_mm, left) for light, left in group if light.far_mm is not None]
     slope = _slope(near, far)
@@ -288,7 +292,7 @@ def _agreed(group: tuple[tuple[LineLight, float], ...], tilt_deg: float, lines: 
 
 
 def _slope(near: list[tuple[float, float]], far: list[tuple[float, float]]) -> float | None:
-    """By how much the edges shift ahead for each mm to the left: least squares, with an offset an edge."""
+    """Return the shift of the edges ahead for each mm to the left: least squares, with an offset an edge."""
     products = squares = 0.0
     for points in (near, far):
         if len(points) > 1:

@@ -1,11 +1,10 @@
-"""Counting ceiling lights as printed (thesis section 5.6): transitions from no light to light, each verified
-by the distance from the light before.
+"""The count of ceiling lights as printed: each change to light, verified by the distance (section 5.6).
 
-What the thesis leaves open is where in an image a light counts, how far the distance may be off, and what
-becomes of a light that was missed. Here there is light where the robot's center is below one and beyond its
-middle, which is the place that the map knows: so what is left is an overshoot, as printed. The distance may
-be off by a part of itself, and the next light that is seen counts for both, since the map knows that distance
-too. Nothing passes a last light that is out, and nothing is corrected.
+The distance is that from the light before. The thesis leaves open where in an image a light counts, how far
+the distance may be off, and what happens after a missed light. Here there is light where the robot's center
+is below one and beyond its middle, which is the place that the map knows: so what is left is an overshoot, as
+printed. The distance may be off by a part of itself, and the next light that is seen counts for both, since
+the map knows that distance too. A last light that is out is never passed, and nothing is corrected.
 """
 
 from __future__ import annotations
@@ -16,18 +15,19 @@ from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM
 from colony.vision.lights.track import LightGoal, Passing, Seen
 
 TOLERANCE_MM = 600.0
-"""How far the distance to the light before may be off in any case."""
+"""Tolerance of the distance to the light before, besides a part of that distance."""
 
 TOLERANCE_PART = 0.1
-"""Of the distance: how far it may be off beyond that."""
+"""Additional tolerance, as a part of the distance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThesisTrack:
-    """How far a goal is done.
+    """The progress of a goal.
 
-    `since_mm` is the reported progress where the last valid light was detected, `light` that the last image
-    showed one above the robot, `passed` how many lights count, `found` what the last image adds to that.
+    `since_mm` is the reported progress at the last valid light, `light` is True if the last image showed a
+    light above the robot, `passed` is the number of lights that count, `found` is what the last image adds to
+    that.
     """
 
     goal: LightGoal
@@ -38,7 +38,7 @@ class ThesisTrack:
 
     @classmethod
     def start(cls, goal: LightGoal, passed: int = 0) -> ThesisTrack:
-        """At the start of a goal, or at one of its lights."""
+        """Start at the beginning of a goal, or at one of its lights."""
         return cls(goal=goal, passed=passed, since_mm=goal.lights_mm[passed - 1] if passed else 0.0)
 
     @property
@@ -64,11 +64,11 @@ class ThesisTrack:
         return replace(self, passed=self.found.number, found=None), self.found
 
     def to_next(self, progress_mm: float) -> float | None:
-        """Not known: only images tell."""
+        """Return None: only images show the next light."""
         return None
 
     def _verified(self, distance_mm: float) -> int | None:
-        """How many lights count, if the distance from the last one is that to one of the map."""
+        """Return the number of lights that count, if the distance from the last one is one of the map's."""
         before = self.goal.lights_mm[self.passed - 1] if self.passed else 0.0
         for index in range(self.passed, len(self.goal.lights_mm)):
             mapped = self.goal.lights_mm[index] - before

@@ -1,18 +1,18 @@
-"""Counting the ceiling lights of a straight way, and what they say of the robot's place (thesis section 5.6).
+"""The count of a corridor's ceiling lights, and the robot's place that follows from it (thesis section 5.6).
 
-The map tells where along the way the lights are. A light that the camera sees is *valid* where its place, by
-the robot's progress and by how far ahead it is, agrees with one of the map. How far it may be off is 3
-standard deviations of the robot's place, which grow with the way since the last valid light, and what a wheel
-loses that slips; it is always less than half of the way from light to light, so that two are never confused.
+The map gives the places of the lights along the way. A light that the camera sees is *valid* if its place, by
+the robot's progress and by its distance ahead, agrees with one of the map. The tolerance is 3 standard
+deviations of the robot's place, which grow with the way since the last valid light, plus the loss of a
+slipping wheel; it is always less than half of the way from light to light, so that two are never confused.
 
 A light counts when the robot's center is below it. One that is out is passed by dead reckoning, when the
 robot is beyond all places where it could be, save those that the camera has in view and finds dark.
 
-Lights that are where none is expected are strays: a reflection, or the robot is lost. When two strays in a
-row are as far apart as two lights of the map, that decides: the robot is lost, and knows where it is again.
+Lights where none is expected are strays: a reflection, or the robot is lost. When two strays in a row are as
+far apart as two lights of the map, that decides: the robot is lost, and knows where it is again.
 
-What a light says of the robot's place is told as a `Sighting`, of one image and by that alone: who estimates
-the pose knows what else is known, and must not be told twice.
+A light's observation of the robot's place is a `Sighting`, from one image and by that alone: the pose
+estimator fuses it with its other sources, and must not count anything twice.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from colony.vision.lights.along_track import Reckoning, Scale
 from colony.vision.lights.scan_lines import STEEPEST_DEG, Light
 
 LIGHT_SIGMA_MM = 20.0
-"""How well the map knows where a light is."""
+"""Standard deviation of a light's place on the map."""
 
 SEEN_SIGMA_MM = 15.0
-"""How well one image tells how far ahead a light is: pixels, and the time between image and odometry."""
+"""Standard deviation of a light's distance in one image: pixels, and the time from image to odometry."""
 
 SLIP_MM = 160.0
-"""What two slips of the wheels lose."""
+"""Distance lost by two slips of the wheels."""
 
 _IN_VIEW_MM = 420.0  # a light whose center is no further ahead or behind is wholly in view
 _DARK_LOOKS = 3  # how many looks that find no light show that it is out
@@ -44,7 +44,7 @@ _STRAY_MM = 200.0
 _STRAY_TIMES = 2
 _PAIR_MM, _PAIR_PART = 120.0, 0.03
 LOST_SIGMA_MM = 60.0
-"""How well two lights tell a lost robot where it is."""
+"""Standard deviation of a lost robot's place after two lights."""
 
 _WIDEST_MM = 2_500.0
 
@@ -65,17 +65,17 @@ class LightGoal:
         return -math.sin(heading), math.cos(heading)
 
     def progress(self, x_mm: float, y_mm: float) -> float:
-        """How far a point is along the direction, in mm from the start."""
+        """Return the progress of a point along the direction, in mm from the start."""
         east, north = self.ahead
         return (x_mm - self.x_mm) * east + (y_mm - self.y_mm) * north
 
     def tilt(self, heading_deg: float) -> float:
-        """A heading less the direction, in degrees counterclockwise, from -180 to 180."""
+        """Return a heading less the direction, in degrees counterclockwise, from -180 to 180."""
         return math.remainder(heading_deg - self.direction_deg, 360.0)
 
 
 class Seen(NamedTuple):
-    """What an image shows, the robot's reported progress and tilt when it was taken, and when that was."""
+    """The lights in an image, and the robot's reported progress and tilt and the time when it was taken."""
 
     lights: tuple[Light, ...]
     progress_mm: float
@@ -84,9 +84,11 @@ class Seen(NamedTuple):
 
 
 class Sighting(NamedTuple):
-    """What one image says of where the robot was when it was taken: its true progress, by a light whose place
-    is known. `error_mm` is how far the reported one was short of that, `tilt_deg` the reported tilt, and
-    `sigma_mm` how sure the place is."""
+    """An observation by one image: the robot's true progress when it was taken, by a light at a known place.
+
+    `error_mm` is how far the reported progress was short of that, `tilt_deg` the reported tilt, and
+    `sigma_mm` the standard deviation of the place.
+    """
 
     t_ns: int
     place_mm: float
@@ -98,8 +100,8 @@ class Sighting(NamedTuple):
 class Passing(NamedTuple):
     """The robot's center came below a light: the `number`th of its goal, from 1, `beyond_mm` ago.
 
-    `valid` says that the light was seen; `turned_deg` how far the reported heading is off, None: not told;
-    `sighting` is what one image of the light says, None where none did.
+    `valid` says that the light was seen; `turned_deg` is the error of the reported heading, None if unknown;
+    `sighting` is the light's observation by one image, None if there is none.
     """
 
     number: int
@@ -116,17 +118,17 @@ class _Stray(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LightTrack:
-    """How far a goal is done, and what was seen of the light that comes next.
+    """The progress of a goal, and the observations of the light that comes next.
 
     Attributes:
-        reckoning: of the progress, at the last light.
-        passed: how many lights were passed.
-        sightings: what images of the next light said of the progress; those that show it whole, once there
-            is one.
-        turned_deg: what they said of that of the heading.
+        reckoning: estimate of the progress, at the last light.
+        passed: number of lights passed.
+        sightings: observations of the progress by images of the next light; only by those that show it whole,
+            once there is one.
+        turned_deg: their observations of the error of the heading.
         sure: an image showed the next light whole.
-        dark_looks: how many images should have shown it, and did not.
-        found: what two lights said of the progress of a robot that was lost, in the newest image.
+        dark_looks: number of images that should have shown it, and did not.
+        found: the progress of a lost robot by two lights, from the newest image.
         blind: no image will ever show a light: they are passed by the progress alone.
     """
 
@@ -143,7 +145,7 @@ class LightTrack:
 
     @classmethod
     def start(cls, goal: LightGoal, scale: Scale, passed: int = 0, *, blind: bool = False) -> LightTrack:
-        """At the start of a goal, or at one of its lights, with what is known of the odometry's scale."""
+        """Start at the beginning of a goal, or at one of its lights, with the known scale of the odometry."""
         at_mm = goal.lights_mm[passed - 1] if passed else 0.0
         return cls(goal=goal, reckoning=Reckoning(at_mm=at_mm, scale=scale), passed=passed, blind=blind)
 
@@ -153,7 +155,7 @@ class LightTrack:
         return self.passed >= len(self.goal.lights_mm)
 
     def reckoned(self, progress_mm: float) -> Reckoning:
-        """What is known where the reported progress is this, with what was seen of the next light."""
+        """Return the estimate at this reported progress, with the observations of the next light."""
         moved = self.reckoning.moved(progress_mm)
         if not self.sightings:
             return moved
@@ -162,7 +164,7 @@ class LightTrack:
 
     @property
     def errors_mm(self) -> tuple[float, ...]:
-        """What images of the next light said of the error of the reported progress."""
+        """Errors of the reported progress, by images of the next light."""
         return tuple(sighting.error_mm for sighting in self.sightings)
 
     def seen(self, seen: Seen) -> LightTrack:
@@ -227,13 +229,13 @@ class LightTrack:
         return replace(told, reckoning=told.reckoning.moved(progress_mm).anchored(0.0, sigma_mm))
 
     def to_next(self, progress_mm: float) -> float | None:
-        """How far it still is to the next light, in mm; None: there is none."""
+        """Return the distance to the next light, in mm, or None if there is none."""
         if self.done:
             return None
         return self.goal.lights_mm[self.passed] - self.reckoned(progress_mm).progress_mm
 
     def _dark_way(self, reckoning: Reckoning) -> float:
-        """How far beyond the place of a light that was not seen the robot must be."""
+        """Return how far beyond the place of an unseen light the robot must be."""
         if self.blind:
             return 0.0
         in_view = _IN_VIEW_MM if self.dark_looks >= _DARK_LOOKS else 0.0
@@ -249,7 +251,7 @@ class LightTrack:
         if nearest != self.passed:
             return self  # one that was passed already, or one of which there is time to think later
         if self.sure and not light.whole:
-            return self  # half a light tells no more of what was seen whole
+            return self  # half a light adds nothing to what was seen whole
         sighting = _sighting(
             seen, lights[nearest] - light.ahead_mm, math.hypot(LIGHT_SIGMA_MM, SEEN_SIGMA_MM)
         )
@@ -290,14 +292,14 @@ def _sighting(seen: Seen, place_mm: float, sigma_mm: float) -> Sighting:
 
 
 def tolerance_mm(reckoning: Reckoning, lights_mm: Sequence[float]) -> float:
-    """How far a light may be from its place in the map, to be that one."""
+    """Return how far a light may be from its place in the map, to be that one."""
     spacings = [after - before for before, after in pairwise(lights_mm)]
     most = min([_WIDEST_MM, *(_SPACING_PART * spacing for spacing in spacings)])
     return min(most, 3.0 * math.hypot(reckoning.sigma_mm, LIGHT_SIGMA_MM) + SLIP_MM)
 
 
 def _lost_by(strays: tuple[_Stray, ...], lights_mm: Sequence[float]) -> float | None:
-    """The error of the reported progress by which two strays are two lights, the least one; None: none."""
+    """Return the least error of the progress by which two strays are two lights; None if there is none."""
     if len(strays) < 2 or min(stray.times for stray in strays) < _STRAY_TIMES:
         return None
     first, second = (stray.place_mm for stray in strays)

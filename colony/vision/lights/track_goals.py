@@ -1,9 +1,7 @@
-"""The goals of CTracker at DServer: taken when $TrackData is upped, and taken up again by a tracker that is
-started anew.
+"""The goals of CTracker at DServer: taken when $TrackData is upped, and resumed by a restarted tracker.
 
-Where the robot was when a goal was taken is kept in TrackStart, since LightOffset counts from there. So a
-tracker that finds one there, which was ended half-way, goes on with the lights that CeilingLight does not
-count yet.
+TrackStart holds the robot's place when a goal was taken, since LightOffset counts from there. So a tracker
+that finds the TrackStart of an interrupted one resumes with the lights that CeilingLight does not count yet.
 """
 
 from __future__ import annotations
@@ -39,12 +37,12 @@ class Unfinished(NamedTuple):
 
 
 def new_goal() -> Generator[Step, Any, bool]:
-    """Whether $TrackData is upped, and so there is another goal."""
+    """Return True if $TrackData is upped, and so there is another goal."""
     return (yield from taken(TRACK_DATA, 0.0))
 
 
 def take_goal() -> Generator[Step, Any, LightGoal]:
-    """The goal that the Planner set, from where the robot is; CeilingLight counts from 0 for it.
+    """Return the goal that the Planner set, from where the robot is; CeilingLight counts from 0 for it.
 
     Raises:
         ValueError: there is not an offset for each light.
@@ -62,7 +60,7 @@ def take_goal() -> Generator[Step, Any, LightGoal]:
 
 
 def unfinished_goal() -> Generator[Step, Any, Unfinished | None]:
-    """The goal of a tracker that was ended before its last light, if it is still meant."""
+    """Return the goal of a tracker that was ended before its last light, if it is still meant."""
     told = yield from values(*_TOLD, CEILING_LIGHT, TRACK_START)
     if told is None or not told[TRACK_START] or (yield from is_given_up()):
         return None
@@ -77,20 +75,20 @@ def unfinished_goal() -> Generator[Step, Any, Unfinished | None]:
 
 
 def end_goal() -> Generator[Step, Any, None]:
-    """Tell the Planner that the last light was passed; Overshoot is set."""
+    """Notify the Planner that the last light was passed; Overshoot is set."""
     yield from do("DServer", data.signal(END_L_MODE))
     yield from give_up()
 
 
 def give_up() -> Generator[Step, Any, None]:
-    """The present goal is not to be taken up again."""
+    """Return the present goal is not to be taken up again."""
     yield from do("DServer", data.set(TRACK_START, []))
 
 
 def is_given_up() -> Generator[Step, Any, bool]:
-    """Whether the robot was given another goal, of another kind: nobody waits for these lights any more.
+    """Return True if the robot has a new goal of another kind: no client waits for these lights any more.
 
-    GoalType NONE gives nothing up: the robot is made to wait.
+    GoalType NONE gives nothing up: it only halts the robot.
     """
     told = yield from values(GOAL_TYPE)
     return told is not None and told[GOAL_TYPE] not in (GoalKind.LIGHTS, GoalKind.NONE)

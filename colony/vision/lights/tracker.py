@@ -1,16 +1,15 @@
-"""CTracker: counts the ceiling lights that the robot passes, and keeps its place along the corridor right
-(thesis sections 5.6 and 5.8).
+"""CTracker: counts the ceiling lights that the robot passes, and measures its place (sections 5.6 and 5.8).
 
 It waits for $TrackData, reads the lights to come from LightOffset, and looks at the ceiling twice a second or
-more often. CeilingLight is how many lights were passed; at each, $LightDet is upped. After the last one
-Overshoot is how far beyond it the robot is, and $EndLMode is upped. A tracker that is started anew goes on
-where one before it was ended (`track_goals.py`). Lights are given up where the robot has a goal of another
-kind meanwhile, from another Planner.
+more often. CeilingLight is the number of lights passed; at each, $LightDet is upped. After the last one
+Overshoot is how far beyond it the robot is, and $EndLMode is upped. A restarted tracker resumes where the one
+before it ended (`track_goals.py`). Lights are given up if the robot meanwhile has a goal of another kind,
+from another Planner.
 
-The map knows the place of a light to centimeters, so each valid light also tells where the robot is along the
-corridor, and its tilted edges the heading. That goes to the estimator of the pose as LightFix; the tracker
-corrects nothing itself. In turn it believes the reported position as far as the estimator does. Where nobody
-estimates the pose, it reckons by itself, from light to light, and learns the scale of the odometry.
+The map knows the place of a light to centimeters, so each valid light also gives the robot's place along the
+corridor, and its tilted edges the heading. That goes to the pose estimator as LightFix; the tracker corrects
+nothing itself. In turn it trusts the reported position as far as the estimator does. Without a pose
+estimator, it reckons by itself, from light to light, and learns the scale of the odometry.
 
 One script does that for any number of cameras: their lights meet in the same track, where one that is seen by
 two cameras is still one light. That is cheaper than the child processes of the thesis, and needs no token.
@@ -55,10 +54,10 @@ from colony.vision.lights.track_goals import (
 from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S
 
 ASK_AGAIN_S = 1.0
-"""How often it is asked, while tracking, whether there is a new goal in place of the present one."""
+"""Seconds between two checks, while tracking, for a new goal that replaces the present one."""
 
 TILT_SIGMA_DEG = 0.5
-"""How well the edges of a light tell the heading."""
+"""Standard deviation of the heading from the edges of a light."""
 
 _SOONEST_S = 0.02
 _OLDEST_IMAGE_S = 1.0
@@ -75,12 +74,12 @@ def light_tracker(
     geometry: CeilingCamera | Sequence[CeilingCamera] = UPWARD,
     thesis: bool = False,
 ) -> Script:
-    """CTracker, which looks at its cameras itself.
+    """Return CTracker, which looks at its cameras itself.
 
     Args:
-        cameras: without any, lights are passed by the position alone.
-        geometry: of all cameras, or of each.
-        thesis: count as printed, and tell no fix.
+        cameras: the cameras; without any, lights are passed by the position alone.
+        geometry: geometry of all cameras, or of each.
+        thesis: count as printed, and publish no fix.
 
     Raises:
         ValueError: there is not a geometry for each camera; later, in the script: the variables of a goal are
@@ -128,11 +127,11 @@ class _Tracking:
         self._told_ns = -1
 
     def scale(self, known: Scale) -> Scale:
-        """What is known of the odometry's scale now."""
+        """Return the present estimate of the odometry's scale."""
         return self._track.reckoning.scale if isinstance(self._track, LightTrack) else known
 
     def run(self) -> Generator[Step, Any, bool]:
-        """Until all lights were passed or given up; True: until there was a new goal in place of this one."""
+        """Run until all lights are passed or given up; return True if a new goal replaces this one."""
         if self._track.done:
             yield from do("DServer", data.set(OVERSHOOT, 0.0))
             yield from end_goal()
@@ -162,7 +161,7 @@ class _Tracking:
                 if passing is None:
                     break
                 if self._track.done and (yield from new_goal()):
-                    return True  # whose Planner must not be told of the end of this one
+                    return True  # its Planner must not be notified of the end of this one
                 yield from self._tell(passing)
             if self._track.done:
                 return False
@@ -177,7 +176,7 @@ class _Tracking:
         return True
 
     def _look(self, here: Position) -> Generator[Step, Any, None]:
-        """Take in what the cameras show. From where the robot stands, one look tells all."""
+        """Take in what the cameras show. While the robot stands, one look is enough."""
         goal = self._track.goal
         at_mm = goal.progress(here.x, here.y)
         if self._looked_at_mm is not None and abs(at_mm - self._looked_at_mm) < _STANDING_MM:
@@ -194,7 +193,7 @@ class _Tracking:
                 yield from self._tell_fix(self._track.found, None)
 
     def _tell(self, passing: Passing) -> Generator[Step, Any, None]:
-        """A light was passed."""
+        """Return a light was passed."""
         if passing.sighting is not None:
             yield from self._tell_fix(passing.sighting, passing.turned_deg)
         told: dict[str, object] = {CEILING_LIGHT: passing.number}
@@ -206,8 +205,10 @@ class _Tracking:
             yield from end_goal()
 
     def _tell_fix(self, sighting: Sighting, turned_deg: float | None) -> Generator[Step, Any, None]:
-        """Tell the estimator of the pose what an image says of the place along the corridor, and what several
-        together of the heading, which is to be turned by so much."""
+        """Publish an image's observation of the place along the corridor as a fix for the pose estimator.
+
+        With `turned_deg`, the heading's correction by several images, it has a row for the heading, too.
+        """
         goal = self._track.goal
         east, north = goal.ahead
         along = east * goal.x_mm + north * goal.y_mm + sighting.place_mm
@@ -219,15 +220,17 @@ class _Tracking:
         self._told_ns = self._positions[-1].t_ns
 
     def _pose(self) -> Generator[Step, Any, PoseEstimate | None]:
-        """The estimate of the pose; None where there is none. To be asked before the position, which then
-        has in it what the estimator corrected."""
+        """Return the estimate of the pose, or None if there is none.
+
+        Read it before the position, which then includes the estimator's corrections.
+        """
         if isinstance(self._track, ThesisTrack):
             return None
         told = yield from values(POSE)
         return None if told is None else pose_of(told[POSE])
 
     def _believe(self, pose: PoseEstimate | None) -> None:
-        """Trust the reported position as far as the estimator does, once it knows of the last fix."""
+        """Trust the reported position as far as the estimator does, once it has the last fix."""
         newest = self._positions[-1]
         if pose is None or not isinstance(self._track, LightTrack) or pose.t_ns <= self._told_ns:
             return
@@ -240,7 +243,7 @@ class _Tracking:
         return self._track.goal.progress(position.x, position.y)
 
     def _wait_s(self) -> float:
-        """Until the next look; less, where the robot's center comes below a light before."""
+        """Return the seconds until the next look: fewer if the robot's center comes below a light before."""
         period_s = self._period_s
         newest = self._positions[-1]
         rest_mm = self._track.to_next(self._progress(newest))
@@ -255,8 +258,10 @@ class _Tracking:
 
 
 def position_at(positions: Sequence[Position], t_ns: int) -> Position:
-    """Where the robot was, from positions in the order of their times: on the straight way between the two
-    around that time, or the first or last one."""
+    """Return where the robot was at a time, from positions in the order of their times.
+
+    The place is on the straight way between the two positions around that time, or is the first or last one.
+    """
     after = next((i for i, position in enumerate(positions) if position.t_ns >= t_ns), len(positions) - 1)
     if after == 0 or positions[after].t_ns <= t_ns:
         return positions[after]

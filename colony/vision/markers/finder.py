@@ -1,12 +1,12 @@
 """The marker finder: looks for the marker of an elevator that the robot is to take (thesis section 5.4.6).
 
 While GoalType is that of an elevator it looks at the camera ahead every 0.2 s: at the middle half of the
-image, and where the marker was seen, next time only at the rows around it. MarkerBearing, MarkerFacing and
-MarkerDistance are where the marker is from where the robot is when they are set. Where no marker is seen
-nothing is set, so that they grow old.
+image, and after a sighting only at the rows around the marker. MarkerBearing, MarkerFacing and MarkerDistance
+are the marker's place relative to the robot at the time when they are set. Without a marker in view nothing
+is set, so that they grow old.
 
-ElevatorCall tells which elevator is meant, and then only its marker counts, while the robot is on its floor;
-without a call, the widest one. A marker that the map of the floor has makes a fix of the pose, MarkerFix.
+ElevatorCall names the elevator, and then only its marker counts, while the robot is on its floor; without a
+call, the widest one. A marker that the map of the floor has makes a fix of the pose, MarkerFix.
 
 A server that is away is asked again at the next look.
 """
@@ -46,10 +46,10 @@ from colony.vision.markers.rows import find_markers
 from colony.vision.sightings import MarkerBox
 
 PERIOD_S = 0.2
-"""From one look to the next: 6 degrees of a sweep."""
+"""Seconds between two looks: 6 degrees of a sweep."""
 
 IDLE_S = 0.5
-"""How often it is asked whether an elevator is to be taken."""
+"""Seconds between two checks whether an elevator is to be taken."""
 
 MOST_OFF_DEG, MOST_OFF_MM = 30.0, 1_500.0
 """A marker that is farther from where the map has it, as seen from where the robot believes to be, is another
@@ -69,12 +69,12 @@ def marker_finder(
     camera: str = "CServerFront",
     geometry: LevelCamera = AHEAD,
 ) -> Script:
-    """Tell where the marker of the elevator is that the robot is to take; never ends.
+    """Publish the place of the marker of the elevator that the robot is to take; never ends.
 
     Args:
         floors: the markers of each floor, by the name of its map (`nav.signs.markers_of`).
         camera: the server of the camera that looks ahead.
-        geometry: of that camera.
+        geometry: the geometry of that camera.
 
     Raises:
         ValueError: in the script, where the camera's images are not as large as `geometry` says.
@@ -99,8 +99,10 @@ def _finder(finder: _Finder, period_s: float) -> Script:
 
 
 def _doors_deg() -> Generator[Step, Any, float | None]:
-    """The heading at which the robot faces the doors of the elevator that it is to take, as far as it knows;
-    None where it is to take none, or nobody says so."""
+    """Return the heading at which the robot faces the elevator doors, as far as it knows.
+
+    None if it is to take no elevator, or DServer has no goal.
+    """
     try:
         told = yield from values(GOAL_TYPE, GOAL_DIRECTION)
     except SILENT:
@@ -123,12 +125,12 @@ class _Finder:
         self._newest_ns = -1
 
     def forget(self) -> None:
-        """The robot is elsewhere when it looks again."""
+        """Forget the last sighting: the robot is elsewhere when it looks again."""
         self._positions.clear()
         self._rows = self._middle_half
 
     def look(self, doors_deg: float) -> Generator[Step, Any, bool]:
-        """One look, and tell what is seen; False where the camera has no new image.
+        """Look once, and publish what is seen; False if the camera has no new image.
 
         Args:
             doors_deg: the heading at which the robot faces the doors, as far as it knows.
@@ -156,7 +158,7 @@ class _Finder:
     def _told(
         self, boxes: Sequence[MarkerBox]
     ) -> Generator[Step, Any, tuple[MarkerBox, MarkerPose, tuple[Marker, ...]] | None]:
-        """The marker that is meant: its box, where it is, and which of the map it may be."""
+        """Return the marker that is meant: its box, its pose, and the map's marker that it may be."""
         seen = [(box, pose) for box in boxes if (pose := marker_pose(box, self.geometry)) is not None]
         if not seen:
             return None
@@ -169,7 +171,7 @@ class _Finder:
         return box, pose, tuple(marker for marker in markers if marker.code == box.code)
 
     def _meant(self) -> Generator[Step, Any, tuple[Marker | None, Sequence[Marker]]]:
-        """The marker of the elevator that is called, and those that the floor has: only that one then."""
+        """Return the called elevator's marker, which then is the only one that counts, and the floor's."""
         floor = yield from values(FLOOR)
         call = yield from values(ELEVATOR_CALL)
         name = floor[FLOOR] if floor is not None else None
@@ -180,7 +182,7 @@ class _Finder:
         return meant, markers if meant is None else (meant,)
 
     def _confining(self, band: Image, box: MarkerBox) -> range:
-        """The rows around a marker, within the middle half of the image."""
+        """Return the rows around a marker, within the middle half of the image."""
         first = max(band.first_row + box.first_row - _MARGIN_ROWS, self._middle_half.start)
         end = min(band.first_row + box.last_row + 1 + _MARGIN_ROWS, self._middle_half.stop)
         return range(first, end)
@@ -203,7 +205,7 @@ class _Finder:
 
 
 def is_there(pose: MarkerPose, marker: Marker, here: Position) -> bool:
-    """Whether a marker that is seen may be this one of the map, for a robot that believes to be `here`."""
+    """Return True if an observed marker may be this one of the map, seen by a robot believed `here`."""
     along = math.radians(here.heading + pose.bearing_deg)
     east = here.x - pose.distance_mm * math.sin(along)
     north = here.y + pose.distance_mm * math.cos(along)
@@ -213,7 +215,7 @@ def is_there(pose: MarkerPose, marker: Marker, here: Position) -> bool:
 
 
 def _from_there(pose: MarkerPose, then: Position, now: Position) -> tuple[float, float]:
-    """The bearing and the distance of a marker for a robot that has moved on since."""
+    """Return the bearing and the distance of a marker for a robot that has moved on since."""
     along = math.radians(then.heading + pose.bearing_deg)
     east = then.x - pose.distance_mm * math.sin(along) - now.x
     north = then.y + pose.distance_mm * math.cos(along) - now.y
@@ -222,5 +224,5 @@ def _from_there(pose: MarkerPose, then: Position, now: Position) -> tuple[float,
 
 
 def _only(floors: Mapping[str, Sequence[Marker]]) -> Sequence[Marker]:
-    """The markers of the building, where it has one floor."""
+    """Return the markers of the building, if it has one floor."""
     return next(iter(floors.values())) if len(floors) == 1 else ()

@@ -1,11 +1,11 @@
-"""Where a camera is before a marker, from one image of it, and what that tells about the robot's pose.
+"""The place of a camera before a marker from one image, and the robot's pose that follows from it.
 
 The edges of a marker are places along a straight line whose distances are known. A camera that sees them in
 columns r (in focal lengths, to the right) has them at r (z + t s) = x + t c: x to the right and z ahead is
 the marker's middle, (c, s) the direction of its stripes, t the place of the edge along them. That is linear
-in x, z and s for c = 1, so three edges suffice, and the more there are the better. So one look tells the
-bearing, the distance, and how far the camera would have to turn to face the doors squarely, since the nearer
-half of a marker is seen wider.
+in x, z and s for c = 1, so three edges suffice, and the more there are the better. So one image gives the
+bearing, the distance, and the turn of the camera that would face the doors squarely, since the nearer half of
+a marker is seen wider.
 """
 
 from __future__ import annotations
@@ -25,29 +25,31 @@ EDGE_PX = 0.12
 """The standard deviation of an edge that many rows agree upon."""
 
 LENS_DEG = 0.2
-"""Of a bearing: what is not exact about how the camera is mounted, and when the image was taken."""
+"""Error of a bearing from the camera's mounting and the time of the image."""
 
 SCALE = 0.01
-"""Of a distance, as a part of it: what is not exact about the focal length."""
+"""Error of a distance, as a part of it, from the focal length."""
 
 CLEAR_DEG = 2.0
-"""How far a marker is and how aslant cannot be told apart from farther away; where the latter is less certain
-than that, neither is told."""
+"""Largest uncertainty of a marker's slant for a fix of distance and slant.
+
+From farther away the two cannot be separated, and neither is reported.
+"""
 
 MOST_FACING_DEG = 70.0
-"""Who looks more aslant than that sees no marker."""
+"""Largest slant at which a marker is visible."""
 
 
 _UNITS = 2 * MARKER_BITS + 1
 
 
 class MarkerPose(NamedTuple):
-    """A marker relative to the robot, and the standard deviations of that.
+    """A marker relative to the robot, with standard deviations.
 
     Attributes:
-        bearing_deg: where its middle is, counterclockwise from ahead.
-        distance_mm: how far away it is.
-        facing_deg: how far the robot has to turn counterclockwise to face the doors squarely.
+        bearing_deg: direction of its middle, counterclockwise from ahead.
+        distance_mm: its distance.
+        facing_deg: turn that makes the robot face the doors squarely, counterclockwise.
     """
 
     bearing_deg: float
@@ -59,18 +61,17 @@ class MarkerPose(NamedTuple):
 
     @property
     def aside_mm(self) -> float:
-        """How far the robot is to the left of the line through the marker's middle, at right angles to the
-        doors, as who faces these."""
+        """Distance of the robot to the left of the marker's normal, as seen facing the doors."""
         return self.distance_mm * math.sin(math.radians(self.facing_deg - self.bearing_deg))
 
     @property
     def ahead_mm(self) -> float:
-        """How far the doors are from the robot, at right angles to them."""
+        """Distance of the robot from the doors, at right angles to them."""
         return self.distance_mm * math.cos(math.radians(self.facing_deg - self.bearing_deg))
 
 
 def edge_units(code: int) -> tuple[float, ...]:
-    """Where the edges of a code's stripes are, in units from the marker's left side."""
+    """Return the edges of a code's stripes, in units from the marker's left side."""
     black = [True]
     for bit in range(MARKER_BITS):
         black += [bool(code >> (MARKER_BITS - 1 - bit) & 1), True]
@@ -79,7 +80,7 @@ def edge_units(code: int) -> tuple[float, ...]:
 
 
 def marker_pose(box: MarkerBox, camera: LevelCamera = AHEAD) -> MarkerPose | None:
-    """Where the marker of a box is; None where no marker has such edges."""
+    """Return the pose of the marker in a box, or None if no marker has such edges."""
     units = edge_units(box.code)
     if len(box.edges) != len(units):
         return None
@@ -111,8 +112,10 @@ def marker_pose(box: MarkerBox, camera: LevelCamera = AHEAD) -> MarkerPose | Non
 
 
 def marker_rows(pose: MarkerPose, marker: Marker, here: Position) -> tuple[Row, ...]:
-    """What a look at a known marker tells about the robot's pose, which was believed to be `here` then: the
-    bearing, and where it was near enough for that the distance and the heading."""
+    """Return the observations of the robot's pose by a known marker.
+
+    They are the bearing and, from near enough, the distance and the heading. The robot believed to be `here`.
+    """
     heading = math.radians(here.heading)
     east, north = marker.middle.x - here.x, marker.middle.y - here.y
     apart = max(math.hypot(east, north), MARKER_WIDTH_MM)

@@ -6,13 +6,13 @@ counts. Since nothing is known of the exposure, a row is looked at with several 
 
 *Patterns.* A pattern is a run of edges that begins with one from white to black. Its stripes are one unit
 wide each, or three where a black bit lies between its separators, so five codes have five patterns of 8, 6 or
-4 edges. Who looks aslant sees units that widen toward one side: a pattern's edges are where a parabola over
+4 edges. Seen aslant, units widen toward one side: a pattern's edges are where a parabola over
 the units has them, to a small part of a unit. And its white stripes are all about as bright, and much
 brighter than its black ones, which are all about as dark; beside it there is nothing but door.
 
 *Rows.* Patterns of neighboring rows that have the same code and edges are one marker if their mean edges are
 exactly where they should be, if these rows are as many as a marker is high at the distance and the angle that
-the edges tell, and if there are no stripes above and below them. Printing, glass bricks and mortar have
+the edges show, and if there are no stripes above and below them. Printing, glass bricks and mortar have
 stripes, too, so each of these conditions counts.
 """
 
@@ -39,27 +39,28 @@ LEAST_UNIT = 3.2
 """The least width of a unit, in pixels: that of a marker that is 5.8 m away."""
 
 MOST_MISFIT, MOST_MISFIT_PX = 0.10, 0.45
-"""How far an edge may be from where its pattern has it: so many units, and so many pixels, which are not
-exact."""
+"""Tolerances of an edge's place in its pattern: a part of a unit, plus pixels of measurement error."""
 
 MOST_MEAN_MISFIT, MOST_MEAN_MISFIT_PX = 0.06, 0.12
-"""Likewise of the mean of all rows."""
+"""Tolerances of the mean of all rows, likewise."""
 
 MOST_WIDENING = 0.6
-"""By how much the last unit of a pattern may be wider than its middle one, or less wide; as a part."""
+"""Largest difference in width of a pattern's last unit from its middle one, as a part."""
 
 LEAST_CONTRAST, LEAST_RATIO = 12.0, 1.6
-"""By how many gray levels white stripes are brighter than black ones, and how many times as bright."""
+"""Least contrast of white to black stripes: the difference in gray levels, and the ratio."""
 
 MOST_UNEVEN = 0.4
-"""How far white stripes may differ from each other, and black ones, as a part of their contrast."""
+"""Largest difference between white stripes, or between black ones, as a part of their contrast."""
 
 LEAST_BESIDE = 0.25
-"""How much brighter than black stripes the door beside them is at least, likewise; `MOST_UNEVEN` is for it,
-too."""
+"""Least contrast of the door beside the stripes to the black ones, likewise.
+
+`MOST_UNEVEN` applies to it, too.
+"""
 
 LEAST_ROWS = 4
-"""Of a marker, however far away it is."""
+"""Least number of rows of a marker, at any distance."""
 
 _UNITS = 2 * MARKER_BITS + 1
 _LEAST_HEIGHT, _MOST_HEIGHT = 0.7, 1.3  # as parts of the height that a marker has there
@@ -74,8 +75,10 @@ Levels = NDArray[np.float32]
 
 
 class _Template(NamedTuple):
-    """A code's pattern: where its edges are, in units from its middle, and what is left of edges that a
-    parabola does not explain; `solve` gives that parabola's middle, slope and curvature."""
+    """The pattern of a code: its edges, in units from its middle, and the projection onto the residuals.
+
+    The residuals are those of a parabola; `solve` gives that parabola's middle, slope and curvature.
+    """
 
     code: int
     edges: Floats
@@ -95,12 +98,13 @@ class _Pattern(NamedTuple):
 def find_markers(
     image: NDArray[Any], rows: range | None = None, camera: LevelCamera = AHEAD
 ) -> tuple[MarkerBox, ...]:
-    """The markers in an image, from left to right; none where it shows none.
+    """Return the markers in an image, from left to right.
 
     Args:
         image: (height, width) of gray levels, or with a last axis of 1 or 3 channels.
-        rows: which to look at, without gaps; the middle half unless told.
-        camera: which angle the image's width sees; the image may be larger than the camera's, or a band.
+        rows: the rows to look at, without gaps; the default is the middle half.
+        camera: the camera, for the angle that the image's width covers; the image may be larger than the
+            camera's, or a band.
 
     Raises:
         ValueError: `image` is not such an array of uint8, or does not have these rows.
@@ -122,7 +126,7 @@ def find_markers(
 
 
 def _patterns(levels: Levels) -> list[_Pattern]:
-    """The patterns of all rows; each once, however many thresholds show it."""
+    """Return the patterns of all rows; each once, however many thresholds show it."""
     gradients = _gradients(levels)
     found: dict[tuple[int, int, int], _Pattern] = {}
     rows, columns, values = _peaks(gradients, THRESHOLDS[0])
@@ -137,7 +141,7 @@ def _patterns(levels: Levels) -> list[_Pattern]:
 
 
 def _smoothed(band: Gray) -> Levels:
-    """Each row with a little of its neighbors, against noise: markers are upright."""
+    """Smooth each row with a little of its neighbors, against noise: markers are upright."""
     levels = band.astype(np.float32)
     padded = np.concatenate([levels[:1], levels, levels[-1:]])
     smoothed: Levels = np.float32(0.25) * (padded[:-2] + padded[2:]) + np.float32(0.5) * levels
@@ -145,7 +149,7 @@ def _smoothed(band: Gray) -> Levels:
 
 
 def _gradients(levels: Levels) -> Levels:
-    """At each border between pixels; column k is that between pixels k + 1 and k + 2."""
+    """Return the gradient at each border; column k is that between pixels k + 1 and k + 2."""
     inner = levels[:, 2:-1] - levels[:, 1:-2]
     outer = levels[:, 3:] - levels[:, :-3]
     gradients: Levels = np.float32(0.5) * (inner + outer)
@@ -153,7 +157,7 @@ def _gradients(levels: Levels) -> Levels:
 
 
 def _peaks(gradients: Levels, threshold: float) -> tuple[NDArray[np.intp], Floats, Levels]:
-    """Where gradients peak: rows, columns to a part of a pixel, and the gradients there."""
+    """Return the peaks of gradients: rows, columns to a part of a pixel, and the gradients there."""
     size = np.abs(gradients)
     middle = size[:, 1:-1]
     at = (middle >= threshold) & (middle >= size[:, :-2]) & (middle > size[:, 2:])
@@ -172,7 +176,7 @@ class _Edges(NamedTuple):
 
 
 def _alternating(rows: NDArray[np.intp], columns: Floats, values: Levels) -> _Edges:
-    """Of neighbors in a row that have the same sense, only the strongest."""
+    """Keep only the strongest of neighbors in a row that have the same sign."""
     if len(rows) == 0:
         return _Edges(rows, columns, values < 0.0)
     falls, size = values < 0.0, np.abs(values)
@@ -186,7 +190,7 @@ def _alternating(rows: NDArray[np.intp], columns: Floats, values: Levels) -> _Ed
 
 
 def _matches(edges: _Edges, levels: Levels) -> Iterator[_Pattern]:
-    """The patterns among the edges of rows."""
+    """Return the patterns among the edges of rows."""
     for template in _TEMPLATES:
         count = len(template.edges)
         starts = np.flatnonzero(edges.falls[: max(len(edges.falls) - count + 1, 0)])
@@ -205,8 +209,7 @@ def _matches(edges: _Edges, levels: Levels) -> Iterator[_Pattern]:
 
 
 def _are_striped(levels: Levels, rows: NDArray[np.intp], columns: Floats) -> NDArray[np.bool_]:
-    """Which of these patterns, (n, edges), have black and white stripes in turns with nothing but door beside
-    them."""
+    """Return which patterns, (n, edges), have alternating black and white stripes between plain door."""
     middles = np.rint((columns[:, 1:] + columns[:, :-1]) / 2.0).astype(np.intp)
     stripes = levels[rows[:, None], middles]
     black, white = stripes[:, ::2], stripes[:, 1::2]
@@ -230,7 +233,7 @@ def _are_striped(levels: Levels, rows: NDArray[np.intp], columns: Floats) -> NDA
 
 
 def _runs(patterns: list[_Pattern]) -> list[list[_Pattern]]:
-    """Patterns that are alike in neighboring rows."""
+    """Group patterns that are alike in neighboring rows."""
     runs: list[list[_Pattern]] = []
     for pattern in patterns:
         run = next((run for run in reversed(runs) if _continues(run[-1], pattern)), None)
@@ -249,8 +252,7 @@ def _continues(last: _Pattern, pattern: _Pattern) -> bool:
 
 
 def _is_marker(run: list[_Pattern], levels: Levels, camera: LevelCamera) -> bool:
-    """Whether a run has exact edges, as many rows as a marker that has such edges, and no stripes above and
-    below it."""
+    """Return True if a run has a marker's exact edges and number of rows, and no stripes around it."""
     box = _box(run, 0)
     edges, template = np.array(box.edges), _TEMPLATES[MARKER_CODES.index(box.code)]
     misfit = float(np.abs(template.residual @ edges).max())
@@ -287,7 +289,7 @@ def _box(run: list[_Pattern], first_row: int) -> MarkerBox:
 
 
 def _without_overlaps(boxes: list[MarkerBox]) -> tuple[MarkerBox, ...]:
-    """Of two that cover the same columns, the higher one."""
+    """Keep the higher one of two boxes that cover the same columns."""
     kept: list[MarkerBox] = []
     for box in sorted(boxes, key=lambda box: box.first_row - box.last_row):
         if all(box.right <= other.left or box.left >= other.right for other in kept):

@@ -1,0 +1,1 @@
+"""Door plates: their detection, tracking over images, and reading."""

@@ -1,4 +1,4 @@
-"""Where in an image a plate might be: dark patches of about a plate's shape that lie on the horizon.
+"""Candidates for plates in an image: dark patches of about a plate's shape that lie on the horizon.
 
 A level camera at the height of the plates' middle sees each of them symmetrically about its horizon, however
 far away and at whatever angle. So most of what is dark is no candidate. Dark is what is below one of several
@@ -14,10 +14,10 @@ from colony.vision.gray_images import Gray
 from colony.vision.plates.patches import Patch, agreed
 
 LEVELS = 10
-"""How many thresholds are tried, between the darkest and the middle gray of the image."""
+"""Number of thresholds, between the darkest and the middle gray of the image."""
 
 LEAST_HEIGHT = 7
-"""Of a candidate, in pixels of an image 240 columns wide: a plate 3.7 m away."""
+"""Least height of a candidate, in pixels of an image 240 columns wide: a plate 3.7 m away."""
 
 LEAST_ASPECT, MOST_ASPECT = 0.9, 4.2
 """Width by height: 2.8 for a plate that is faced, 1.6 at 50 degrees; with room for pixels."""
@@ -29,7 +29,7 @@ _LEAST_FILL = 0.3  # of the bounding box: the characters may be cut out of it
 
 
 def candidates(gray: Gray, horizon: float) -> tuple[Patch, ...]:
-    """The dark patches that might be plates, those that stand out at most thresholds first.
+    """Return the dark patches that might be plates; patches at most thresholds come first.
 
     Args:
         gray: an image, or a band of one, about 240 columns wide.
@@ -55,7 +55,7 @@ def candidates(gray: Gray, horizon: float) -> tuple[Patch, ...]:
 
 
 def _is_likely(stats: NDArray[np.int32], columns: int, rows: int, horizon: float) -> NDArray[np.bool_]:
-    """Which components, (n, 5) as OpenCV tells them, have about a plate's shape and place."""
+    """Return which components, (n, 5) as OpenCV gives them, have about a plate's shape and place."""
     left, top, width, height, area = stats.T
     off = np.abs(top + (height - 1) / 2.0 - horizon)
     likely = (height >= LEAST_HEIGHT) & (width >= LEAST_ASPECT * height) & (width <= MOST_ASPECT * height)

@@ -1,6 +1,6 @@
 """Borders of regions as chain codes, and the corners of such a curve (thesis section 5.7).
 
-A chain code tells a border step by step: 0 is to the right, 2 up, 4 to the left, 6 down, odd numbers are the
+A chain code lists the steps of a border: 0 is to the right, 2 up, 4 to the left, 6 down, odd numbers are the
 diagonals between. Source of the corners: Beus and Tiu, An Improved Corner Detection Algorithm Based on
 Chain-Coded Plane Curves (1987), which is that of Freeman and Davis (1977) with the arms of a corner limited
 in length, averaged over several lengths of the segments whose turning is watched.
@@ -20,10 +20,10 @@ SEGMENTS = (3, 4, 5)
 """Over how many steps directions are measured; corners are averaged over these."""
 
 LONGEST_ARM = 10
-"""How many straight steps at most count for a corner, before it and after it."""
+"""Largest number of straight steps that count for a corner, before it and after it."""
 
 LEAST_CORNERNESS = 8.0
-"""Of a corner, in radians times steps: a right angle whose arms are three steps long has 9.4."""
+"""Least cornerness of a corner, in radians times steps: a right angle with arms of three steps has 9.4."""
 
 _STEPS = ((1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1))  # column, row
 _DX, _DY = (np.array(axis, dtype=np.float64) for axis in zip(*_STEPS, strict=True))
@@ -37,7 +37,7 @@ class Border(NamedTuple):
 
 
 def traced(binary: NDArray[np.bool_], column: int, row: int) -> Border | None:
-    """The border of a bright region, clockwise from a pixel on whose left it is dark.
+    """Trace the border of a bright region, clockwise from a pixel on whose left it is dark.
 
     None where it is not closed within the image: it meets the image's rim, or is a single pixel.
     """
@@ -66,8 +66,11 @@ def traced(binary: NDArray[np.bool_], column: int, row: int) -> Border | None:
 
 
 def cornerness(codes: NDArray[np.int64], *, longest_arm: int = LONGEST_ARM) -> Floats:
-    """How much of a corner each pixel of a closed border is, (n,): by how much the border turns there, in
-    radians, positive to the right, times the root of the lengths of its two arms."""
+    """Return the cornerness of each pixel of a closed border, (n,).
+
+    It is the turn of the border there, in radians, positive to the right, times the root of the lengths of
+    its two arms.
+    """
     total = np.zeros(len(codes))
     for segment in SEGMENTS:
         if segment < len(codes):
@@ -76,7 +79,7 @@ def cornerness(codes: NDArray[np.int64], *, longest_arm: int = LONGEST_ARM) -> F
 
 
 def corners(border: Border) -> NDArray[np.int64]:
-    """The corners at which a closed border turns to the right, (n, 2) of column and row, in its order."""
+    """Return the corners at which a closed border turns to the right, (n, 2) of column and row, in order."""
     value = cornerness(border.codes)
     apart = max(SEGMENTS)
     count = len(value)
@@ -90,7 +93,7 @@ def corners(border: Border) -> NDArray[np.int64]:
 
 
 def _cornerness(codes: NDArray[np.int64], segment: int, longest_arm: int) -> Floats:
-    """For one length of segments. Segment j is the `segment` steps that end with step j."""
+    """Return the cornerness for one segment length; segment j is the `segment` steps ending with step j."""
     x, y = _windows(_DX[codes], segment), _windows(_DY[codes], segment)
     angle = np.arctan2(y, x)
     turn = np.roll(angle, -1) - np.roll(angle, 1)
@@ -106,13 +109,13 @@ def _cornerness(codes: NDArray[np.int64], segment: int, longest_arm: int) -> Flo
 
 
 def _windows(values: Floats, length: int) -> Floats:
-    """Of a closed curve, the sum of each value and the `length` - 1 before it."""
+    """Return the sum of each value of a closed curve and the `length` - 1 values before it."""
     sums = np.cumsum(np.concatenate([values[len(values) - length + 1 :], values]))
     return np.asarray(sums[length - 1 :] - np.concatenate([[0.0], sums[: len(values) - 1]]))
 
 
 def _run(straight: NDArray[np.bool_], longest: int) -> Floats:
-    """How many in a row are straight, up to and with each, at most `longest`."""
+    """Return how many steps in a row are straight, up to and with each, at most `longest`."""
     runs = np.zeros(len(straight))
     alive = np.ones(len(straight), dtype=np.bool_)
     for shift in range(longest):

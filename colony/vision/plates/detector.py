@@ -25,7 +25,7 @@ from colony.vision.plates.outline import Outline, outline_near, outline_of
 from colony.vision.sightings import PlateBox
 
 LEAST_SCORE = 0.4
-"""Of a plate that is told."""
+"""Least score of a plate that is reported."""
 
 SURE = 0.9
 """A dark patch of this score is not looked at again for what is written on it."""
@@ -43,14 +43,14 @@ _FARTHEST_MM = 3_700.0
 
 
 class Size(NamedTuple):
-    """How an outline fits a plate's shape.
+    """The fit of an outline to a plate's shape.
 
     Attributes:
-        depth_mm: how far its middle is, by its height.
-        width: by how much wider it is than a plate would be there, as a part of that; negative: narrower.
-        slope: by how much its right edge is higher than its left one, as a part of the height, less what that
-            is on a wall that is tilted as told.
-        off: by how much its middle is off the horizon, in pixels, less what is tolerable.
+        depth_mm: distance of its middle, by its height.
+        width: excess over the width of a plate there, as a part of that; negative: narrower.
+        slope: how much higher its right edge is than its left one, as a part of the height, less the slope on
+            a wall with the given tilt.
+        off: distance of its middle from the horizon, in pixels, less what is tolerable.
     """
 
     depth_mm: float
@@ -66,12 +66,12 @@ def find_plates(
     first_row: int = 0,
     tilt_deg: float | None = None,
 ) -> tuple[PlateBox, ...]:
-    """The plates in an image, the most plate-like one first.
+    """Return the plates in an image, the most plate-like one first.
 
     Args:
         image: (rows, columns) of gray, or (rows, columns, 3) of RGB, uint8: all of the image or a band of it.
-        camera: what took it; a camera of 60 degrees that gives such an image, where it is not told.
-        first_row: where a band begins in the whole image. Corners are told in the band.
+        camera: the camera; the default is one of 60 degrees that gives such an image.
+        first_row: where a band begins in the whole image. Corners are given in the band.
         tilt_deg: the angle between the optical axis and the wall's normal, as far as it is known.
 
     Raises:
@@ -89,7 +89,7 @@ def find_plates(
 
 
 def _plates(gray: Gray, camera: LevelCamera, horizon: float, tilt_deg: float | None) -> list[PlateBox]:
-    """The dark patches that are plates, and the plates about lines of text."""
+    """Return the dark patches that are plates, and the plates about lines of text."""
     small, factor = _small(gray)
     row = (horizon - (factor - 1) / 2.0) / factor
     found: list[PlateBox] = []
@@ -113,7 +113,7 @@ def _plates(gray: Gray, camera: LevelCamera, horizon: float, tilt_deg: float | N
 
 
 def _small(gray: Gray) -> tuple[Gray, int]:
-    """The image made about as small as `WORKING_COLUMNS`, and by how much."""
+    """Return the image reduced to about `WORKING_COLUMNS`, and the factor."""
     import cv2
 
     factor = max(1, round(gray.shape[1] / WORKING_COLUMNS))
@@ -127,7 +127,7 @@ def _small(gray: Gray) -> tuple[Gray, int]:
 def _plate(
     gray: Gray, outline: Outline, camera: LevelCamera, horizon: float, tilt_deg: float | None
 ) -> list[PlateBox]:
-    """What is within an outline, if it may be a plate."""
+    """Return the plate within an outline, or nothing if it cannot be one."""
     size = size_of(outline, camera, horizon, tilt_deg)
     if size is None or not _fits(size, outline):
         return []
@@ -141,7 +141,7 @@ def _overlap(left: float, right: float, plate: PlateBox) -> bool:
 
 
 def size_of(outline: Outline, camera: LevelCamera, horizon: float, tilt_deg: float | None) -> Size | None:
-    """How an outline fits a plate's shape; None for what is no trapezoid."""
+    """Return the fit of an outline to a plate's shape, or None for what is no trapezoid."""
     left = outline.left_bottom - outline.left_top
     right = outline.right_bottom - outline.right_top
     if min(left, right) < 1.0:
@@ -167,7 +167,7 @@ def size_of(outline: Outline, camera: LevelCamera, horizon: float, tilt_deg: flo
 
 
 def _fits(size: Size, outline: Outline) -> bool:
-    """Whether a plate can look like that at all."""
+    """Return True if a plate can look like that at all."""
     height = outline.left_bottom - outline.left_top
     return (
         size.depth_mm <= _FARTHEST_MM
@@ -179,7 +179,7 @@ def _fits(size: Size, outline: Outline) -> bool:
 
 
 def score_of(size: Size, face: Face) -> float:
-    """How plate-like it is, from 0 to 1: the product of what each feature says."""
+    """Return the score of a plate, from 0 to 1: the product of the scores of its features."""
     return (
         _within(size.width, 0.0, 0.12, 0.25)
         * _within(size.slope, 0.0, 0.12, 0.25)
@@ -194,13 +194,12 @@ def score_of(size: Size, face: Face) -> float:
 
 
 def _within(value: float, expected: float, good: float, bad: float) -> float:
-    """1 where a value is nearer than `good` to what is expected, 0 beyond `bad`, and between the two
-    between them."""
+    """Return 1 if a value is nearer than `good` to the expected one, 0 beyond `bad`, and linear between."""
     return min(max((bad - abs(value - expected)) / (bad - good), 0.0), 1.0)
 
 
 def _apart(plates: Iterable[PlateBox]) -> tuple[PlateBox, ...]:
-    """The best ones of those that overlap."""
+    """Keep the best of plates that overlap."""
     kept: list[PlateBox] = []
     for plate in sorted(plates, key=lambda plate: -plate.score):
         if not any(_overlap(plate.corners[0][0], plate.corners[1][0], other) for other in kept):

@@ -1,9 +1,9 @@
-"""How much what is within an outline looks like a door plate: white characters in one line on black, of the
-height that plates have, with a black margin around them, on something lighter.
+"""The likeness of what is within an outline to a door plate.
 
-The outline is rectified to millimeters first, as if it were a plate. What a poster lacks of a plate is then
-plain: its lines are too many or too low, its margins too narrow, its ground is not even, or nothing is
-written on it.
+A plate has white characters in one line on black, of the height that plates have, with a black margin around
+them, on something lighter. The outline is rectified to millimeters first, as if it were a plate. What a
+poster lacks of a plate is then plain: its lines are too many or too low, its margins too narrow, its ground
+is not even, or nothing is written on it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 MM_A_PIXEL = 4.0
 BORDER_MM = 32.0
-"""How much around the plate is rectified with it."""
+"""Width of the border around the plate that is rectified with it."""
 
 LEAST_CONTRAST = 12.0
 """The least difference of gray levels between the characters and the ground."""
@@ -40,18 +40,18 @@ _LEAST_STEP = 0.15
 
 
 class Face(NamedTuple):
-    """What is seen of a plate. All but the contrast is relative to it.
+    """The features of a plate's face. All but the contrast are relative to it.
 
     Attributes:
-        contrast: between the characters and the ground, in gray levels.
-        ground: how dark it is between the characters, as a part of how light they are.
-        edged: along which part of its outline it is lighter outside than inside.
-        ink: how light the line of characters is in the mean: how much of it is covered by them.
-        misfit: by how much the rows differ from those of a plate (rms), as a part of `ink`.
-        gap: how light the darkest row of the line of characters is, as a part of their mean.
-        rim: how light the margin is around the characters, where it is lightest.
-        middle: where the middle of the writing is, from 0, the left edge, to 1.
-        width: of the writing, as a part of the plate's.
+        contrast: difference between the characters and the ground, in gray levels.
+        ground: brightness between the characters, as a part of the brightness of the characters.
+        edged: part of the outline along which it is lighter outside than inside.
+        ink: mean brightness of the line of characters: the part of it that they cover.
+        misfit: difference of the rows from those of a plate (rms), as a part of `ink`.
+        gap: brightness of the darkest row of the line of characters, as a part of their mean.
+        rim: brightness of the margin around the characters, where it is lightest.
+        middle: place of the middle of the writing, from 0, the left edge, to 1.
+        width: width of the writing, as a part of the plate's.
     """
 
     contrast: float
@@ -66,7 +66,7 @@ class Face(NamedTuple):
 
 
 def face_of(gray: Gray, outline: Outline) -> Face | None:
-    """What is within an outline; None where nothing stands out in it."""
+    """Return the face within an outline, or None if nothing stands out in it."""
     patch = _rectified(gray, outline)
     plate = patch[_BORDER : _BORDER + _ROWS, _BORDER : _BORDER + _COLUMNS]
     ordered = np.sort(plate, axis=None)
@@ -94,7 +94,7 @@ def face_of(gray: Gray, outline: Outline) -> Face | None:
 
 
 def contrast_of(gray: Gray, outline: Outline) -> float:
-    """Between what is bright and what is dark within an outline, in gray levels."""
+    """Return the contrast of bright and dark within an outline, in gray levels."""
     left, right = max(math.ceil(outline.left), 0), max(math.floor(outline.right), 0) + 1
     top, bottom = max(math.ceil(outline.left_top), 0), max(math.floor(outline.left_bottom), 0) + 1
     within = np.sort(gray[top:bottom, left:right], axis=None)
@@ -104,7 +104,7 @@ def contrast_of(gray: Gray, outline: Outline) -> float:
 
 
 def _rectified(gray: Gray, outline: Outline) -> Floats:
-    """The plate with its surroundings, faced."""
+    """Rectify the plate with its surroundings."""
     import cv2
 
     near, right, lower = _BORDER - 0.5, _BORDER + _COLUMNS - 0.5, _BORDER + _ROWS - 0.5
@@ -117,7 +117,7 @@ def _rectified(gray: Gray, outline: Outline) -> Floats:
 
 
 def _edged(patch: Floats) -> float:
-    """Along which part of the outline it is lighter outside than within the margin."""
+    """Return the part of the outline along which it is lighter outside than within the margin."""
     rows, columns = slice(_BORDER, -_BORDER), slice(_BORDER, -_BORDER)
     inside, outside = _BORDER + _MARGIN // 2, _BORDER - _OUTSIDE
     steps = (
@@ -130,7 +130,7 @@ def _edged(patch: Floats) -> float:
 
 
 def _rim(patch: Floats) -> float:
-    """How light the margin is in its middle, all around, but for the lightest tenth."""
+    """Return the brightness of the margin in its middle, all around, but for the lightest tenth."""
     plate = patch[_BORDER:-_BORDER, _BORDER:-_BORDER]
     at = _MARGIN // 2
     rows, columns = slice(at, -at), slice(at, -at)
@@ -139,7 +139,7 @@ def _rim(patch: Floats) -> float:
 
 
 def _written(line: Floats) -> tuple[int, int]:
-    """From which column to before which one there is writing."""
+    """Return the columns between which there is writing: the first, and the one after the last."""
     columns = line[:, _MARGIN:-_MARGIN].mean(axis=0)
     level = 0.4 * float(np.sort(columns)[int(0.95 * columns.size)])
     written = np.flatnonzero(columns >= level)
@@ -147,8 +147,11 @@ def _written(line: Floats) -> tuple[int, int]:
 
 
 def _fit(rows: Floats, mm_a_pixel: float) -> tuple[float, float]:
-    """How light the line of characters is by the plate that fits these rows best, and the rms of what it does
-    not explain."""
+    """Fit the rows of a plate to these rows.
+
+    Returns:
+        The brightness of the line of characters, and the rms of the residuals.
+    """
     solver, basis = _plate_rows(min(max(round(mm_a_pixel), 1), _BLURS))
     amounts = solver @ rows
     off = rows - basis @ amounts
@@ -158,13 +161,16 @@ def _fit(rows: Floats, mm_a_pixel: float) -> tuple[float, float]:
 
 @lru_cache(maxsize=_BLURS)
 def _plate_rows(mm_a_pixel: int) -> tuple[Floats, Floats]:
-    """What the rows of a rectified plate are made of, where a pixel of the image was so many mm: the line of
-    characters, what is above, what is below, and the ground. With it what finds out how much of each."""
+    """Return the components of the rows of a rectified plate, with the solver for their amounts.
+
+    A pixel of the image is `mm_a_pixel` wide. The components are the line of characters, what is above, what
+    is below, and the ground.
+    """
     at = (np.arange(_ROWS + 2 * _BORDER) + 0.5) * MM_A_PIXEL - BORDER_MM
     ramp = _BLUR_PIXELS * mm_a_pixel
 
     def after(edge: float) -> Floats:
-        """1 below an edge, 0 above it, and a ramp between."""
+        """Return 1 below an edge, 0 above it, and a ramp between."""
         return np.asarray(np.clip((at - edge) / ramp + 0.5, 0.0, 1.0))
 
     text = after(_MARGIN_MM) - after(PLATE_HEIGHT_MM - _MARGIN_MM)

@@ -1,15 +1,15 @@
 """PlFinder: finds the door plates that the robot passes (thesis section 5.7).
 
-It looks through a camera at the wall on the robot's left, four times a second, while the robot heads
-along the hallway, give or take 50 degrees. Each plate is told once: at DServer in PlateSeen, and to whom it
-may concern (`on_plate`). That is when enough looks agree upon it (`search.py`).
+It looks through a camera at the wall on the robot's left, four times a second, while the robot heads along
+the hallway, give or take 50 degrees. Each plate is reported once, when enough looks agree upon it
+(`search.py`): at DServer in PlateSeen, and to the callback `on_plate`.
 
-With the maps of the floors, of which Floor names the present one, what hangs where no plate does is none, and
-each look at a plate that is known tells where the robot is: PlateFix. The thesis's own finder (`thesis=True`)
-tells a plate at its first look, and tells images apart by their overlap on the wall only.
+With the maps of the floors, of which Floor names the present one, what hangs where the map has no plate is
+none, and each look at a known plate gives the robot's place: PlateFix. The thesis's own finder
+(`thesis=True`) reports a plate at its first look, and distinguishes images by their overlap on the wall only.
 
-While a server is away, or has nothing to say, it waits; while DServer is, the floor is the last one it told,
-and plates that were found are told later. On a floor that is none of the maps nothing is found.
+While a server is away, or has nothing to say, the finder waits; while DServer is away, the floor is the last
+known one, and plates are published later. On a floor that is none of the maps nothing is found.
 """
 
 from __future__ import annotations
@@ -57,10 +57,10 @@ OLDEST_IMAGE_S = 1.0
 """It is not known well enough where older images were taken."""
 
 MOST_UNTOLD = 16
-"""How many plates, the newest ones, are kept for a DServer that is away."""
+"""Largest number of plates that are kept for a DServer that is away: the newest ones."""
 
 OnPlate = Callable[[PlateSight], None]
-"""Is told of each plate that is found."""
+"""Callback with each plate that is found."""
 
 PlateReader = Callable[[NDArray[np.uint8], PlateBox], Reading]
 """Reads what is written on a plate in an image."""
@@ -69,7 +69,7 @@ T = TypeVar("T")
 
 
 def read(image: NDArray[np.uint8], box: PlateBox) -> Reading:
-    """What is written on a plate, by our own reader."""
+    """Read a plate with Colony's own reader."""
     from colony.vision.plates.reader import read_plate
 
     return read_plate(image, box)
@@ -84,14 +84,15 @@ def plate_finder(
     thesis: bool = False,
     on_plate: OnPlate | None = None,
 ) -> Script:
-    """Find the plates that the robot passes, for ever.
+    """Find the plates that the robot passes, forever.
 
     Args:
         floors: the plates of each floor, by the name of its map; None: the map is not known.
-        camera: the server of the camera, `geometry` what it is like.
-        reader: reads what is on a plate; None: nobody does.
-        thesis: find as printed, which knows no map.
-        on_plate: is told of each plate.
+        camera: the server of the camera.
+        geometry: the geometry of the camera.
+        reader: reads the text on a plate; None: plates are not read.
+        thesis: find as printed, without a map.
+        on_plate: called with each plate.
 
     Raises:
         ValueError: in the script, where the camera's images are not as large as `geometry` says.
@@ -126,7 +127,7 @@ def _finder(
 
 
 def _tell_plates(untold: deque[list[object]]) -> Generator[Step, Any, None]:
-    """Tell DServer of plates, the oldest one first, as long as it takes them."""
+    """Publish plates at DServer, the oldest one first, as long as it takes them."""
     while untold:
         try:
             yield from do("DServer", data.set(PLATE_SEEN, untold[0]))
@@ -136,15 +137,14 @@ def _tell_plates(untold: deque[list[object]]) -> Generator[Step, Any, None]:
 
 
 class _Maps:
-    """The plates of all floors. Mutable: `floor`, the one on which the robot was last said to be; the first
-    one until somebody does."""
+    """The plates of all floors. Mutable: `floor`, the robot's last known floor, at first the first one."""
 
     def __init__(self, floors: Mapping[str, Sequence[Plate]]) -> None:
         self._floors = floors
         self.floor = next(iter(floors), "")
 
     def known(self) -> Generator[Step, Any, Known]:
-        """The plates of the present floor; none where there is no map of it."""
+        """Return the plates of the present floor; none if there is no map of it."""
         told = yield from _answer("DServer", data.get(FLOOR))
         if isinstance(told, str):
             self.floor = told
@@ -154,8 +154,7 @@ class _Maps:
 
 
 class _Eye:
-    """Looks at the wall. Mutable: the last position, the time of the last image, and whether the camera is
-    ready."""
+    """The camera's view of the wall. Mutable: the last position, the last image's time, and the readiness."""
 
     def __init__(self, name: str, geometry: LevelCamera, period_s: float, *, lock: bool) -> None:
         self._name, self._geometry, self._period_s = name, geometry, period_s
@@ -167,11 +166,11 @@ class _Eye:
         self._seen_ns = -1
 
     def prepare(self) -> Generator[Step, Any, None]:
-        """Have the camera be ready, if it is there."""
+        """Prepare the camera, if it is there."""
         self._ready = yield from made_ready(self._name, self._geometry, self._period_s)
 
     def look(self) -> Generator[Step, Any, View | None]:
-        """What there is to see; None where that is nothing new."""
+        """Return the present view, or None if there is nothing new."""
         here = yield from _answer("RServer", robot.position())
         if here is None:
             return None
@@ -193,7 +192,7 @@ class _Eye:
         return View(band.t_ns, gray, band.first_row, _pose(then), _tilt(then.heading, goal), distance)
 
     def _grab(self) -> Generator[Step, Any, Image | None]:
-        """The rows around the middle of the newest image.
+        """Return the rows around the middle of the newest image.
 
         They come in one answer, and so are of one image; as printed, they are under the lock all the same.
         """
@@ -210,7 +209,7 @@ class _Eye:
 
 
 def _tilt(heading_deg: float, goal: object) -> float | None:
-    """How far a heading is from the direction of the goal, counterclockwise."""
+    """Return the angle of a heading from the direction of the goal, counterclockwise."""
     if not isinstance(goal, int | float) or not math.isfinite(goal):
         return None
     return math.remainder(heading_deg - goal, 360.0)
@@ -221,7 +220,7 @@ def _pose(position: Position) -> Pose:
 
 
 def _answer(server: str, ask: Ask[T]) -> Generator[Step, Any, T | None]:
-    """What a server answers; None where it does not."""
+    """Return a server's answer, or None if it does not answer."""
     try:
         return (yield from do(server, ask))
     except SILENT:

@@ -1,10 +1,9 @@
-"""Where on a wall a camera looks that faces it: the geometry of the plate finder (thesis section 5.7, Figures
-5.17 and 5.18).
+"""The geometry of a camera that faces a wall (thesis section 5.7, Figures 5.17 and 5.18).
 
 Beta is the angle between the optical axis and the wall's normal, positive where the robot is turned
-counterclockwise against the hallway; d is how far the wall is from the camera, perpendicular to it. Places
-along the wall count to the left as seen by who faces it, in mm from where the normal through the camera meets
-it. So for a camera that looks to the left they count backward: against the way of the robot.
+counterclockwise against the hallway; d is the distance of the wall from the camera, perpendicular to it.
+Places along the wall count to the left as seen facing it, in mm from where the normal through the camera
+meets it. So for a camera that looks to the left they count backward: against the way of the robot.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ STEEPEST_DEG = 50.0
 
 
 def is_too_steep(tilt_deg: float) -> bool:
-    """Whether the finder does nothing at such a tilt (beta)."""
+    """Return True if the finder does nothing at such a tilt (beta)."""
     return not abs(tilt_deg) < STEEPEST_DEG
 
 
@@ -30,21 +29,23 @@ class WallView(NamedTuple):
     tilt_deg: float
 
     def left_mm(self, view_deg: float) -> float:
-        """l: from the foot of the normal to where the left ray meets the wall; negative where that is on the
-        right of it, infinite where they do not meet."""
+        """Return l: the distance from the foot of the normal to where the left ray meets the wall.
+
+        It is negative if that is on the right of the foot, infinite if they do not meet.
+        """
         return self._reach_mm(self.tilt_deg + view_deg / 2.0)
 
     def right_mm(self, view_deg: float) -> float:
-        """r: likewise to the right, with alpha, the angle between the normal and the right ray."""
+        """Return r: likewise to the right, with alpha, the angle between the normal and the right ray."""
         alpha = view_deg / 2.0 - self.tilt_deg
         return self._reach_mm(alpha)
 
     def place_of(self, camera: LevelCamera, column: float) -> float:
-        """Which place along the wall a column sees; the column's ray must meet the wall."""
+        """Return the place along the wall that a column sees; the column's ray must meet the wall."""
         return self.distance_mm * math.tan(math.radians(self.tilt_deg + camera.bearing_of(column)))
 
     def column_of(self, camera: LevelCamera, place_mm: float) -> float:
-        """In which column a place is seen, in the image or beside it; the place is ahead of the camera."""
+        """Return the column of a place, in the image or beside it; the place is ahead of the camera."""
         return camera.column_of(math.degrees(math.atan(place_mm / self.distance_mm)) - self.tilt_deg)
 
     def _reach_mm(self, angle_deg: float) -> float:
@@ -52,18 +53,20 @@ class WallView(NamedTuple):
 
 
 def overlap_mm(first: WallView, second: WallView, moved_mm: float, view_deg: float) -> float:
-    """r1 + l2 - D: how much of the wall two images both show, the second one taken `moved_mm` (D) further on;
-    0 or less: they show no common part.
+    """Return r1 + l2 - D: the length of the wall that two images both show; 0 or less: they share no part.
 
-    It is printed for a robot that has the wall on its left and goes forward: what is at the right of the
-    first image comes into the second one from the left.
+    The second image is taken `moved_mm` (D) further on. The formula is printed for a robot that has the wall
+    on its left and goes forward: what is at the right of the first image comes into the second one from the
+    left.
     """
     return first.right_mm(view_deg) + second.left_mm(view_deg) - moved_mm
 
 
 def starting_column(first: WallView, second: WallView, moved_mm: float, camera: LevelCamera) -> int:
-    """From which column on the second image shows what the first one did not show, at least 0 and at most
-    the number of columns."""
+    """Return the first column of the second image that shows what the first image did not.
+
+    It is at least 0 and at most the number of columns.
+    """
     shared = overlap_mm(first, second, moved_mm, camera.view_deg)
     if shared <= 0.0:
         return 0

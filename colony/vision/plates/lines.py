@@ -1,9 +1,8 @@
-"""Where in an image a line of white characters is that may be on a plate.
+"""Candidates for lines of white characters on a plate in an image.
 
 A plate that hangs before something dark, or beside it, is no dark patch of its own: on a wall of glass
 bricks, some of which are dark. Its characters still are bright patches of one height on the horizon, side by
-side.
-Their height tells that of the plate, and their middle is the plate's.
+side. Their height gives that of the plate, and their middle is the plate's.
 """
 
 from __future__ import annotations
@@ -17,10 +16,10 @@ from colony.vision.plates.outline import Outline
 from colony.vision.plates.patches import Patch, agreed
 
 LEVELS = 8
-"""How many thresholds are tried, between the darkest and the brightest gray of the image."""
+"""Number of thresholds, between the darkest and the brightest gray of the image."""
 
 LEAST_HEIGHT = 5
-"""Of characters, in pixels of an image 240 columns wide."""
+"""Least height of characters, in pixels of an image 240 columns wide."""
 
 WIDEST = 3.6
 """The width of a line of characters by its height: a plate has no room for more."""
@@ -32,7 +31,7 @@ _THINNEST, _THICKEST = 0.1, 3.6  # the width of a patch by its height: an I, and
 
 
 def lines_of_text(gray: Gray, horizon: float) -> tuple[Patch, ...]:
-    """The lines of bright patches; those that are found at several thresholds first.
+    """Return the lines of bright patches; lines at several thresholds come first.
 
     Args:
         gray: an image, or a band of one, about 240 columns wide.
@@ -52,7 +51,7 @@ def lines_of_text(gray: Gray, horizon: float) -> tuple[Patch, ...]:
 
 
 def outline_about(line: Patch, tilt_deg: float | None, focal: float, middle_column: float) -> Outline:
-    """The outline of the plate that has such a line of characters, on a wall tilted as told."""
+    """Return the outline of the plate that has such a line of characters, on a wall with the given tilt."""
     height = (line.bottom - line.top) * PLATE_HEIGHT_MM / CHARACTER_HEIGHT_MM
     middle, row = (line.left + line.right - 1) / 2.0, (line.top + line.bottom - 1) / 2.0
     tangent = float(np.tan(np.radians(0.0 if tilt_deg is None else tilt_deg)))
@@ -69,7 +68,7 @@ def outline_about(line: Patch, tilt_deg: float | None, focal: float, middle_colu
 
 
 def _is_likely(stats: NDArray[np.int32], rows: int, horizon: float) -> NDArray[np.bool_]:
-    """Which components, (n, 5) as OpenCV tells them, may be a character, or several that have merged."""
+    """Return which components, (n, 5) as OpenCV gives them, may be one or several merged characters."""
     _, top, width, height, _ = stats.T
     off = np.abs(top + (height - 1) / 2.0 - horizon)
     likely = (height >= LEAST_HEIGHT) & (width >= _THINNEST * height) & (width <= _THICKEST * height)
@@ -79,7 +78,7 @@ def _is_likely(stats: NDArray[np.int32], rows: int, horizon: float) -> NDArray[n
 
 
 def _lines(stats: NDArray[np.int32], columns: int) -> list[Patch]:
-    """Neighbors of the same height, put together; but not what goes on beyond the image."""
+    """Join neighbors of the same height to lines; but not what goes on beyond the image."""
     patches = sorted((x, y, x + w, y + h) for x, y, w, h, _ in stats.tolist())
     lines: list[Patch] = []
     for left, top, right, bottom in patches:
@@ -100,6 +99,6 @@ def _lines(stats: NDArray[np.int32], columns: int) -> list[Patch]:
 
 
 def _is_next(line: Patch, patch: Patch) -> bool:
-    """Whether a patch goes on with a line."""
+    """Return True if a patch continues a line."""
     low, high = sorted((line.bottom - line.top, patch.bottom - patch.top))
     return low >= _ALIKE * high and -0.3 * high <= patch.left - line.right <= _GAP * high

@@ -1,4 +1,4 @@
-"""Which plate of the map one is that was seen: the nearest one to its place, if that is likely."""
+"""The map's plate that an observed plate is: the nearest one to its place, if that is likely."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from colony.nav.maps.signs import Plate
 from colony.vision.plates.sights import Seen
 
 LEAST_GATE_MM, MOST_GATE_MM = 260.0, 1_200.0
-"""How far a plate may be from its place in the map, along the wall, for a robot that is sure of its position
-and for one that is not."""
+"""Gates of a plate's distance from its place in the map, along the wall.
+
+The first is for a robot that is sure of its position, the second for one that is not.
+"""
 
 SIGMAS = 3.0
 
@@ -18,13 +20,13 @@ FACING_DEG = 60.0
 """A plate that is seen hangs on a wall that the camera faces, more or less."""
 
 SURE = 0.9
-"""From this confidence on what is read decides: another text is another plate."""
+"""Confidence from which on the text decides: another text is another plate."""
 
 _BESIDE = 0.5  # of the gate: a plate that is nearer than this may have been misread
 
 
 def gate_mm(sigma_mm: float | None) -> float:
-    """How far away a plate may be from its place, for a standard deviation of the robot's position."""
+    """Return the gate of a plate's distance, for a standard deviation of the robot's position."""
     if sigma_mm is None or not math.isfinite(sigma_mm):
         return (LEAST_GATE_MM + MOST_GATE_MM) / 2.0
     return min(max(SIGMAS * sigma_mm, LEAST_GATE_MM), MOST_GATE_MM)
@@ -40,12 +42,14 @@ def known_plate(
     gate: float,
     taken: Iterable[str] = (),
 ) -> Plate | None:
-    """The plate of the map that is at a place; None where there is none that it can be.
+    """Return the plate of the map that is at a place, or None if there is none that it can be.
 
     Args:
         place: x and y in mm.
         look: one look at it, from where the robot believed to be.
-        text, confidence: what is written on it, as far as it was read.
+        text: its text, as far as it was read.
+        confidence: the confidence of the text.
+        plates: the plates of the map.
         gate: how far it may be from its place in the map, along the wall, in mm; across it twice as far,
             since distances are measured less well.
         taken: the doors of plates that are known to be others.
@@ -67,7 +71,7 @@ def _is_faced(plate: Plate, look: Seen) -> bool:
 
 
 def _off_mm(plate: Plate, place: tuple[float, float]) -> float:
-    """How far a place is from a plate, along its wall or half of it across the wall."""
+    """Return the distance of a place from a plate: along its wall, or half of that across the wall."""
     facing = math.radians(plate.heading_deg)
     dx, dy = place[0] - plate.middle.x, place[1] - plate.middle.y
     across, along = (

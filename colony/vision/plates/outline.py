@@ -19,7 +19,7 @@ from colony.vision.sightings import Corner
 Floats = NDArray[np.float64]
 
 LEAST_DROP = 4.0
-"""By how many gray levels it must darken across an edge, at least."""
+"""Least fall of the gray level across an edge."""
 
 _LEAST_COLUMNS = 4
 _ROUNDS = 5
@@ -28,8 +28,10 @@ _SOFT = 0.35  # of a pixel: residuals beyond this count less and less
 
 
 class Outline(NamedTuple):
-    """A trapezoid with upright sides: its columns, and at both the rows of its upper and lower edge; `spread`
-    is by how much the upper and lower edge depart from straight lines, in pixels."""
+    """A trapezoid with upright sides: its columns, and at both the rows of its upper and lower edge.
+
+    `spread` is how far the upper and lower edge depart from straight lines, in pixels.
+    """
 
     left: float
     right: float
@@ -46,7 +48,7 @@ class Outline(NamedTuple):
 
     @property
     def corners(self) -> tuple[Corner, Corner, Corner, Corner]:
-        """From the upper left one clockwise."""
+        """Corners, clockwise from the upper left one."""
         return (
             (self.left, self.left_top),
             (self.right, self.right_top),
@@ -56,7 +58,7 @@ class Outline(NamedTuple):
 
 
 def outline_of(gray: Gray, box: Patch, horizon: float) -> Outline | None:
-    """The outline of a candidate; None where an edge of it is not to be seen."""
+    """Return the outline of a candidate, or None if an edge of it is not visible."""
     upper, lower = _edge(gray, box, lower=False), _edge(gray, box, lower=True)
     left, right = _side(gray, box, right=False), _side(gray, box, right=True)
     if upper is None or lower is None or left is None or right is None or right - left < _LEAST_COLUMNS:
@@ -65,11 +67,10 @@ def outline_of(gray: Gray, box: Patch, horizon: float) -> Outline | None:
 
 
 def outline_near(gray: Gray, rough: Outline, horizon: float, least_drop: float) -> Outline:
-    """An outline that is known to a pixel or two, to a part of a pixel where its edges are to be seen.
+    """Refine an outline that is known to a pixel or two, to a part of a pixel where its edges are visible.
 
-    Of the upper and the lower edge one tells the other, as they are symmetric about the horizon; of the left
-    and the right one, one tells the other by the width. Edges by which it darkens less than `least_drop` are
-    not seen.
+    A missing upper or lower edge follows from the other, as they are symmetric about the horizon; a missing
+    left or right one follows from the width. Edges whose fall is less than `least_drop` are not visible.
     """
     box = _box_about(rough, gray.shape)
     upper, lower = (_edge(gray, box, lower=lower, least_drop=least_drop) for lower in (False, True))
@@ -92,8 +93,11 @@ class _Edge(NamedTuple):
 
 
 class _Halves(NamedTuple):
-    """The upper and the lower half of a trapezoid: their height, base + slope * column, about the row
-    `middle`, and by how much the edges depart from that."""
+    """The upper and the lower half of a trapezoid.
+
+    Their height is base + slope * column, about the row `middle`; the spread is how far the edges depart
+    from that.
+    """
 
     middle: float
     base: float
@@ -101,13 +105,16 @@ class _Halves(NamedTuple):
     spread: float
 
     def at(self, column: float) -> float:
-        """The height of a half in a column."""
+        """Return the height of a half in a column."""
         return self.base + self.slope * column
 
 
 def _halves(upper: _Edge | None, lower: _Edge | None, horizon: float) -> _Halves:
-    """One line for both edges, as they are symmetric: where something dark behind the plate hides one of
-    them, the other shows it. The camera need not be quite level: both may be off the horizon."""
+    """Fit one line to both edges, as they are symmetric about a row.
+
+    If something dark behind the plate hides one of them, the other shows it. The camera need not be quite
+    level: both may be off the horizon.
+    """
     middle = horizon
     if upper is not None and lower is not None:
         middle = float(np.median(upper.rows) + np.median(lower.rows)) / 2.0
@@ -142,12 +149,12 @@ def _box_about(outline: Outline, shape: tuple[int, ...]) -> Patch:
 
 
 def _reach(box: Patch) -> int:
-    """How many pixels off an edge is looked for."""
+    """Return how many pixels away an edge is searched."""
     return max(2, round(0.22 * (box.bottom - box.top)))
 
 
 def _edge(gray: Gray, box: Patch, *, lower: bool, least_drop: float = LEAST_DROP) -> _Edge | None:
-    """The upper or lower edge; None where too few columns show one."""
+    """Return the upper or lower edge, or None if too few columns show one."""
     inset = max(1, (box.right - box.left) // 16)
     columns = slice(box.left + inset, box.right - inset)
     at, reach = box.bottom if lower else box.top, _reach(box)
@@ -165,7 +172,7 @@ def _edge(gray: Gray, box: Patch, *, lower: bool, least_drop: float = LEAST_DROP
 
 
 def _line(x: Floats, y: Floats) -> tuple[float, float, float]:
-    """A straight line through points, of which some are far off: y = a + b x, and their median distance."""
+    """Fit a line to points with outliers: y = a + b x; return it and the median distance."""
     weight = np.ones_like(x)
     a = b = 0.0
     for _ in range(_ROUNDS):
@@ -180,7 +187,7 @@ def _line(x: Floats, y: Floats) -> tuple[float, float, float]:
 
 
 def _side(gray: Gray, box: Patch, *, right: bool, least_drop: float = LEAST_DROP) -> float | None:
-    """The column of the left or right edge; None where there is none to be seen."""
+    """Return the column of the left or right edge, or None if none is visible."""
     inset = max(1, (box.bottom - box.top) // 6)
     at, reach = box.right if right else box.left, _reach(box)
     first, last = max(at - reach - 1, 0), min(at + reach + 1, gray.shape[1])

@@ -23,16 +23,17 @@ class Patch(NamedTuple):
 
     @property
     def area(self) -> int:
-        """In pixels."""
+        """Area in pixels."""
         return (self.right - self.left) * (self.bottom - self.top)
 
 
 def agreed(found: Iterable[Patch]) -> tuple[Patch, ...]:
-    """Patches that are nearly the same at several thresholds as one, the middle one of them; that of most
-    thresholds first.
+    """Merge patches that are nearly the same at several thresholds; those of most thresholds come first.
+
+    The middle patch of each group is kept.
 
     Args:
-        found: in the order of the thresholds.
+        found: the patches, in the order of the thresholds.
     """
     groups: list[list[Patch]] = []
     for patch in found:

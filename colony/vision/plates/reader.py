@@ -1,8 +1,8 @@
-"""Reads the characters on door plates (thesis section 5.7 finds the plates, and leaves what is on them).
+"""The reader of the characters on door plates (thesis section 5.7 finds the plates, but does not read them).
 
-A plate is cut out of the image as a small strip; a network tells for each column of it which character is
-there; the most probable texts follow from these, given what is usual on doors, or what the map says is on the
-doors here. Several looks at a plate tell more than one: their probabilities multiply.
+A plate is cut out of the image as a small strip; a network classifies each column of it; the most probable
+texts follow from these, given what is usual on doors, or the doors of the map. Several looks at a plate give
+more information than one: their probabilities multiply.
 
 A box that holds no plate, or a part of one only, reads as "": the network has learned that from such boxes.
 """
@@ -24,13 +24,13 @@ from colony.vision.plates.strip import plate_strip
 from colony.vision.sightings import PlateBox, Reading
 
 NOTHING = Reading("", 1.0)
-"""What is read where there is no plate for certain."""
+"""Reading where there is certainly no plate."""
 
 ALTERNATIVES = 8
-"""How many other texts a reading keeps at most."""
+"""Largest number of alternative texts of a reading."""
 
 _ASTRAY = 2e-3
-"""How probable any text is in a look that is wholly wrong: so one look cannot overrule all others."""
+"""Probability of any text in a look that is wholly wrong: so one look cannot overrule all others."""
 
 _LEAST = 1e-4
 
@@ -41,17 +41,17 @@ def read_plate(
     *,
     lexicon: Collection[str] | None = None,
 ) -> Reading:
-    """What is written on a plate.
+    """Read the text on a plate.
 
     Args:
         image: uint8, (rows, columns), or with a last axis of one or three channels.
-        box: where the plate is; its corners may be off by a pixel or two.
-        lexicon: what is on the plates of the map; a text that is not among them is then read only where it is
+        box: the plate's box; its corners may be off by a pixel or two.
+        lexicon: the texts of the map's plates; a text that is not among them is then read only where it is
             plain to see.
 
     Returns:
-        The most probable text and how probable it is, with the next ones in `alternatives`; "" where the box
-        holds no plate.
+        The most probable text and its probability, with the next ones in `alternatives`; "" if the box holds
+        no plate.
 
     Raises:
         ValueError: it is no such image, or the lexicon has a text that no plate has.
@@ -69,13 +69,15 @@ def read_plate(
 
 
 def reading_of(look: Look, net: LetterNet, lexicon: Collection[str] = ()) -> Reading:
-    """The reading of a strip, from what the network tells of it."""
+    """Return the reading of a strip from the network's output."""
     return weighed(texts_of(look, lexicon), look.plate, net, lexicon)
 
 
 def texts_of(look: Look, lexicon: Collection[str] = ()) -> dict[str, float]:
-    """The texts that a strip may have, and all of the lexicon, with the logarithms of their probabilities as
-    the columns alone tell them."""
+    """Return the texts that a strip may have, and all of the lexicon, with their log probabilities.
+
+    The probabilities are those of the columns alone, without the prior.
+    """
     table = look.log_probabilities
     seen = {text: math.log(p) for text, p in likely_texts(table).items() if text and p > 0.0}
     known = sorted(text for text in lexicon if text not in seen)
@@ -84,11 +86,13 @@ def texts_of(look: Look, lexicon: Collection[str] = ()) -> dict[str, float]:
 
 
 def weighed(seen: dict[str, float], plate: float, net: LetterNet, lexicon: Collection[str] = ()) -> Reading:
-    """The reading that follows from what is seen and from what is usual.
+    """Return the reading that follows from the observation and the prior.
 
     Args:
-        seen: what `texts_of` tells.
-        plate: the log odds that it is one.
+        seen: the result of `texts_of`.
+        plate: the log odds that it is a plate.
+        net: the network, for its calibration.
+        lexicon: the texts of the map's plates.
     """
     weights = {
         text: net.sharpness * log + net.trust * log_prior(text, lexicon)
@@ -104,7 +108,7 @@ def weighed(seen: dict[str, float], plate: float, net: LetterNet, lexicon: Colle
 
 
 def combined(readings: Iterable[Reading]) -> Reading:
-    """What several looks at one plate tell together, taken as independent: their probabilities multiply.
+    """Combine several looks at one plate, taken as independent: their probabilities multiply.
 
     Looks that saw no plate count as well: where most of them did, the result is "". Without any readings it
     is "" too, with confidence 0.
@@ -117,7 +121,7 @@ def combined(readings: Iterable[Reading]) -> Reading:
 
 
 def _reading(weights: dict[str, float]) -> Reading:
-    """The texts by their probabilities, which are proportional to the exponentials of the weights."""
+    """Return the texts by their probabilities, in proportion to the exponentials of the weights."""
     top = max(weights.values())
     shares = {text: math.exp(weight - top) for text, weight in weights.items()}
     whole = sum(shares.values())
@@ -128,7 +132,7 @@ def _reading(weights: dict[str, float]) -> Reading:
 
 
 def _softplus(x: float) -> float:
-    """log(1 + exp(x)): minus the logarithm of a probability whose log odds are -x."""
+    """Return log(1 + exp(x)): minus the logarithm of a probability whose log odds are -x."""
     return max(x, 0.0) + math.log1p(math.exp(-abs(x)))
 
 

@@ -1,7 +1,7 @@
 """The search for plates, image by image: ours, with the map or without it, and the thesis's (section 5.7).
 
 A search is shown what the camera sees, with where the robot believes to be, and gives the plates that it
-counts and what those that it knows from the map tell of the robot's pose.
+counts and, from plates known from the map, observations of the robot's pose.
 """
 
 from __future__ import annotations
@@ -24,26 +24,32 @@ from colony.vision.plates.tracks import PlateTracks, Track
 from colony.vision.sightings import PlateBox, Reading
 
 LEAST_LOOKS, LEAST_EVIDENCE, LEAST_HITS = 3, 1.5, 0.4
-"""What makes a plate where the map is not known: so many looks, the sum of their scores, and in which part of
-the images in which it should be it was found."""
+"""Thresholds of a plate where the map is not known.
+
+The number of looks, the sum of their scores, and the part of the images that should show it in which it was
+found.
+"""
 
 MOST_DRIFT = 0.15
-"""By how much a plate may seem to move with the robot, as a part of its way: what seems to move more is of
-another size than a plate."""
+"""Largest apparent motion of a plate with the robot, as a part of the robot's way.
+
+What seems to move more is of another size than a plate.
+"""
 
 MOST_RISE_MM = 20.0
-"""How far a plate may be above or below the camera, by all looks."""
+"""Largest height of a plate above or below the camera, by all looks."""
 
 LEAST_AGREEMENT = 0.45
-"""In which part of the looks what is written must be read alike: what is no plate reads now as this, now as
-that, or as nothing."""
+"""Least part of the looks with the same text: what is no plate reads differently each time."""
 
 KNOWN_LOOKS, KNOWN_EVIDENCE = 2, 0.6
 """Looks and evidence for a plate that the map has at this place."""
 
 SETTLED_LOOKS = 6
-"""After so many looks a plate is told; before, when it is out of view: the more looks, the better it is
-read."""
+"""Number of looks after which a plate is reported; earlier if it leaves the view.
+
+More looks make a better reading.
+"""
 
 UNREAD = Reading("", 0.0)
 
@@ -52,15 +58,15 @@ Reader = Callable[[Gray, PlateBox], Reading]
 
 
 class View(NamedTuple):
-    """What the camera sees.
+    """The view of the camera.
 
     Attributes:
-        t_ns: when.
-        band: the rows from `first_row` on; None where there was nothing to look at.
-        robot: where the robot believed to be.
-        tilt_deg: beta, None where no direction is known.
-        distance_mm: d, from the camera to the wall by sonar; None where that is silent.
-        floor: on which the robot is, "" where nobody knows.
+        t_ns: time of the image.
+        band: the rows from `first_row` on; None if there was nothing to look at.
+        robot: believed pose of the robot.
+        tilt_deg: beta, None if no direction is known.
+        distance_mm: d, from the camera to the wall by sonar; None if that is silent.
+        floor: the robot's floor, "" if unknown.
     """
 
     t_ns: int
@@ -117,7 +123,7 @@ class PlateSearch:
         return Found(tuple(told), tuple(fixes))
 
     def _seen(self, view: View) -> tuple[Track, ...]:
-        """What is in the image now."""
+        """Return the tracks of the plates in the image."""
         if view.band is None or (view.tilt_deg is not None and is_too_steep(view.tilt_deg)):
             self._tracks.go(view.t_ns, view.robot)
             return ()
@@ -126,7 +132,7 @@ class PlateSearch:
         return self._tracks.see(view.t_ns, view.robot, seen)
 
     def _identified(self, track: Track, known: Known) -> Plate | None:
-        """Which plate of the map a track is."""
+        """Return the map's plate that a track is."""
         if track.door is None and track.count >= KNOWN_LOOKS:
             reading = self._read(track)
             x, y = track.place.tolist()
@@ -139,13 +145,13 @@ class PlateSearch:
         return next((plate for plate in known.plates if plate.door == track.door), None)
 
     def _is_settled(self, track: Track, is_seen: bool) -> bool:
-        """Whether it is time to tell it: it was looked at often, or is not to be seen any more."""
+        """Return True if a track is ready to be reported: it has many looks, or has left the view."""
         if track.count >= SETTLED_LOOKS:
             return True
         return not is_seen and not self._tracks.is_in_view(track)
 
     def _counts(self, track: Track, known: Known | None) -> bool:
-        """Whether enough looks agree that it is a plate."""
+        """Return True if enough looks agree that a track is a plate."""
         if known is not None:
             return track.door is not None and track.count >= KNOWN_LOOKS and track.evidence >= KNOWN_EVIDENCE
         return (
@@ -158,7 +164,7 @@ class PlateSearch:
         )
 
     def _is_written(self, track: Track) -> bool:
-        """Whether the looks agree what is written on it."""
+        """Return True if the looks agree on the text."""
         text = self._read(track).text
         alike = sum(look.reading.text == text for look in track.looks)
         return text != "" and alike >= LEAST_AGREEMENT * len(track.looks)
@@ -174,7 +180,7 @@ class PlateSearch:
         )  # fmt: skip
 
     def _read(self, track: Track) -> Reading:
-        """What is written on it, by all looks."""
+        """Return the reading of a track, by all looks."""
         if self._reader is None:
             return UNREAD
         from colony.vision.plates.reader import combined
@@ -183,8 +189,10 @@ class PlateSearch:
 
 
 class ThesisSearch:
-    """As printed: what is in a part of the wall that was not in the last image with a plate is a new plate.
-    Mutable: where that image was taken."""
+    """The search as printed: what is in a part of the wall that was not in the last image is a new plate.
+
+    The last image is the last one with a plate. Mutable: where that image was taken.
+    """
 
     def __init__(self, camera: LevelCamera, reader: Reader | None = None) -> None:
         self._camera = camera
@@ -205,7 +213,7 @@ class ThesisSearch:
         return Found(tuple(self._told(view, view.band, box) for box in boxes))
 
     def _start(self, wall: WallView, here: Pose) -> int:
-        """From which column on there is wall that was not in the last image with a plate."""
+        """Return the first column of wall that was not in the last image with a plate."""
         if self._last is None:
             return 0
         before, there = self._last

@@ -1,4 +1,4 @@
-"""What a plate in an image says of the place of the plate, or, where that is known, of the robot."""
+"""A plate in an image: the place of the plate or, if that is known, of the robot."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class Seen(NamedTuple):
     """A plate in an image.
 
     Attributes:
-        t_ns: when the image was taken.
-        robot: where the robot believed to be then.
+        t_ns: time of the image.
+        robot: believed pose of the robot then.
         axis_deg: the heading of the optical axis, counterclockwise from north.
         bearing_deg: where the plate's middle is, counterclockwise from the optical axis.
         depth_mm: how far that is along the optical axis, by the plate's height in the image.
-        rise_mm: by how much its middle is above the camera.
+        rise_mm: height of its middle above the camera.
         score: how plate-like it is, from 0 to 1.
-        reading: what is written on it.
+        reading: its reading.
     """
 
     t_ns: int
@@ -54,7 +54,7 @@ class Seen(NamedTuple):
 
     @property
     def range_mm(self) -> float:
-        """How far away the plate is."""
+        """Distance of the plate."""
         return self.depth_mm / math.cos(math.radians(self.bearing_deg))
 
     @property
@@ -65,7 +65,7 @@ class Seen(NamedTuple):
 
     @property
     def place(self) -> tuple[float, float]:
-        """Where the plate's middle is, x and y in mm."""
+        """Place of the plate's middle, x and y in mm."""
         x, y = self.ray
         return self.robot.x_mm + self.range_mm * x, self.robot.y_mm + self.range_mm * y
 
@@ -76,11 +76,11 @@ class PlateSight:
 
     Attributes:
         t_ns: the time of the image in which it was seen well enough.
-        door: of the map, where the finder knows it.
-        text, confidence: what is written on it; "" and 0 where nobody reads.
-        place: where its middle is, x and y in mm, relative to where the robot believed to be.
-        robot: where the robot believed to be in that image.
-        looks: in how many images it was seen by then.
+        door: its door on the map, if the finder knows it.
+        text, confidence: its text and the confidence; "" and 0 without a reader.
+        place: place of its middle, x and y in mm, relative to the robot's believed pose.
+        robot: believed pose of the robot in that image.
+        looks: number of images in which it was seen by then.
     """
 
     t_ns: int
@@ -95,8 +95,7 @@ class PlateSight:
 def seen_of(
     box: PlateBox, camera: LevelCamera, robot: Pose, *, t_ns: int, reading: Reading, first_row: int = 0
 ) -> Seen:
-    """What a plate in an image of a robot's camera is in the plane; `first_row` is that of the band it was
-    found in.
+    """Return the place in the plane of a plate in an image; `first_row` is that of the band it was found in.
 
     The middle of a plate is where the diagonals of its image cross, however it is tilted.
     """
@@ -119,14 +118,16 @@ def seen_of(
 
 
 def fix_of_plate(seen: Seen, plate: Plate) -> Fix:
-    """What a look at a plate that is known tells of the robot's pose: where it is across the line of sight,
-    which is sure, and how far away, which is less so."""
+    """Return the fix of the robot's pose by a look at a known plate.
+
+    The place across the line of sight is accurate, the distance less so.
+    """
     bearing = _bearing_row(seen, plate)
     return Fix(seen.t_ns, (bearing, _depth_row(seen, plate)))
 
 
 def _bearing_row(seen: Seen, plate: Plate) -> Row:
-    """The plate is on the line of sight: n (plate - robot) = 0, n across it; the heading turns it."""
+    """Return the row of the line of sight: n (plate - robot) = 0, n across it; the heading turns it."""
     x, y = seen.ray
     nx, ny = y, -x
     away = x * (plate.middle.x - seen.robot.x_mm) + y * (plate.middle.y - seen.robot.y_mm)
@@ -136,10 +137,10 @@ def _bearing_row(seen: Seen, plate: Plate) -> Row:
 
 
 def _depth_row(seen: Seen, plate: Plate) -> Row:
-    """The plate is so deep: a (plate - robot) = depth, a along the optical axis.
+    """Return the row of the plate's depth: a (plate - robot) = depth, a along the optical axis.
 
-    The heading turns it by little, by nothing where the plate is straight before the camera: too little to be
-    told with any turn of the heading. So it is a part of what is not sure.
+    The heading changes it by little, by nothing if the plate is straight before the camera: too little to
+    resolve a turn of the heading. So the heading is a part of the uncertainty.
     """
     axis = math.radians(seen.axis_deg)
     ax, ay = -math.sin(axis), math.cos(axis)

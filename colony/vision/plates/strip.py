@@ -1,5 +1,4 @@
-"""A door plate cut out of an image: a small upright strip of fixed size and contrast, as the reader of its
-characters wants it.
+"""A door plate cut out of an image: a small upright strip of fixed size and contrast for the reader.
 
 The plate is warped from its four corners. Where it is larger in the image than in the strip, areas are
 averaged, so that nothing is lost between pixels.
@@ -19,7 +18,7 @@ from colony.vision.sightings import Corner
 STRIP_ROWS, STRIP_COLUMNS = 24, 64
 
 PLATE_LEFT, PLATE_RIGHT, PLATE_TOP, PLATE_BOTTOM = 2.5, 60.5, 1.5, 21.5
-"""Where the plate's edges lie in the strip. There is a margin since corners are not found to the pixel."""
+"""Edges of the plate in the strip. There is a margin since corners are not found to the pixel."""
 
 LEAST_CONTRAST = 6.0
 """Strips whose gray levels deviate by less than this from their mean are not stretched any further: what is
@@ -34,7 +33,7 @@ Corners = tuple[Corner, Corner, Corner, Corner]
 
 
 def plate_strip(image: Gray, corners: Corners) -> Floats | None:
-    """The strip of a plate.
+    """Cut out the strip of a plate.
 
     Args:
         image: uint8, (rows, columns), or with a last axis of one or three channels.
@@ -70,7 +69,7 @@ def plate_strip(image: Gray, corners: Corners) -> Floats | None:
 
 
 def _is_plate(corners: Corners) -> bool:
-    """Whether the corners go clockwise (with rows downward) around a convex area of some pixels."""
+    """Return True if the corners go clockwise (with rows downward) around a convex area of some pixels."""
     if not all(math.isfinite(x) and abs(x) < _FARTHEST for corner in corners for x in corner):
         return False
     turns = []
@@ -82,7 +81,7 @@ def _is_plate(corners: Corners) -> bool:
 
 
 def _samples(corners: Corners) -> int:
-    """How many samples a pixel of the strip takes in each direction."""
+    """Return the number of samples a pixel of the strip takes in each direction."""
     (ax, ay), (bx, by), (cx, cy), (dx, dy) = corners
     width = max(math.hypot(bx - ax, by - ay), math.hypot(cx - dx, cy - dy))
     height = max(math.hypot(dx - ax, dy - ay), math.hypot(cx - bx, cy - by))

@@ -25,7 +25,7 @@ from colony.vision.plates.geometry import STEEPEST_DEG
 from colony.vision.sightings import PlateBox
 
 SCAN_LINES = 40
-"""How many rows around the middle are looked at, of an image of 120."""
+"""Number of rows around the middle that are searched, of an image of 120."""
 
 MIDDLE_LEVEL, LOWER_EXPONENT, UPPER_EXPONENT = 0.8 * 255.0, 5.0, 0.5
 """M, e1 and e2 of the gray-level stretch."""
@@ -37,13 +37,13 @@ _LEAST_CORNERS = 4
 
 
 def scan_band(camera: LevelCamera) -> tuple[int, int]:
-    """The first one of the rows that are looked at, and how many they are."""
+    """Return the first one of the rows that are searched, and their number."""
     count = min(camera.rows, round(SCAN_LINES * camera.rows / 120))
     return (camera.rows - count) // 2, count
 
 
 def stretched(level: float) -> float:
-    """The gray level that a level of the negative becomes; 0 stays 0."""
+    """Return the gray level that a level of the negative becomes; 0 stays 0."""
     if level <= MIDDLE_LEVEL:
         return float((level / MIDDLE_LEVEL) ** LOWER_EXPONENT * MIDDLE_LEVEL)
     above = 255.0 - MIDDLE_LEVEL
@@ -51,18 +51,18 @@ def stretched(level: float) -> float:
 
 
 _BRIGHT = np.array([stretched(255.0 - level) >= THRESHOLD for level in range(256)])
-"""Whether a gray level of the image is bright in the end."""
+"""Table that is True for each gray level of the image that ends up bright."""
 
 
 def thesis_plates(
     band: NDArray[Any], camera: LevelCamera | None = None, *, first_row: int = 0, starting_column: int = 0
 ) -> tuple[PlateBox, ...]:
-    """The plates in a band of an image, from left to right.
+    """Return the plates in a band of an image, from left to right.
 
     Args:
-        band: as `plate_detector.find_plates` takes it; of a whole image the scan lines are looked at.
-        camera: what took it; one of 60 degrees, where it is not told.
-        first_row: where the band begins in the whole image. Corners are told in the band.
+        band: as `plate_detector.find_plates` takes it; of a whole image the scan lines are searched.
+        camera: the camera; the default is one of 60 degrees.
+        first_row: where the band begins in the whole image. Corners are given in the band.
         starting_column: what is to the left of it was seen in an image before.
 
     Raises:
@@ -94,8 +94,10 @@ def _plates(lines: Gray, middle: int, camera: LevelCamera, starting_column: int)
 
 
 def _transitions(binary: NDArray[np.bool_], middle: int) -> list[tuple[int, int]]:
-    """Where it goes from dark to bright: in the middle line, or else in the lowest line above it where it
-    does, from left to right."""
+    """Return the changes from dark to bright, from left to right.
+
+    They are those of the middle line or else of the lowest line above it that has any.
+    """
     rising = ~binary[:, :-1] & binary[:, 1:]
     for row in range(middle, -1, -1):
         columns = (np.flatnonzero(rising[row]) + 1).tolist()
@@ -105,7 +107,7 @@ def _transitions(binary: NDArray[np.bool_], middle: int) -> list[tuple[int, int]
 
 
 def _plate(found: NDArray[np.int64], camera: LevelCamera) -> PlateBox | None:
-    """The bounding box of corners, if it has the size of a plate."""
+    """Return the bounding box of corners, if it has the size of a plate."""
     left, top = (float(n) - 0.5 for n in found.min(axis=0))
     right, bottom = (float(n) + 0.5 for n in found.max(axis=0))
     nearest, farthest = camera.focal / NEAREST_MM, camera.focal / FARTHEST_MM

@@ -1,9 +1,9 @@
 """Plates over several images: each is counted once, when enough looks agree that it is one.
 
-A plate has a place on the wall. It is filtered over the looks at it, each of which is sure across the line of
-sight and less so along it. What is found near such a place is the same plate again; where a plate should be
-in the image and is not found, that speaks against it. A jump of the believed position is somebody's
-correction, and moves all places with it.
+A plate has a place on the wall. It is filtered over the looks at it, each of which is accurate across the
+line of sight and less so along it. What is found near such a place is the same plate again; an image that
+should show a plate and does not speaks against it. A jump of the believed position is a correction by another
+client, and moves all places with it.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ SAME_MM = 300.0
 """Two plates are never as near to each other, across the line of sight."""
 
 SAME_DEPTHS = 0.2
-"""How far a look may be off along the line of sight, as a part of the distance."""
+"""Tolerance of a look along the line of sight, as a part of the distance."""
 
 FORGET_MM = 6_000.0
 """A plate that is so far away is forgotten: if the robot comes back, it is counted again."""
 
 MOST_LOOKS = 24
-"""So many looks at a plate are remembered."""
+"""Number of looks at a plate that are remembered."""
 
 _CROSS_SIGMA = 0.012  # of the range: the heading
 _LEAST_SIGMA_MM = 10.0
 _DRIFT_MM = 12.0  # of the odometry, from look to look
 _SURE_MISSES = 4
-_BASE_MM = 240.0  # looks that are nearer to each other tell nothing of how far away a thing is
+_BASE_MM = 240.0  # looks that are nearer to each other do not show how far away a thing is
 _RIM = 8.0  # pixels: a plate that is so near to the rim of an image need not be found
 _FASTEST_MM_S, _FASTEST_DEG_S = 800.0, 100.0
 _SLACK_MM, _SLACK_DEG = 20.0, 1.5
@@ -48,16 +48,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Track:
-    """Something that may be a plate. Mutable: where it is, and what was seen of it.
+    """A candidate for a plate. Mutable: its place, and what was seen of it.
 
     Attributes:
         place, covariance: its middle, (2,) in mm, and (2, 2).
-        looks: the newest ones that were taken for it, the first one first.
-        origins, places: from where each of these saw it, and where, in mm.
+        looks: the newest looks assigned to it, the oldest first.
+        origins, places: the robot's place at each of these looks, and the plate's by it, in mm.
         count, evidence: the number of all looks, and the sum of their scores.
-        misses: in how many images it should have been, and was not found.
-        counted: it is a plate, and was told.
-        door: which one of the map it is, if that is known.
+        misses: number of images that should have shown it, and did not.
+        counted: it is a plate, and was reported.
+        door: its door in the map, if known.
     """
 
     place: Floats
@@ -73,14 +73,16 @@ class Track:
 
     @property
     def hits(self) -> float:
-        """In which part of the images in which it should be it was found."""
+        """Part of the images that should show it in which it was found."""
         return self.count / (self.count + self.misses)
 
     @property
     def drift(self) -> float:
-        """By how much it seems to move with the robot, as a part of the robot's way: about 0 for a plate, and
-        more for what is of another size, and so not where it seems to be. The median over pairs of looks;
-        one jump of the position between them does not matter."""
+        """Apparent motion of the candidate with the robot, as a part of the robot's way.
+
+        It is about 0 for a plate, and more for what is of another size, and so not where it seems to be. The
+        median over pairs of looks makes it robust to one jump of the position between them.
+        """
         origins, places = np.array(self.origins), np.array(self.places)
         ways, moves = origins[:, None] - origins[None], places[:, None] - places[None]
         squared = (ways**2).sum(axis=2)
@@ -89,18 +91,18 @@ class Track:
 
     @property
     def rise_mm(self) -> float:
-        """By how much its middle is above the camera, by all looks."""
+        """Height of its middle above the camera, by all looks."""
         return float(np.median([look.rise_mm for look in self.looks]))
 
     @classmethod
     def begun(cls, seen: Seen) -> Track:
-        """A track of one look."""
+        """Begin a track with one look."""
         track = cls(place=np.array(seen.place), covariance=_covariance(seen))
         track._note(seen)
         return track
 
     def take(self, seen: Seen) -> None:
-        """One more look: a step of a Kalman filter of a place that hardly moves."""
+        """Take in one more look: a step of a Kalman filter of a place that hardly moves."""
         noise = _covariance(seen)
         prior = self.covariance + np.eye(2) * _DRIFT_MM**2
         gain = prior @ np.linalg.inv(prior + noise)
@@ -109,7 +111,7 @@ class Track:
         self._note(seen)
 
     def moved(self, rotation: Floats, here: Floats, there: Floats) -> None:
-        """All places turn about `here`, and go to where that is `there`."""
+        """Turn all places about `here`, and move them so that `here` becomes `there`."""
 
         def at(place: Floats) -> Floats:
             return np.asarray(there + rotation @ (place - here))
@@ -137,7 +139,7 @@ class PlateTracks:
 
     @property
     def tracks(self) -> tuple[Track, ...]:
-        """All of them, the oldest first."""
+        """All tracks, the oldest first."""
         return tuple(self._tracks)
 
     def see(self, t_ns: int, robot: Pose, seen: Sequence[Seen]) -> tuple[Track, ...]:
@@ -161,7 +163,7 @@ class PlateTracks:
         return tuple(found)
 
     def go(self, t_ns: int, robot: Pose) -> None:
-        """The robot is there now. If somebody has corrected its position, all places move with it."""
+        """Record that the robot is there now. If its position was corrected, all places move with it."""
         last, self._last = self._last, (t_ns, robot)
         if last is None:
             return
@@ -181,7 +183,7 @@ class PlateTracks:
             track.moved(rotation, here, there)
 
     def is_in_view(self, track: Track) -> bool:
-        """Whether all of a plate, faced, would be in the newest image."""
+        """Return True if all of a plate, faced, would be in the newest image."""
         if self._last is None:
             return False
         robot = self._last[1]
@@ -195,7 +197,7 @@ class PlateTracks:
 
 
 def _covariance(seen: Seen) -> Floats:
-    """Of the place of one look."""
+    """Return the covariance of the place by one look."""
     along = _LEAST_SIGMA_MM + DEPTH_SIGMA * seen.range_mm
     cross = _LEAST_SIGMA_MM + _CROSS_SIGMA * seen.range_mm
     x, y = seen.ray
@@ -204,7 +206,7 @@ def _covariance(seen: Seen) -> Floats:
 
 
 def _nearest(look: Seen, tracks: Sequence[Track]) -> Track | None:
-    """The track that a look is of."""
+    """Return the track to which a look belongs."""
     x, y = look.ray
     near: list[tuple[float, Track]] = []
     for track in tracks:

@@ -1,1 +1,1 @@
-"""How the network that reads door plates is trained: `python -m colony.vision.training`."""
+"""The training of the network that reads door plates: `python -m colony.vision.training`."""

@@ -27,7 +27,7 @@ _JUNK_LOOKS = 1_000
 
 
 def main() -> None:
-    """The command."""
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="python -m colony.vision.training", description=__doc__)
     parser.add_argument("--seed", type=int, default=1, help="of all that is random (default: 1)")
     parser.add_argument("--steps", type=int, default=STEPS, help=f"of {BATCH} samples (default: {STEPS})")
@@ -51,7 +51,7 @@ def main() -> None:
 
 
 def trained(seed: int, steps: int) -> LetterNet:
-    """The network after so many steps, with weights as they are stored, and calibrated."""
+    """Train the network for so many steps, round its weights as they are stored, and calibrate it."""
     random = np.random.default_rng(seed)
     fonts = learned_fonts()
     learner = Learner(random)
@@ -65,7 +65,7 @@ def trained(seed: int, steps: int) -> LetterNet:
 
 
 def tried(net: LetterNet, looks: int, random: np.random.Generator) -> list[str]:
-    """A table of the share of single looks that are read right, by font and height of the characters."""
+    """Return a table of the share of single looks read right, by font and height of the characters."""
     lines = [
         "right of single looks, by the characters' height: " + ", ".join(f"{h:g} px" for h in HEIGHTS_PX)
     ]

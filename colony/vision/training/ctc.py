@@ -1,5 +1,7 @@
-"""The loss of connectionist temporal classification, and its gradient: how improbable the right texts are,
-over all ways to write them in the columns (Graves et al., ICML 2006)."""
+"""The loss of connectionist temporal classification, and its gradient (Graves et al., ICML 2006).
+
+The loss is the negative log probability of the right texts, over all ways to write them in the columns.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ _IMPOSSIBLE = -1e30
 
 
 def ctc_loss(scores: Floats, texts: Sequence[str]) -> tuple[float, Floats]:
-    """The sum of the negative log probabilities of the texts, and its gradient by the scores.
+    """Return the sum of the negative log probabilities of the texts, and its gradient by the scores.
 
     Args:
         scores: before normalization, (samples, columns, classes).
@@ -44,7 +46,7 @@ def ctc_loss(scores: Floats, texts: Sequence[str]) -> tuple[float, Floats]:
 
 
 def _ahead(emitted: Doubles, leaps: npt.NDArray[np.bool_]) -> Doubles:
-    """The log probabilities to be in each state at each column, with what was emitted up to there."""
+    """Return the log probabilities to be in each state at each column, with what was emitted up to there."""
     ahead = np.full(emitted.shape, _IMPOSSIBLE)
     ahead[:, 0, :2] = emitted[:, 0, :2]
     for t in range(1, emitted.shape[1]):

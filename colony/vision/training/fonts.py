@@ -39,7 +39,7 @@ _UNSEEN: dict[Package, tuple[str, ...]] = {
 
 
 def learned_fonts() -> tuple[Path, ...]:
-    """The files of the fonts of the training.
+    """Return the files of the fonts of the training.
 
     Raises:
         FileNotFoundError: one is not installed.
@@ -48,7 +48,7 @@ def learned_fonts() -> tuple[Path, ...]:
 
 
 def unseen_fonts() -> tuple[Path, ...]:
-    """The files of the fonts that are never trained.
+    """Return the files of the fonts that are never trained.
 
     Raises:
         FileNotFoundError: one is not installed.

@@ -15,7 +15,7 @@ Floats = npt.NDArray[np.float32]
 
 _EPSILON = 1e-5
 _REMEMBERED = 0.98
-"""How much of the running mean and variance each batch leaves."""
+"""Fraction of the running mean and variance that remains after each batch."""
 
 
 class Parameter:
@@ -30,15 +30,15 @@ class Trained(Protocol):
     """A layer."""
 
     def parameters(self) -> list[Parameter]:
-        """What is learned."""
+        """Return the parameters that are learned."""
         ...
 
     def forward(self, x: Floats) -> Floats:
-        """Its output."""
+        """Return the output."""
         ...
 
     def backward(self, gradient: Floats) -> Floats:
-        """The gradient by its input, given that by its output; those of the parameters are stored."""
+        """Return the gradient by the input from that by the output; store the parameters' gradients."""
         ...
 
 
@@ -46,8 +46,8 @@ class Convolution:
     """A convolution without strides, with zeros around its input.
 
     Args:
-        size: of the kernel, rows and columns; `channels`: in and out; `pad`: rows and columns of zeros.
-        first: nobody asks for the gradient by its input, which is then left out.
+        size: size of the kernel, rows and columns; `channels`: in and out; `pad`: rows and columns of zeros.
+        first: the gradient by its input is not needed, and left out.
         last: it has a bias, and begins with small weights, so that all classes are about equally probable.
     """
 
@@ -71,9 +71,11 @@ class Convolution:
         self._framed: tuple[int, ...] = ()
 
     def parameters(self) -> list[Parameter]:
+        """Return the kernel and the bias, if there is one."""
         return [self.kernel] if self.bias is None else [self.kernel, self.bias]
 
     def forward(self, x: Floats) -> Floats:
+        """Return the convolution of a batch, (count, rows, columns, channels)."""
         high, wide, channels, out = self.kernel.value.shape
         up, left = self._pad
         x = np.pad(x, ((0, 0), (up, up), (left, left), (0, 0)))
@@ -88,6 +90,7 @@ class Convolution:
         return y.reshape(count, rows, columns, out)
 
     def backward(self, gradient: Floats) -> Floats:
+        """Set the parameters' gradients, and return the gradient of the input."""
         high, wide, channels, out = self.kernel.value.shape
         count, rows, columns = gradient.shape[:3]
         flat = gradient.reshape(-1, out)
@@ -120,9 +123,11 @@ class Normalization:
         self._positive: npt.NDArray[np.bool_] = np.zeros(0, bool)
 
     def parameters(self) -> list[Parameter]:
+        """Return the scale and the shift."""
         return [self.scale, self.shift]
 
     def forward(self, x: Floats) -> Floats:
+        """Return the normalized and rectified batch, and update the running mean and variance."""
         channels = x.shape[-1]
         mean = x.reshape(-1, channels).mean(axis=0)
         centered = x - mean
@@ -138,6 +143,7 @@ class Normalization:
         return rectified
 
     def backward(self, gradient: Floats) -> Floats:
+        """Set the parameters' gradients, and return the gradient of the input."""
         gradient = gradient * self._positive
         flat, channels = gradient.reshape(-1, gradient.shape[-1]), gradient.shape[-1]
         self.scale.gradient = np.einsum("ij,ij->j", flat, self._normalized.reshape(-1, channels))
@@ -148,7 +154,7 @@ class Normalization:
         return result
 
     def folded(self, kernel: Floats) -> tuple[Floats, Floats]:
-        """The kernel and the bias of a convolution that does the same as one with `kernel` and then this."""
+        """Return the kernel and bias of the convolution equal to one with `kernel` and then this."""
         factor = self.scale.value / np.sqrt(self.variance + np.float32(_EPSILON))
         return kernel * factor, self.shift.value - self.mean * factor
 
@@ -161,9 +167,11 @@ class Pooling:
         self._greatest: npt.NDArray[np.bool_] = np.zeros(0, bool)
 
     def parameters(self) -> list[Parameter]:
+        """Return nothing: pooling has no parameters."""
         return []
 
     def forward(self, x: Floats) -> Floats:
+        """Return the maximum of each cell of a batch."""
         if self._size == (1, 1):
             return x
         count, rows, columns, channels = x.shape
@@ -174,6 +182,7 @@ class Pooling:
         return y[:, :, 0, :, 0]
 
     def backward(self, gradient: Floats) -> Floats:
+        """Return the gradient of the input."""
         if self._size == (1, 1):
             return gradient
         shared = gradient[:, :, None, :, None] * self._greatest

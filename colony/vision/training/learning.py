@@ -28,7 +28,7 @@ Floats = npt.NDArray[np.float32]
 
 CHANNELS = (16, 40, 56, 112, 112)
 SIZES = ((3, 3), (3, 3), (3, 3), (6, 3), (1, 3))
-"""Of the convolutions before the last layer: channels, rows and columns."""
+"""Sizes of the convolutions before the last layer: rows and columns of their kernels."""
 
 HIDDEN = 32
 """Channels of the hidden layer of the head."""
@@ -59,7 +59,7 @@ class _Stage(NamedTuple):
         return gradient
 
     def folded(self) -> Layer:
-        """The one convolution with a bias that does the same, before pooling."""
+        """Return the one convolution with a bias that does the same, before pooling."""
         return Layer(*self.normalization.folded(self.convolution.kernel.value))
 
 
@@ -104,13 +104,13 @@ class Learner:
         return loss
 
     def network(self) -> LetterNet:
-        """What was learned up to now, not yet calibrated."""
+        """Return the network as learned up to now, not yet calibrated."""
         trunk = (*(stage.folded() for stage in self._stages), _linear(self._last))
         head = (self._head.folded(), _linear(self._head_last))
         return LetterNet(layers=trunk, head=head, sharpness=1.0, trust=1.0, facts="")
 
     def _descend(self, rate: float) -> None:
-        """Adam (Kingma and Ba, ICLR 2015), with the gradient's length bounded."""
+        """Make a step of Adam (Kingma and Ba, ICLR 2015), with the gradient's length bounded."""
         self._steps += 1
         length = math.sqrt(sum(float(np.vdot(p.gradient, p.gradient)) for p in self._parameters))
         factor = min(1.0, _STEEPEST / max(length, 1e-12))
@@ -126,16 +126,17 @@ class Learner:
 def learning(
     learner: Learner, steps: int, fonts: Sequence[Path], random: np.random.Generator
 ) -> Iterator[float]:
-    """The loss of each of so many steps, on samples that are never seen again. The rate falls to nothing."""
+    """Yield the loss of each step, on samples that are never seen again. The rate falls to zero."""
     for i in range(steps):
         fall = 0.5 * (1.0 + math.cos(math.pi * i / steps))
         yield learner.step(batch(BATCH, fonts, random), RATE * fall * min(1.0, (i + 1) / _WARM_STEPS))
 
 
 def _loss(scores: Floats, plates: Floats, texts: Sequence[str]) -> tuple[float, Floats, Floats]:
-    """The mean loss, and its gradients by the scores of the classes and by the log odds of being a plate.
+    """Return the mean loss, and its gradients by the scores of the classes and the plate's log odds.
 
-    What is no plate has no characters, so that only plates teach these."""
+    What is no plate has no characters, so that only plates teach these.
+    """
     is_plate = np.array([bool(text) for text in texts])
     by_scores = np.zeros_like(scores)
     loss = 0.0

@@ -22,8 +22,10 @@ _WIDEST = 0.95
 
 
 def plate(text: str, font: Path, random: np.random.Generator) -> Gray:
-    """A plate with a text: light characters on a dark ground, their size, width, slant and spacing a little
-    different each time; (64, 178)."""
+    """Draw a plate with a text: light characters on a dark ground, (64, 178).
+
+    Their size, width, slant and spacing vary a little.
+    """
     ground, light = random.uniform(5.0, 70.0), random.uniform(150.0, 255.0)
     picture = np.full((HEIGHT, WIDTH), ground, np.float32)
     if random.random() < 0.15:
@@ -39,7 +41,7 @@ def plate(text: str, font: Path, random: np.random.Generator) -> Gray:
 
 
 def paper(texts: list[str], font: Path, random: np.random.Generator) -> Gray:
-    """A notice: some lines of small characters, dark on light or light on dark."""
+    """Draw a notice: some lines of small characters, dark on light or light on dark."""
     ground, light = random.uniform(0.0, 255.0), random.uniform(0.0, 255.0)
     picture = np.full((HEIGHT, WIDTH), ground, np.float32)
     lines = max(1, min(len(texts), int(random.integers(1, 6))))
@@ -50,12 +52,12 @@ def paper(texts: list[str], font: Path, random: np.random.Generator) -> Gray:
 
 
 def reversed_plate(text: str, font: Path, random: np.random.Generator) -> Gray:
-    """Dark characters on a light ground, which no plate has."""
+    """Draw dark characters on a light ground, which no plate has."""
     return 255 - plate(text, font, random)
 
 
 def clutter(random: np.random.Generator) -> Gray:
-    """Anything else: an empty plate, spots, bars, bricks, stripes, grain."""
+    """Draw anything else: an empty plate, spots, bars, bricks, stripes, grain."""
     import cv2
 
     picture = np.full((HEIGHT, WIDTH), random.uniform(0.0, 200.0), np.float32)
@@ -100,7 +102,7 @@ def _lay(picture: npt.NDArray[np.float32], ink: Gray, place: tuple[int, int], li
 
 
 def _line(text: str, font: Path, height: float, random: np.random.Generator) -> Gray:
-    """The ink of a text, from 0 to 255, with capitals of this height, in pixels; no wider than a plate."""
+    """Return a text's ink, from 0 to 255, with capitals of this height in pixels; no wider than a plate."""
     import cv2
     from PIL import Image, ImageDraw
 
@@ -132,7 +134,7 @@ def _cropped(ink: Gray) -> Gray:
 
 @cache
 def _outlines(font: Path) -> tuple[Any, int]:
-    """The font, and how high its capitals are in pixels."""
+    """Return the font, and the height of its capitals in pixels."""
     from PIL import ImageFont
 
     outlines = ImageFont.truetype(str(font), _FONT_PIXELS)

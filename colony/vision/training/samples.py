@@ -16,7 +16,7 @@ from colony.vision.training.texts import any_text, door_text
 Floats = npt.NDArray[np.float32]
 
 JUNK_SHARE = 0.3
-"""How many samples are no plate."""
+"""Fraction of samples that are no plate."""
 
 
 class Batch(NamedTuple):
@@ -35,7 +35,7 @@ class Look(NamedTuple):
 
 
 def batch(count: int, fonts: Sequence[Path], random: np.random.Generator) -> Batch:
-    """So many samples in the fonts, a part of them junk."""
+    """Draw a batch of samples in the fonts, a part of them junk."""
     strips, texts = np.zeros((count, STRIP_ROWS, STRIP_COLUMNS), np.float32), []
     for i in range(count):
         font = fonts[int(random.integers(len(fonts)))]
@@ -54,13 +54,13 @@ def batch(count: int, fonts: Sequence[Path], random: np.random.Generator) -> Bat
 def plate_look(
     text: str, font: Path, height_px: float, random: np.random.Generator, slant_deg: float | None = None
 ) -> Look:
-    """A plate seen from somewhere, its characters so high in pixels."""
+    """Draw a look at a plate, with characters of this height in pixels."""
     seen = views.view(lettering.plate(text, font, random), height_px, random, slant_deg)
     return Look(seen.image, views.jittered(seen.corners, random), text)
 
 
 def junk_look(font: Path, random: np.random.Generator) -> Look:
-    """Something that is no plate, or a box that does not hold one."""
+    """Draw a look at something that is no plate, or a box that does not hold one."""
     height = views.drawn_height(random)
     kind = random.random()
     if kind < 0.4:

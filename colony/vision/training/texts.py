@@ -11,12 +11,12 @@ _DIGITS, _LETTERS = CHARACTERS[:10], CHARACTERS[10:]
 
 
 def any_text(random: np.random.Generator) -> str:
-    """One to five of all characters, each as often: so that none is learned from its neighbors only."""
+    """Draw one to five of all characters, all equally often: so that context alone teaches none."""
     return "".join(random.choice(list(CHARACTERS), int(random.integers(1, LONGEST + 1))).tolist())
 
 
 def door_text(random: np.random.Generator) -> str:
-    """A text as on doors: the number of a room, or a word."""
+    """Draw a text as on doors: the number of a room, or a word."""
     if random.random() < WORD_SHARE:
         return str(random.choice(WORDS))
     shares = np.array(list(SHAPES.values()))

@@ -1,4 +1,4 @@
-"""How well a network reads plates it has never seen, and how its confidence is set right."""
+"""The accuracy of a network on plates it has never seen, and the calibration of its confidence."""
 
 from __future__ import annotations
 
@@ -28,15 +28,18 @@ _LEAST = 1e-4
 
 
 class Score(NamedTuple):
-    """Of some looks at plates: how many there were, and how many were read right, as a whole."""
+    """The score of some looks at plates: their number, and the number read right as a whole."""
 
     looks: int
     right: int
 
 
 class JunkScore(NamedTuple):
-    """Of some looks at what is no plate: how many there were, how many were read as something, and how many
-    of these with a confidence of 0.9 and more."""
+    """The score of some looks at what is no plate.
+
+    Their number, the number that were read as something, and the number of these with a confidence of 0.9 and
+    more.
+    """
 
     looks: int
     read: int
@@ -44,8 +47,10 @@ class JunkScore(NamedTuple):
 
 
 def calibrated(net: LetterNet, fonts: Sequence[Path], count: int, random: np.random.Generator) -> LetterNet:
-    """The network with the sharpness and the trust in its prior that make the right readings of so many looks
-    most probable."""
+    """Return the network with the sharpness and the trust in its prior that fit `count` looks best.
+
+    They make the right readings of these looks most probable.
+    """
     seen: list[tuple[dict[str, float], float, str]] = []
     for _ in range(count):
         font = fonts[int(random.integers(len(fonts)))]
@@ -67,25 +72,25 @@ def calibrated(net: LetterNet, fonts: Sequence[Path], count: int, random: np.ran
 def plate_score(
     net: LetterNet, font: Path, height_px: float, count: int, random: np.random.Generator
 ) -> Score:
-    """Single looks at plates with texts as on doors, in a font, with characters of a height in pixels."""
+    """Score single looks at plates with texts as on doors, in a font, at a height in pixels."""
     looks = (plate_look(door_text(random), font, height_px, random) for _ in range(count))
     return Score(count, sum(read(net, look).text == look.text for look in looks))
 
 
 def junk_score(net: LetterNet, fonts: Sequence[Path], count: int, random: np.random.Generator) -> JunkScore:
-    """Single looks at what is no plate."""
+    """Score single looks at what is no plate."""
     looks = [junk_look(fonts[i % len(fonts)], random) for i in range(count)]
     found = [reading for reading in (read(net, look) for look in looks) if reading.text]
     return JunkScore(count, len(found), sum(reading.confidence >= 0.9 for reading in found))
 
 
 def read(net: LetterNet, look: Look) -> Reading:
-    """What the network reads there."""
+    """Return the network's reading of a look."""
     strip = plate_strip(look.image, look.corners)
     return Reading("", 1.0) if strip is None else reading_of(net.look(strip), net)
 
 
 def _surprise(reading: Reading, text: str) -> float:
-    """The negative logarithm of the probability that a reading gives to a text."""
+    """Return the negative logarithm of the probability that a reading gives to a text."""
     share = dict(((reading.text, reading.confidence), *reading.alternatives)).get(text, 0.0)
     return -math.log(max(share, _LEAST))

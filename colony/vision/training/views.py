@@ -1,4 +1,4 @@
-"""What a level camera sees of a flat thing on a wall, and the box in which a detector may find it."""
+"""The view of a level camera of a flat thing on a wall, and the box in which a detector may find it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Gray = npt.NDArray[np.uint8]
 Doubles = npt.NDArray[np.float64]
 
 LOWEST_PX, HIGHEST_PX = 6.5, 42.0
-"""How high characters are in the views that are learned, in pixels."""
+"""Range of the height of characters in the views for the training, in pixels."""
 
 _MOST_SLANT_DEG = 52.0
 _MARGIN_PX = 6
@@ -31,7 +31,7 @@ class View(NamedTuple):
 
 
 def drawn_height(random: np.random.Generator) -> float:
-    """A height of characters in pixels; small ones, which are hard, most often."""
+    """Draw a height of characters in pixels; small ones, which are hard, most often."""
     if random.random() < 0.7:
         return float(random.uniform(LOWEST_PX, 16.0))
     return float(random.uniform(16.0, HIGHEST_PX))
@@ -40,10 +40,14 @@ def drawn_height(random: np.random.Generator) -> float:
 def view(
     picture: Gray, height_px: float, random: np.random.Generator, slant_deg: float | None = None
 ) -> View:
-    """A picture of the size of a plate as a camera sees it from where its characters are so high.
+    """Return a picture of the size of a plate as a camera sees it.
 
     Args:
-        slant_deg: the angle between the wall's normal and the camera's axis; any up to 52 unless told.
+        picture: the picture.
+        height_px: height of its characters in the view.
+        random: the generator.
+        slant_deg: the angle between the wall's normal and the camera's axis; the default is a random one up
+            to 52.
     """
     import cv2
 
@@ -67,8 +71,10 @@ def view(
 
 
 def jittered(corners: Corners, random: np.random.Generator) -> Corners:
-    """The corners as a detector may find them: off by a pixel or so, and together by some hundredths of the
-    plate's size."""
+    """Return the corners as a detector may find them.
+
+    They are off by a pixel or so, and together by some hundredths of the plate's size.
+    """
     true = np.array(corners)
     size = true.max(axis=0) - true.min(axis=0)
     together = random.normal(0.0, 0.015, 2) * size
@@ -77,7 +83,7 @@ def jittered(corners: Corners, random: np.random.Generator) -> Corners:
 
 
 def misplaced(corners: Corners, random: np.random.Generator) -> Corners:
-    """A box that holds a part of the plate only, or much more than it."""
+    """Draw a box that holds a part of the plate only, or much more than it."""
     true = np.array(corners)
     along, down = true[1] - true[0], true[3] - true[0]
     match int(random.integers(4)):
@@ -98,7 +104,7 @@ def misplaced(corners: Corners, random: np.random.Generator) -> Corners:
 
 
 def _projected(height_px: float, slant_deg: float, random: np.random.Generator) -> Doubles:
-    """The plate's corners in the image, (4, 2), the optical axis being the origin."""
+    """Return the plate's corners in the image, (4, 2), the optical axis being the origin."""
     depth = CHARACTER_HEIGHT_MM * SIDE.focal / height_px
     slant = math.radians(slant_deg)
     across = random.uniform(-0.5, 0.5) * depth
@@ -115,7 +121,7 @@ def _projected(height_px: float, slant_deg: float, random: np.random.Generator) 
 
 
 def _wall(rows: int, columns: int, random: np.random.Generator) -> Gray:
-    """A wall, with the edge of something on it now and then."""
+    """Draw a wall, with the edge of something on it now and then."""
     shade = random.uniform(40.0, 240.0)
     wall = np.full((rows, columns), shade, np.float32)
     wall += np.linspace(0.0, random.uniform(-30.0, 30.0), columns, dtype=np.float32)
@@ -127,7 +133,7 @@ def _wall(rows: int, columns: int, random: np.random.Generator) -> Gray:
 
 
 def _exposed(image: npt.NDArray[np.float32], random: np.random.Generator) -> Gray:
-    """What the sensor makes of the light: blurred by lens and motion, uneven, brighter or darker, grainy."""
+    """Return the sensor's image: blurred by lens and motion, uneven, brighter or darker, grainy."""
     import cv2
 
     lens, motion = random.uniform(0.0, 0.75), random.uniform(0.0, 1.2)

@@ -1,0 +1,1 @@
+"""The StickRep map format: its model, reader, writer and checks."""

@@ -1,4 +1,4 @@
-"""What can only be checked on whole rings and whole maps: closure, lights, crossing edges, free space."""
+"""Checks that need whole rings and whole maps: closure, lights, crossing edges, free space."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _BESIDE_MM = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RingPlaces:
-    """Where a ring's parts stand in its text; `lights` one tuple an edge."""
+    """The spans of a ring's parts in its text; `lights` has one tuple an edge."""
 
     header: Span
     nodes: tuple[Span, ...]
@@ -30,7 +30,7 @@ class RingPlaces:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Places:
-    """Where a map's parts stand in its text."""
+    """The spans of a map's parts in its text."""
 
     start: Span
     rings: tuple[RingPlaces, ...]
@@ -131,7 +131,7 @@ _MISPLACED = {
     True: "it is traced counterclockwise, as a block, and must stand in an outline's free space; an outline "
     "is traced clockwise",
 }
-"""What to do about a ring with its free space on the wrong side, by whether it turns left."""
+"""Advice about a ring whose free space is on the wrong side, by whether the ring turns left."""
 
 
 def _right_of_longest(ring: Ring, nodes: tuple[Point, ...]) -> Point:
@@ -158,7 +158,7 @@ _BLOCK = 256
 
 
 def crossing_pairs(begins: NDArray[np.float64], ends: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """For each segment that properly crosses an earlier one, that pair of indices.
+    """Return a pair of indices for each segment that properly crosses an earlier one.
 
     Args:
         begins: (n, 2) first points.
@@ -176,7 +176,7 @@ def crossing_pairs(begins: NDArray[np.float64], ends: NDArray[np.float64]) -> li
 
 
 def crosses_any(segments: NDArray[np.float64], begin: Point, end: Point) -> bool:
-    """Whether the segment from `begin` to `end` properly crosses one of `segments`, (n, 4) in mm."""
+    """Return True if the segment from `begin` to `end` properly crosses one of `segments`, (n, 4) in mm."""
     p, q = np.array([begin], dtype=np.float64), np.array([end], dtype=np.float64)
     a, b = segments[:, :2], segments[:, 2:]
     apart = (_side_of(p, q, a) * _side_of(p, q, b) < 0) & (_side_of(a, b, p) * _side_of(a, b, q) < 0)
@@ -184,7 +184,7 @@ def crosses_any(segments: NDArray[np.float64], begin: Point, end: Point) -> bool
 
 
 def _side_of(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Positive where r is left of the line from p to q, negative where right; broadcast over (..., 2)."""
+    """Return a positive value if r is left of the line from p to q, negative if right; (..., 2)."""
     u, v = q - p, r - p
     side: NDArray[np.float64] = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
     # Adjacent edges share a corner up to rounding: that is touching.

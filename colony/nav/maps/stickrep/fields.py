@@ -33,11 +33,11 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.'-]{0,63}", re.ASCII)
 
 
 class TooMany(Exception):
-    """So many problems that the text is hardly a map; those found so far are enough."""
+    """Too many problems for a map; the ones found so far are enough."""
 
 
 class Problems(list[Diagnostic]):
-    """What was found wrong so far."""
+    """The errors found so far."""
 
     def report(self, code: str, span: Span, message: str, hint: str | None = None) -> None:
         """Add an error.
@@ -66,12 +66,12 @@ class Word(NamedTuple):
 
     @property
     def looks_like_number(self) -> bool:
-        """Whether the word was meant to be a number: rows of a map begin with one, header lines don't."""
+        """True if the word was meant to be a number: rows begin with a number, header lines do not."""
         return _NUMBER_LIKE.match(self.text) is not None
 
 
 def lines_of_words(source: Source) -> Iterator[list[Word]]:
-    """The words of each line that has any, without comments."""
+    """Return the words of each line that has any, without comments."""
     at = 0
     while at < len(source.text):
         end = source.text.find("\n", at)
@@ -87,13 +87,13 @@ def lines_of_words(source: Source) -> Iterator[list[Word]]:
 
 
 def line_end(words: list[Word]) -> Span:
-    """Where the next word of a line would have begun."""
+    """Return the span where the next word of a line would have begun."""
     last = words[-1].span
     return Span(last.source, last.end, last.end)
 
 
 def values(problems: Problems, words: list[Word], usage: str) -> list[Word] | None:
-    """The words after the first, if they are as many as `usage` shows."""
+    """Return the words after the first, if they are as many as `usage` shows."""
     expected = len(usage.split())
     if len(words) == expected:
         return words[1:]
@@ -104,7 +104,7 @@ def values(problems: Problems, words: list[Word], usage: str) -> list[Word] | No
 
 
 def number(problems: Problems, word: Word, what: str) -> float | None:
-    """A finite decimal number."""
+    """Read a finite decimal number."""
     if _NUMBER.fullmatch(word.text) is None:
         problems.report("M009", word.span, f"expected {what}, a number; found {word.shown}")
         return None
@@ -116,7 +116,7 @@ def number(problems: Problems, word: Word, what: str) -> float | None:
 
 
 def ranged(problems: Problems, word: Word, what: str, low: float, high: float, unit: str) -> float | None:
-    """A number whose magnitude is from `low` to `high`."""
+    """Read a number whose magnitude is from `low` to `high`."""
     value = number(problems, word, what)
     if value is not None and not low <= abs(value) <= high:
         expected = f"up to {high:,.0f} {unit}" if low == 0 else f"from {low:.2g} to {high:,.0f} {unit}"
@@ -130,7 +130,7 @@ def ranged(problems: Problems, word: Word, what: str, low: float, high: float, u
 def length_mm(
     problems: Problems, word: Word, what: str, low_mm: float, high_mm: float, unit: str
 ) -> float | None:
-    """A length in one of `LENGTH_UNITS`, whose magnitude is in a range given in mm."""
+    """Read a length in one of `LENGTH_UNITS`, whose magnitude is in a range given in mm."""
     scale = LENGTH_UNITS[unit]
     value = ranged(problems, word, what, low_mm / scale, high_mm / scale, unit)
     return None if value is None else value * scale
@@ -141,7 +141,7 @@ def _range_hint(what: str) -> str | None:
 
 
 def whole(problems: Problems, word: Word, what: str, high: int) -> int | None:
-    """A whole number from 0 to `high`."""
+    """Read a whole number from 0 to `high`."""
     if not (word.text.isascii() and word.text.isdigit()):
         problems.report("M009", word.span, f"expected {what}, a whole number; found {word.shown}")
         return None
@@ -153,7 +153,7 @@ def whole(problems: Problems, word: Word, what: str, high: int) -> int | None:
 
 
 def name(problems: Problems, word: Word, what: str) -> str | None:
-    """A name: letters, digits and `_.'-`, at most 64 of them."""
+    """Read a name: letters, digits and `_.'-`, at most 64 of them."""
     if _NAME.fullmatch(word.text) is None:
         hint = "a name is a letter, digit or _, followed by up to 63 letters, digits, _ . ' or -"
         problems.report("M008", word.span, f"expected {what}; {word.shown} is not a name", hint)
@@ -162,7 +162,7 @@ def name(problems: Problems, word: Word, what: str) -> str | None:
 
 
 def edge_kind(problems: Problems, word: Word) -> EdgeKind | None:
-    """W, D or E."""
+    """Read the kind of an edge: W, D or E."""
     for kind in EdgeKind:
         if word.text == kind.value:
             return kind

@@ -14,7 +14,7 @@ MAX_BYTES = 4_000_000
 
 
 def load_source(path: str | os.PathLike[str]) -> Source:
-    """The text of the file at `path`.
+    """Load the text of the file at `path`.
 
     Raises:
         Failure: it cannot be read, or is no text that a map could be.

@@ -1,4 +1,4 @@
-"""Where the nodes and the shared lights of a ring are: plane geometry on StickRep, without arrays.
+"""The places of a ring's nodes and shared lights: plane geometry on StickRep, without arrays.
 
 A ring is stored as turns and lengths, and lengths are counted in bricks: walked round once, it rarely ends
 exactly where it began. The gap is spread over the ring as surveyors do in a closed traverse (the compass
@@ -25,7 +25,7 @@ class Point(NamedTuple):
 
 
 def direction(heading_deg: float) -> Point:
-    """The unit vector of a heading, exact along the four axes."""
+    """Return the unit vector of a heading, exact along the four axes."""
     exact = _EXACT.get(heading_deg % 360.0)
     if exact is not None:
         return Point(*exact)
@@ -49,7 +49,7 @@ class Trace:
 
     @property
     def gap(self) -> Point:
-        """From the first node to where the last edge ends, in mm."""
+        """Vector from the first node to the end of the last edge, in mm."""
         return Point(self.points[-1].x - self.points[0].x, self.points[-1].y - self.points[0].y)
 
 
@@ -73,7 +73,7 @@ def trace(ring: Ring) -> Trace:
 
 
 def corners(ring: Ring) -> tuple[Point, ...]:
-    """The places of a ring's nodes, in mm, with its gap spread over it by the compass rule."""
+    """Return the places of a ring's nodes, in mm, with its gap spread over it by the compass rule."""
     walked = trace(ring)
     gap = walked.gap
     total = math.fsum(edge.length_mm for edge in ring.edges)
@@ -95,7 +95,7 @@ class Projection(NamedTuple):
 
 
 def projections(ring: Ring) -> tuple[Projection, ...]:
-    """All projections of a ring's lights, in the order of the ring."""
+    """Return all projections of a ring's lights, in the order of the ring."""
     nodes = corners(ring)
     out = []
     for i, edge in enumerate(ring.edges):
@@ -110,11 +110,11 @@ def projections(ring: Ring) -> tuple[Projection, ...]:
 
 
 def shared_lights(ring: Ring) -> tuple[Point, ...] | None:
-    """Where the lights of the turning spaces hang, or None if their projections do not pair up.
+    """Return the places of the lights in turning spaces, or None if their projections do not pair up.
 
-    The projections of one light follow each other along the ring, on two edges that are not parallel, and
-    the light is where the perpendiculars meet. As the ring may begin between the two, both ways to pair
-    neighbors are tried; the one with the shorter perpendiculars is taken.
+    The projections of one light follow each other along the ring, on two edges that are not parallel, and the
+    light is where the perpendiculars meet. As the ring may begin between the two, both ways to pair neighbors
+    are tried; the one with the shorter perpendiculars is taken.
     """
     marks = [p for p in projections(ring) if ring.edges[p.edge].lights[p.light].shared]
     if len(marks) % 2:
@@ -137,7 +137,7 @@ _LEAST_SINE = 0.1  # edges that differ by less than about six degrees are as goo
 
 
 def _meet(one: Projection, other: Projection) -> _Meeting | None:
-    """Where the perpendiculars of two edges meet, and their length in all; None for parallel edges."""
+    """Return where the perpendiculars of two edges meet, and their total length; None for parallel edges."""
     cross = one.along.x * other.along.y - one.along.y * other.along.x
     if abs(cross) < _LEAST_SINE:
         return None
@@ -151,7 +151,7 @@ def _meet(one: Projection, other: Projection) -> _Meeting | None:
 
 
 def link_places(source: Map) -> tuple[tuple[Point, Point], ...]:
-    """Where the two places of each link are."""
+    """Return the two places of each link."""
     begins: dict[str, tuple[Point, Point, float]] = {}
     for ring in source.rings:
         nodes = corners(ring)
@@ -167,7 +167,7 @@ def link_places(source: Map) -> tuple[tuple[Point, Point], ...]:
 
 
 def in_free_space(rings: tuple[tuple[Point, ...], ...], x: float, y: float) -> bool:
-    """Whether a place is inside an outline and outside the blocks in it, by counting the edges to its east.
+    """Return True if a place is inside an outline and outside its blocks, by the edges to its east.
 
     `rings` holds the corners of each ring, as `corners` gives them.
     """

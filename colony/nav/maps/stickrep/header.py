@@ -1,4 +1,4 @@
-"""The lines of a StickRep file that are neither rings nor rows; `reader.py` tells what each means."""
+"""The lines of a StickRep file that are neither rings nor rows; `reader.py` describes them."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _T = TypeVar("_T")
 
 
 class Header:
-    """What the header says, as far as it was read.
+    """The header, as far as it was read.
 
-    What lengths and nodes are in it (`start`, `tolerance`, `links`, `elevators`) is left as words: the line
-    that names the unit may come later, and so may the rings.
+    The lengths and nodes in it (`start`, `tolerance`, `links`, `elevators`) stay words: the line that names
+    the unit may come later, and so may the rings.
     """
 
     def __init__(self, problems: Problems, source: Source) -> None:
@@ -54,7 +54,7 @@ class Header:
         return (*self._once, *self._often)
 
     def take(self, words: list[Word]) -> bool:
-        """Whether this is a line of the header; it is read if so. What is neither is reported."""
+        """Read a line of the header, and return True if it is one. A line that is neither is reported."""
         key = words[0]
         if key.text == "ring" or key.looks_like_number:
             return False

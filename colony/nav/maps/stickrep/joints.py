@@ -18,16 +18,16 @@ from colony.text.source import Span
 from colony.text.suggestions import did_you_mean
 
 MAX_ACROSS_MM = 8_000.0
-"""How far apart linked places may be."""
+"""Largest distance between linked places."""
 MAX_ASIDE_MM = 500.0
-"""How much two places that face each other may be displaced along their corridor."""
+"""Largest displacement along their corridor of two places that face each other."""
 _LEAST_COSINE = math.cos(math.radians(10.0))  # walls that differ by more do not run along one corridor
 _SLACK_MM = 0.1  # what rounding in a file may add to an offset
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joints:
-    """What joins the rings of a map to each other and the map to others."""
+    """The links between the rings of a map, and the elevators to other maps."""
 
     links: tuple[Link, ...]
     elevators: tuple[ElevatorLink, ...]
@@ -44,7 +44,7 @@ class _Spot(NamedTuple):
 
 
 def read_joints(problems: Problems, header: Header, rings: tuple[Ring, ...]) -> Joints:
-    """The links and elevators that a header names; the rings must be sound."""
+    """Read the links and elevators that a header names; the rings must be sound."""
     reader = _JointReader(problems, header.unit, rings)
     links = [reader.link(*words) for words in header.links]
     elevators = [reader.elevator(*words) for words in header.elevators]
@@ -58,7 +58,7 @@ def read_joints(problems: Problems, header: Header, rings: tuple[Ring, ...]) -> 
 
 
 def linked_rings(source: Map) -> tuple[tuple[str, ...], ...]:
-    """The names of the rings, those together that links join, directly or by way of others."""
+    """Return the names of the rings, grouped by the links that join them, directly or by other rings."""
     ring_of = {node.name: ring.name for ring in source.rings for node in ring.nodes}
     group = {ring.name: {ring.name} for ring in source.rings}
     for one, other in source.links:
@@ -87,7 +87,7 @@ class _JointReader:
         self.segments = np.array(rows, dtype=np.float64)
 
     def link(self, first: Word, second: Word) -> Link | None:
-        """A link, if both of its places are there and the robot gets from one to the other."""
+        """Read a link, if both of its places exist and the robot can get from one to the other."""
         one, other = self._spot(first), self._spot(second)
         if one is None or other is None:
             return None
@@ -99,7 +99,7 @@ class _JointReader:
         return Link(one.site, other.site)
 
     def elevator(self, node: Word, file: Word, other: Word) -> ElevatorLink | None:
-        """An elevator's line, if its first node begins an elevator of this map."""
+        """Read an elevator's line, if its first node begins an elevator of this map."""
         found = self._node(node, node.text)
         target = fields.name(self.problems, other, "the name of a node")
         if file.text.startswith("/"):
@@ -116,7 +116,7 @@ class _JointReader:
         return ElevatorLink(node.text, file.text, target)
 
     def _node(self, word: Word, name: str) -> tuple[int, int] | None:
-        """The indices of a node's ring, and of the node in it."""
+        """Return the indices of a node's ring, and of the node in it."""
         found = self.nodes.get(name)
         if found is None:
             hint = did_you_mean(name, self.nodes) or "a node is named in the second field of a row"
@@ -125,7 +125,7 @@ class _JointReader:
         return found
 
     def _spot(self, word: Word) -> _Spot | None:
-        """The place that `NODE` or `NODE+LENGTH` names."""
+        """Return the place that `NODE` or `NODE+LENGTH` names."""
         name, plus, length = word.text.partition("+")
         found = self._node(word, name)
         if found is None:
@@ -147,7 +147,7 @@ class _JointReader:
         return _Spot(Site(name, offset), ring, at, walls, corner)
 
     def _offset(self, word: Word, name: str, edge: Edge) -> float | None:
-        """How far after its node a place is."""
+        """Return the distance of a place from its node, in mm."""
         what, limit = "the distance from the node", fields.MAX_LENGTH_MM
         offset = fields.length_mm(self.problems, word, what, 0.0, limit, self.unit)
         if offset is not None and not 0.0 <= offset <= edge.length_mm + _SLACK_MM:
@@ -159,7 +159,7 @@ class _JointReader:
         return offset
 
     def _why_not(self, one: _Spot, other: _Spot) -> tuple[str, str | None]:
-        """Why two places cannot be linked, and a hint; an empty reason if they can."""
+        """Return why two places cannot be linked, and a hint; an empty reason if they can."""
         if one.ring == other.ring:
             return f"are both on ring `{self.rings[one.ring].name}`", "a link joins two rings"
         way = Point(other.at.x - one.at.x, other.at.y - one.at.y)
@@ -185,7 +185,7 @@ def _unit(here: Point, there: Point) -> Point:
 
 
 def _displacement(one: _Spot, other: _Spot, way: Point) -> float | None:
-    """How far two places are displaced along the walls of a corridor; None if on no opposite walls.
+    """Return the displacement of two places along opposite walls of a corridor; None for other places.
 
     Opposite walls are traced in opposite directions, and each has the other on its right.
     """

@@ -1,9 +1,9 @@
 """StickRep maps: a building as rings of walls, doors and elevators, with the ceiling lights above them.
 
-A ring is a closed contour, traced as by somebody who walks along it with the walls on the left hand: the
-outline of a floor runs clockwise, a block standing in it counterclockwise, and the free space lies to the
-right of every edge. A node is a vertical edge of the building (a corner, a door jamb), an edge what lies
-between two nodes. Source: thesis section 5.1, after Walsh 1992.
+A ring is a closed contour, traced with the walls on the left hand: the outline of a floor runs clockwise, a
+block standing in it counterclockwise, and the free space lies to the right of every edge. A node is a
+vertical edge of the building (a corner, a door jamb); an edge is the stretch between two nodes. Source:
+thesis section 5.1, after Walsh 1992.
 
 In files lengths are in the unit that the header names (inches, traditionally); here they are floats in
 millimeters. Headings count counterclockwise from north, in degrees: 0 is north (+y), 90 west (-x).
@@ -17,17 +17,17 @@ from enum import Enum
 from typing import Literal, NamedTuple
 
 LightOffsets = Literal["incremental", "cumulative"]
-"""How a file counts the offsets of an edge's lights: each from the one before, or all from the node."""
+"""The offsets of an edge's lights in a file: each from the light before, or all from the node."""
 
 Travel = Literal["either", "wall-on-left"]
-"""Which way paths follow the rings: both ways, or only as the rings are traced, the wall on the left hand."""
+"""Direction in which paths follow the rings: both ways, or only with the wall on the left hand."""
 
 DEFAULT_TOLERANCE_MM = 50.8
-"""By how much a ring may fail to close, unless its map says otherwise: two inches, a brick's slack."""
+"""Default closure error that a ring may have: two inches, a brick's slack."""
 
 
 class EdgeKind(Enum):
-    """What an edge is; the value is its letter in a file."""
+    """The kind of an edge; the value is its letter in a file."""
 
     WALL = "W"
     DOOR = "D"
@@ -69,16 +69,16 @@ class MapNode:
 
     @property
     def turn_deg(self) -> float:
-        """By how much the walker turns here, counterclockwise: 270 degrees is a right turn of 90 (-90)."""
+        """Turn of the ring at this node, counterclockwise: 270 degrees is a right turn of 90 (-90)."""
         return 180.0 - self.angle_deg
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edge:
-    """What lies between one node and the next.
+    """The stretch between one node and the next.
 
-    Edges that are not `counted` have their place in the building, and no part in the length of a path:
-    the sides of an alcove, say. `attribute` is a remark on the surface.
+    Edges that are not `counted` have their place in the building, but no part in the length of a path: the
+    sides of an alcove, say. `attribute` is a remark on the surface.
     """
 
     kind: EdgeKind
@@ -138,9 +138,9 @@ class ElevatorLink(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Map:
-    """One floor. `start` is where a robot stands unless told otherwise.
+    """The map of one floor. `start` is the default pose of a robot.
 
-    `floor` says which one of its building it is, "3"; it is empty where nobody asks. `unit` and
+    `floor` names the floor in its building, "3"; it is empty if the name is not needed. `unit` and
     `light_offsets` say how the map is written in a file; nothing else depends on them.
     """
 
@@ -156,10 +156,10 @@ class Map:
     light_offsets: LightOffsets = "incremental"
 
     def edges(self) -> Iterator[Edge]:
-        """All edges, ring by ring, in the order of the file."""
+        """Return all edges, ring by ring, in the order of the file."""
         for ring in self.rings:
             yield from ring.edges
 
     def count(self, kind: EdgeKind) -> int:
-        """How many edges there are of one kind."""
+        """Return the number of edges of one kind."""
         return sum(edge.kind is kind for edge in self.edges())

@@ -1,15 +1,15 @@
-"""Reads StickRep maps, and tells everything that is wrong with them.
+"""A reader of StickRep maps that reports every error in them.
 
 A file is a header, then rings of rows; `#` begins a comment. The header says, in any order:
 
     stickrep 1                  the format's version; always the first line
     map NAME
-    start X Y HEADING           where a robot stands unless told otherwise
+    start X Y HEADING           the default pose of a robot
     unit inch                   of every length in the file (default inch; mm, cm, m, ft)
     lights incremental          or cumulative: how offsets of lights count (default incremental)
-    closure 2                   by how much a ring may fail to close (default two inches)
+    closure 2                   the closure error that a ring may have (default two inches)
     travel either               or wall-on-left: which way paths follow the rings (default either)
-    floor NAME                  which one of its building it is, if elevators lead to others
+    floor NAME                  the floor's name in its building, if elevators lead to others
     link PLACE PLACE            two places of different rings that face each other, as many lines as needed;
                                 a place is NODE, or NODE+LENGTH for a place after it on its edge
     elevator NODE FILE NODE     an elevator's edge here, and the same elevator's in the map of another floor
@@ -19,13 +19,13 @@ row for each node and the edge after it, the fields of thesis section 5.1:
 
     alpha name tau lambda d1 .. d_lambda mu attribute
 
-Codes of errors: M001 cannot be read, M002 not a text, M003 not a StickRep map, M004 unknown header line,
-M005 said twice, M006 header line missing, M007 header line malformed, M008 name, M009 number, M010 row too
-short, M011 edge type, M012 lights, M013 row outside a ring, M014 node name twice, M015 ring name twice,
-M016 too few edges, M017 does not close in angle, M018 does not close in place, M019 light beyond its edge,
-M020 shared lights do not pair, M021 edges cross, M022 start not in free space, M023 too much,
-M024 traced the wrong way round, M025 no such node, M026 linked places that do not face each other, M027 no
-elevator there, M028 floor missing; and of buildings (`building.py`) M029 to M031.
+Codes of errors: M001 cannot be read, M002 not a text, M003 not a StickRep map, M004 unknown header line, M005
+said twice, M006 header line missing, M007 header line malformed, M008 name, M009 number, M010 row too short,
+M011 edge type, M012 lights, M013 row outside a ring, M014 node name twice, M015 ring name twice, M016 too few
+edges, M017 does not close in angle, M018 does not close in place, M019 light beyond its edge, M020 shared
+lights do not pair, M021 edges cross, M022 start not in free space, M023 too much, M024 traced the wrong way
+round, M025 no such node, M026 linked places that do not face each other, M027 no elevator there, M028 floor
+missing; and of buildings (`building.py`) M029 to M031.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ class _Reader:
         self.node_names: dict[str, Span] = {}
 
     def read(self) -> Map | None:
-        """The map, or None where `problems` says why not."""
+        """Read the map; None if there are `problems`."""
         lines = lines_of_words(self.source)
         if not self._is_stickrep(next(lines, None)):
             return None

@@ -11,7 +11,7 @@ _COLUMNS = ("# alpha", "node", "type", "lights", "length", "attribute")
 
 
 def write_map(written: Map) -> str:
-    """The text of a map; reading it gives the map back, up to the sixth decimal of its unit.
+    """Return the text of a map; reading it gives the map back, up to the sixth decimal of its unit.
 
     Text that was written comes out the same when it is read and written again. Comments are not kept.
     """
