@@ -94,9 +94,9 @@ def test_messages() -> None:
         "k": 1,
         "by": "cruise",
         "values": values,
-        "fates": {"cruise": "won", "back": "silent"},
+        "fates": {"cruise": "won", "back": "inactive"},
     }
-    assert found["/verdicts/lamp"][1] == {"k": 1, "fates": {"shine": "silent"}}
+    assert found["/verdicts/lamp"][1] == {"k": 1, "fates": {"shine": "inactive"}}
     assert found["/requests/drive"] == [
         {"k": 1, "clients": {"back": {"bid": "silent"}, "cruise": {"bid": "command", "values": values}}}
     ]
