@@ -29,6 +29,8 @@ class ModuleActive:
 
 @dataclass(frozen=True, slots=True)
 class Not:
+    """The negation of a guard."""
+
     operand: int
 
 
@@ -113,8 +115,9 @@ class GuardTable:
         return parts[0] if parts else self.add(Never())
 
     def recently(self, operand: int, window_ns: int) -> int:
-        """Whether `operand` held within the window; without a window, whether it holds."""
+        """Return the guard "`operand` held within the window"; without a window, `operand` itself."""
         return self.add(Recently(operand, window_ns)) if window_ns > 0 else operand
 
     def freeze(self) -> tuple[Guard, ...]:
+        """Return the guards of the table so far."""
         return tuple(self.nodes)

@@ -50,7 +50,7 @@ class Compilation:
 
     @cached_property
     def compiled(self) -> Compiled:
-        """What is executed, saved and sent; lowered once, when it is first asked for."""
+        """The compiled program, which is executed, saved and sent; lowered once, on first access."""
         with gc_paused():
             lowered = lower(self.program, self.clients, self.traversal)
         files = self.program.files

@@ -50,6 +50,7 @@ class ParsedFile(Record):
 
     @property
     def stem(self) -> str:
+        """Return the file's name without directory and suffix."""
         return Path(self.source.name).stem
 
 
@@ -72,7 +73,7 @@ class Unreadable(Exception):
         self.code, self.message, self.hint, self.span = code, message, hint, span
 
     def diagnostic(self, at: Span) -> Diagnostic:
-        """What to report; `at` is where the file was asked for."""
+        """Return the diagnostic to report; `at` is the place that asked for the file."""
         return error(self.code, self.span or at, self.message, self.hint)
 
 
@@ -260,7 +261,7 @@ class _Loader:
         self.diagnostics.append(error("E104", span, f"imports go round in a cycle: {names}", hint))
 
     def _prefixes(self, root: str) -> dict[str, str]:
-        """What each file's names are called by: over the way with the fewest aliases, the first of equals."""
+        """Return the prefix of each file's names: the path with the fewest aliases, the first of equals."""
         prefixes = {root: ""}
         layer = [root]
         while layer:

@@ -13,7 +13,7 @@ from colony.text.diagnostics import Diagnostic, Failure
 
 
 class Checked(NamedTuple):
-    """What checking gives: the program if there are no errors, everything that was found, and the files."""
+    """The result of a check: the program if there are no errors, all findings, and the files."""
 
     program: Program | None
     diagnostics: tuple[Diagnostic, ...]

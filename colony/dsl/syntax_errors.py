@@ -1,4 +1,4 @@
-"""What a syntax error says: what was found, what was expected there, and the usual slip behind it."""
+"""Messages of syntax errors: what was found, what was expected, and the usual slip behind it."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def describe(source: Source, problem: UnexpectedInput, declaration: int) -> Diag
 
 
 def _before_sign(read: str, accepted: frozenset[str]) -> frozenset[str]:
-    """What could have stood before the character `read`, which was taken for a sign of its own."""
+    """Return the tokens that may stand before the character `read`, which was taken for an operator."""
     signs = {"=": {"ASSIGN"}, "*": _OPERATORS, "/": _OPERATORS, "<": _OPERATORS, ">": _OPERATORS}
     return frozenset(signs.get(read, accepted))
 

@@ -61,7 +61,7 @@ class ProgramExecutor:
         return Outcome(decisions, machine.records(), breaches)
 
     def restart(self) -> None:
-        """Go on from the initial memory, with Python modules built anew.
+        """Restart from the initial memory, with new instances of the Python modules.
 
         Raises:
             Failure: one of them cannot be built.
@@ -70,8 +70,10 @@ class ProgramExecutor:
 
     @property
     def memory(self) -> ProgramMemory | None:
-        """The memory, by guards that are not simplified; None where it runs modules in Python: they have
-        theirs."""
+        """Return the memory, by guards that are not simplified.
+
+        None if the program runs modules in Python, which keep their own memory.
+        """
         machine = self._machine
         if machine.python:
             return None
@@ -115,15 +117,16 @@ class ProgramExecutor:
 
 
 class ClientStep(NamedTuple):
-    """What a client has for its server in a frame.
+    """A client's message to its server in a frame.
 
     `active`: it asks for its command to be sent. `records` are those of all sensors that the executor reads,
     and of this client's command. `values` are the command in base units within limits and range; None unless
-    active, and when the command is not finite (`fault`), where the actuator gets its idle command. `bid`
-    tells why it is not active: its predicate holds, but another's command takes its place ("suppressed") or
-    its gates are closed ("inhibited"), or its predicate does not hold or something is missing ("silent"). One
-    that is both dominated and gated is "inhibited"; one whose command has several ways to the actuator, all
-    of them closed in one manner or the other, is "suppressed".
+    active, and when the command is not finite (`fault`), where the actuator gets its idle command.
+
+    `bid` gives the reason if the client is not active. "suppressed": its predicate holds, but another's
+    command takes its place. "inhibited": its gates are closed. "silent": its predicate does not hold or
+    something is missing. A client that is both dominated and gated is "inhibited"; a client whose command has
+    several ways to the actuator, all of them closed in one manner or the other, is "suppressed".
     """
 
     active: bool
@@ -198,11 +201,11 @@ class ClientsExecutor:
         self._machine = Machine(self.code)
 
     def memory(self, client: ClientKey) -> ClientMemory:
-        """Return a copy of the memory cells that belong to a client: those it needs, without those that
-        already belong to an earlier client of `clients`.
+        """Return a copy of the memory cells that belong to a client.
 
-        The memories of all clients together are the memory of the executor; one alone may not be enough for
-        its client.
+        These are the cells that the client needs, without those that already belong to an earlier client of
+        `clients`. The memories of all clients together are the memory of the executor; one alone may not be
+        enough for its client.
         """
         machine, cells = self._machine, self.code.cells
         return ClientMemory(machine.first_ns, {cells[i].name: machine.cells[i] for i in self._cells[client]})
@@ -283,7 +286,7 @@ class ModuleExecutor:
         return answer
 
     def restart(self) -> None:
-        """Go on from the initial memory, with the module built anew.
+        """Restart from the initial memory, with a new instance of the module.
 
         Raises:
             Failure: it cannot be built.

@@ -116,10 +116,11 @@ class Machine:
             self.cells[i] = value
 
     def records(self) -> tuple[Record, ...]:
+        """Return the records of the frame so far."""
         return tuple(Record(kind, subject) for kind, subject in self._records)  # type: ignore[arg-type]
 
     def _step(self, op: Op) -> Step:
-        """What computes the value of an op, from the values before it and from what the frame brought."""
+        """Return the function that computes an op from the values before it and the frame's input."""
         values = self.values
         match op:
             case Apply(operator=operator, arguments=arguments):
@@ -174,7 +175,7 @@ class Machine:
                 self._records = (*self._records, ("python error", call.module))
 
     def _given(self, call: PythonCall) -> dict[str, object] | None:
-        """What a Python module reads in this frame, None where something is missing."""
+        """Return the input of a Python module in this frame, None where something is missing."""
         values = self.values
         if not values[call.present]:
             return None

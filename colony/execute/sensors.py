@@ -9,7 +9,7 @@ from colony.ir.types import Array, Bool, Enum, Value, element_type
 
 
 def stand_in(sensor: Sensor) -> Value:
-    """What an executor computes with where the sensor is missing: its default, or a placeholder.
+    """Return the value computed with where the sensor is missing: its default, or a placeholder.
 
     A placeholder lies within the sensor's range, so that what is known of the range holds of it, too.
     """

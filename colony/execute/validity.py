@@ -48,7 +48,7 @@ _SIMPLE_NAME = re.compile(r"[A-Za-z_]\w{0,254}")
 
 
 class Invalid(ValueError):
-    """A compiled program that cannot be run; the text tells what is wrong with it."""
+    """A compiled program that cannot be run; the text describes what is wrong with it."""
 
 
 def check(compiled: Compiled) -> None:

@@ -1,8 +1,8 @@
 """Typed expressions: names resolved, units gone (all quantities in mm, s, deg), overloads chosen.
 
-A tree of frozen nodes, each with its `type` and its `span`. What a node means is told beside it; the
-language reference (docs/language.md) is the whole story. Operators and most functions work element by
-element where an operand is an array; a scalar beside an array stands for all of its elements.
+A tree of frozen nodes, each with its `type` and its `span`. Each node's docstring gives its meaning; the
+language reference (docs/language.md) is complete. Operators and most functions work element by element
+where an operand is an array; a scalar beside an array stands for all of its elements.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from colony.text.source import NOWHERE, Span
 
 @record
 class TypedNode(Record):
-    """What every typed expression has."""
+    """A typed expression: the base class of all nodes."""
 
     type: Type
     span: Span = field(default=NOWHERE, compare=False, repr=False)
@@ -26,6 +26,8 @@ class TypedNode(Record):
 
 @unique
 class Unary(Enum):
+    """An operator with one operand."""
+
     NEGATE = "-"
     NOT = "not"
 
@@ -150,7 +152,7 @@ class Now(TypedNode):
 
 @record
 class Fresh(TypedNode):
-    """Whether a sensor is there itself (not by default), or a file-level `let` is not missing."""
+    """True if a sensor itself gave a value (not its default), or a file-level `let` is not missing."""
 
     name: str
     derived: bool
@@ -285,7 +287,7 @@ class SentField(TypedNode):
 
 @record
 class WonBy(TypedNode):
-    """Whether `module` is the actuator's winner in this frame."""
+    """True if `module` is the actuator's winner in this frame."""
 
     actuator: str
     module: str
@@ -293,21 +295,21 @@ class WonBy(TypedNode):
 
 @record
 class IsCommanded(TypedNode):
-    """Whether a module's command was sent (a winner whose command is not finite sends the idle one)."""
+    """True if a module's command was sent (a winner whose command is not finite sends the idle one)."""
 
     actuator: str
 
 
 @record
 class IsIdle(TypedNode):
-    """Not commanded."""
+    """True if no module commands the actuator in this frame."""
 
     actuator: str
 
 
 @record
 class IsActive(TypedNode):
-    """Whether a module or wire puts a command on its output in this frame."""
+    """True if a module or wire puts a command on its output in this frame."""
 
     name: str
 
@@ -340,7 +342,7 @@ Expression = (
 )
 
 NESTING_LIMIT = 100
-"""How deep expressions may nest; the front end refuses what is deeper, so that stages may recurse."""
+"""Maximum depth of an expression; the front end refuses deeper ones, so that stages may recurse."""
 
 
 def children(node: Expression) -> tuple[Expression, ...]:

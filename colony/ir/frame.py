@@ -1,4 +1,4 @@
-"""What goes into an executor in one frame, and what comes out. Every executor speaks this.
+"""Input and output of an executor for one frame. Every executor uses these types.
 
 Values are in the units that the executed program declares: an executor multiplies by a sensor's factor on the
 way in and divides by a field's factor on the way out. Views of one client or module, and the programs of the
@@ -37,7 +37,7 @@ Bid = Literal[
     "inhibited",  # its predicate holds, but by the network another one gates it
     "silent",  # its predicate does not hold, or something that it reads is missing
 ]
-"""What a client does in a frame, by its own knowledge."""
+"""A client's action in a frame, decided from its own knowledge."""
 
 
 class Answer(NamedTuple):
@@ -69,7 +69,7 @@ class Record(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """Who commands an actuator in a frame, and what is sent.
+    """The winner of an actuator in a frame, and the command that is sent.
 
     `by` is the winning module or None; `values` are the fields in the program's units, None when nothing
     is sent (`idle hold`); `fault` is "not finite" when the winner's command could not be sent.
@@ -101,4 +101,6 @@ class Outcome(NamedTuple):
 class Executor(Protocol):
     """A program being executed; it has all memory, and one frame follows another."""
 
-    def step(self, frame: Frame) -> Outcome: ...
+    def step(self, frame: Frame) -> Outcome:
+        """Execute one frame."""
+        ...

@@ -16,6 +16,7 @@ class Bool:
     """True or false."""
 
     def __str__(self) -> str:
+        """Return the type's name."""
         return "bool"
 
 
@@ -27,6 +28,7 @@ class Quantity:
     wild: bool = False
 
     def __str__(self) -> str:
+        """Return the dimension as a unit in base units."""
         return str(self.dimension)
 
 
@@ -39,6 +41,7 @@ class Enum:
     kind: Literal["enum", "machine"] = "enum"
 
     def __str__(self) -> str:
+        """Return the enum's name."""
         return self.name
 
 
@@ -53,6 +56,7 @@ class Array:
     size: int
 
     def __str__(self) -> str:
+        """Return the type as written: `element[size]`."""
         return f"{self.element}[{self.size}]"
 
 

@@ -34,7 +34,7 @@ class Joint:
 
     @property
     def relation(self) -> Literal["suppresses", "inhibits"]:
-        """What the dominant output does to the inferior one."""
+        """Return the dominant output's effect on the inferior one."""
         return self.chain.relation
 
     @property

@@ -119,12 +119,12 @@ def to_json(diagnostics: Sequence[Diagnostic]) -> str:
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
-    """Whether any of them is an error."""
+    """Return True if any diagnostic is an error."""
     return any(d.severity == "error" for d in diagnostics)
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """By file (as first met) and place, each said once."""
+    """Sort by file (as first met) and place, and drop duplicates."""
     files: dict[int, int] = {}
     unique: dict[tuple[int, int, str, str], Diagnostic] = {}
     for d in diagnostics:

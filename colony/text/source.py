@@ -1,7 +1,7 @@
 """Source texts and places in them.
 
 A `Span` is a half-open range of character offsets in one `Source`; lines and columns are computed only
-when a person has to be told where something is.
+when a place is shown to a person.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ class Source:
         return self.text[start : end if end >= 0 else len(self.text)].rstrip("\r")
 
     def __repr__(self) -> str:
+        """Return the class and the file name."""
         return f"Source({self.name!r})"
 
 
@@ -57,9 +58,11 @@ class Span(NamedTuple):
 
     @property
     def text(self) -> str:
+        """Return the text within the span."""
         return self.source.text[self.start : self.end]
 
     def __repr__(self) -> str:
+        """Return the place as `file:line:column`."""
         line, column = self.source.position(self.start)
         return f"{self.source.name}:{line}:{column}"
 

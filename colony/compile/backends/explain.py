@@ -19,17 +19,17 @@ from colony.ir.program import Program, Use, Wiring
 from colony.text.wording import duration_text
 
 MOST_LINES = 200
-"""How many wires, modules or nodes a section shows."""
+"""Maximum number of wires, modules or nodes that a section shows."""
 
 DEEPEST = 25
-"""How deep a tree is printed."""
+"""Maximum depth of a printed tree."""
 
 _WIDTH = 100
 _INDENT = "  "
 
 
 def explain(compilation: Compilation) -> str:
-    """What the compiler does with this program, step by step, for `colony compile --explain`.
+    """Explain step by step how the compiler treats this program, for `colony compile --explain`.
 
     Plain text without a line break at its end.
     """
@@ -189,7 +189,7 @@ def _branches(branch: _Branch, node: GatedSuppressor) -> tuple[_Branch, _Branch]
 
 
 def _last_users(suppression: SuppressionNetwork, root: Link) -> dict[int, tuple[int, str]]:
-    """For each node the suppressor and the side by which a forward traversal visits it last."""
+    """Return, for each node, the suppressor and the side by which a forward traversal visits it last."""
     users: dict[int, tuple[int, str]] = {}
     stack = [(root.node, -1, "")]
     while stack:

@@ -12,7 +12,7 @@ INLINE = 8
 """A part of a guard with more terms than this gets a name (`$1`, `$2`, ...) and is written out once."""
 
 OWN = "P"
-"""How a client's own activity is written in its guards: its applicability predicate (thesis Figure 4.11)."""
+"""Symbol of a client's own activity in its guards: its applicability predicate (thesis Figure 4.11)."""
 
 
 class GuardText:
@@ -100,7 +100,7 @@ class GuardText:
         return name
 
     def _joined(self, ref: int) -> tuple[str, list[int], bool] | None:
-        """What joins it, its parts, and whether those are to be negated; None if it is no such guard.
+        """Return (connective, parts, True if the parts are negated), or None if the guard is not joined.
 
         `not (not a and not b)` is written `a or b`: a negation of mostly negations the other way round.
         """
@@ -135,6 +135,6 @@ class GuardText:
         return list(dict.fromkeys(flat))
 
     def _rank(self, ref: int, own: str | None) -> tuple[bool, int]:
-        """Where a term stands: the module `own`, then all by the table, negations with what they negate."""
+        """Return the sort key of a term: the module `own` first, then table order, `not a` with `a`."""
         guard = self._guards[ref]
         return guard != ModuleActive(own or ""), guard.operand if isinstance(guard, Not) else ref

@@ -17,7 +17,7 @@ _GAP = "  "
 
 
 def client_table(compilation: Compilation) -> str:
-    """For each actuator its clients, highest priority first, with both guards; then the parts with names.
+    """Return the clients of each actuator, highest priority first, with both guards; then the named parts.
 
     Plain text without a line break at its end. Its size is linear in the clients and their guards.
     """
@@ -44,7 +44,7 @@ def rows(one: ActuatorClients, guards: GuardText, limit: int | None = None) -> s
 
 
 def legend(guards: GuardText, limit: int | None = None) -> str:
-    """What `P` is, and the parts of guards that were named so far, up to `limit` of them."""
+    """Return the meaning of `P`, and up to `limit` of the parts of guards that were named so far."""
     lines = [f"{OWN}: the client's own activity. Both guards give the same winner."]
     return "\n".join(lines + definitions(guards, limit))
 

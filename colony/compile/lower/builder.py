@@ -56,6 +56,7 @@ class Builder:
         return self.add(Literal(nanoseconds), Kind.TIME, ("time", nanoseconds))
 
     def table(self, elements: tuple[int, ...]) -> int:
+        """Return a table of the given elements."""
         return self.add(Table(elements), Kind.TABLE)
 
     def apply(self, operator: Operator, *arguments: int) -> int:
@@ -108,12 +109,14 @@ class Builder:
         return kept[0] if kept else self.literal(neutral)
 
     def negation(self, condition: int) -> int:
+        """Return the negation of a condition."""
         op = self.ops[condition]
         if isinstance(op, Apply) and op.operator is Operator.NOT:
             return op.arguments[0]
         return self.apply(Operator.NOT, condition)
 
     def is_true(self, value: int) -> bool:
+        """Return True if the value is the constant `true`."""
         op = self.ops[value]
         return isinstance(op, Literal) and op.value is True
 
@@ -133,13 +136,14 @@ class Builder:
         return self.add(OldCell(at), kind)
 
     def keep(self, old: int, condition: int, value: int) -> None:
-        """At the end of a frame in which `condition` is true the cell read by `old` takes `value`."""
+        """Write `value` to the cell read by `old`, at the end of a frame in which `condition` is true."""
         op = self.ops[old]
         assert isinstance(op, OldCell)
         cell = self._cells[op.cell]
         cell.condition, cell.value = condition, value
 
     def cells(self) -> tuple[Cell, ...]:
+        """Return all memory cells."""
         return tuple(
             Cell(name=c.name, kind=c.kind, initial=c.initial, condition=c.condition, value=c.value)
             for c in self._cells

@@ -27,7 +27,7 @@ Values = tuple[int, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scope:
-    """Where an expression stands: in which module, in frames in which its memory moves on, in which loops."""
+    """The context of an expression: its module, the frames in which its memory moves on, and its loops."""
 
     owner: str | None
     place: str
@@ -36,18 +36,47 @@ class Scope:
 
 
 class Names(Protocol):
-    """What names in expressions stand for."""
+    """The meanings of names in expressions."""
 
-    def sensor_kind(self, sensor: str) -> Kind: ...
-    def sensor_present(self, sensor: str) -> int: ...
-    def let(self, name: str) -> Values: ...
-    def let_present(self, name: str) -> int: ...
-    def module_of_let(self, name: str) -> str: ...
-    def module_present(self, module: str) -> int: ...
-    def state(self, name: str) -> int: ...
-    def active(self, name: str) -> int: ...
-    def has_idle_command(self, actuator: str) -> bool: ...
-    def field_kind(self, actuator: str, index: int) -> Kind: ...
+    def sensor_kind(self, sensor: str) -> Kind:
+        """Return the kind of a sensor's value or elements."""
+        ...
+
+    def sensor_present(self, sensor: str) -> int:
+        """Return the condition that a sensor has a value."""
+        ...
+
+    def let(self, name: str) -> Values:
+        """Return the values of a let."""
+        ...
+
+    def let_present(self, name: str) -> int:
+        """Return the condition that a file-level let is not missing."""
+        ...
+
+    def module_of_let(self, name: str) -> str:
+        """Return the name of the module that a let belongs to."""
+        ...
+
+    def module_present(self, module: str) -> int:
+        """Return the condition that the module misses nothing."""
+        ...
+
+    def state(self, name: str) -> int:
+        """Return the value of a state."""
+        ...
+
+    def active(self, name: str) -> int:
+        """Return the condition that a module or wire is active."""
+        ...
+
+    def has_idle_command(self, actuator: str) -> bool:
+        """Return True unless the actuator is `idle hold`."""
+        ...
+
+    def field_kind(self, actuator: str, index: int) -> Kind:
+        """Return the kind of a field of an actuator."""
+        ...
 
 
 _FUNCTIONS: dict[Function, Operator] = {
@@ -75,7 +104,7 @@ class ExpressionLowering:
     # --- presence --------------------------------------------------------------------------------
 
     def present(self, expressions: tuple[ir.Expression, ...], owner: str | None) -> int:
-        """Whether nothing that any of them needs is missing; `owner`'s own lets count as there."""
+        """Return the condition that `expressions` miss nothing; `owner`'s own lets count as present."""
         found: dict[int, None] = {}
         for expression in expressions:
             self._needs(expression, owner, found)
@@ -218,7 +247,7 @@ class ExpressionLowering:
         return self._sensors[name]
 
     def _decision(self, e: ir.Expression) -> int:
-        """What only contracts may read."""
+        """Lower a property of the decision, which only contracts may read."""
         builder = self.builder
         match e:
             case ir.SentField(actuator=actuator, field_index=i):
@@ -264,7 +293,7 @@ class ExpressionLowering:
         return tuple(self._pick(array, i) for i in self._window_indices(len(array), center, reach))
 
     def _index_function(self, function: Function, e: ir.Expression, scope: Scope) -> int:
-        """Where the least or greatest stands: of a slice or window, its index in the whole array."""
+        """Return the index of the least or greatest element, for a slice or window within the whole array."""
         apply = self.builder.apply
         operator = Operator.INDEX_OF_MIN if function is Function.INDEX_OF_MIN else Operator.INDEX_OF_MAX
         match e:
@@ -360,7 +389,7 @@ class ExpressionLowering:
                 raise AssertionError(f"{function} is no reduction")
 
     def _fold(self, operator: Operator, pairs: list[tuple[int, int]], of_none: float) -> int:
-        """From the left, begun with the first that is taken, so that it alone stays as it is."""
+        """Fold the taken bodies from the left. The first one taken is the initial value."""
         builder = self.builder
         result, any_yet = builder.literal(of_none), builder.literal(False)
         for condition, body in pairs:
@@ -386,5 +415,5 @@ class ExpressionLowering:
 
 
 def kind_of(of: Type) -> Kind:
-    """What a value, or an element, of this type is."""
+    """Return the kind of a value, or of an element, of this type."""
     return Kind.BOOL if isinstance(element_type(of), Bool) else Kind.NUMBER

@@ -29,7 +29,7 @@ class MemorySite:
     ready: int
 
     def called(self, part: str) -> tuple[str, ...]:
-        """What `ir.memory` calls a part of what is remembered."""
+        """Return the names that `ir.memory` gives a part of this memory."""
         return tuple([f"{cell} {part}" for cell in self.cells])
 
 
@@ -63,7 +63,7 @@ def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], pla
 
 
 def started(builder: Builder, place: MemorySite) -> int:
-    """Whether there was a frame before this one in which `place` was ready; one cell a condition."""
+    """Return the condition that an earlier frame had `place` ready; each condition has one cell."""
     old = builder.cell(f"started {place.ready}", Kind.BOOL, False, *place.called("started"))
     builder.keep(old, place.ready, builder.literal(True))
     return old

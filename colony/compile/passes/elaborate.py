@@ -1,4 +1,4 @@
-"""From the typed program to its network: names become references, chains become nodes."""
+"""Elaboration of the typed program to its network: names become references, chains become nodes."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class _Elaboration:
 
 
 def _observed_names(program: Program) -> list[str]:
-    """What contracts and examples name by `is active`, each once, in order."""
+    """Return the names that contracts and examples use in `is active`, each once, in order."""
     names = dict.fromkeys(
         node.name
         for root in _conditions(program)

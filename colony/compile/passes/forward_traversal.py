@@ -89,7 +89,7 @@ def backward_visits(nodes: tuple[SuppressionNode, ...], root: Link) -> list[int]
 
 
 class _Reach:
-    """How nodes are reached from the root, known of a node when all its users have passed on theirs.
+    """The conditions under which nodes are reached from the root. A node's is complete after all its users'.
 
     `gates` are those on the way to a node from the root, None where there are several ways.
     """
@@ -104,7 +104,7 @@ class _Reach:
         return self.first[at] if further is None else table.disjunction((self.first[at], *further))
 
     def pass_on(self, at: int, node: GatedSuppressor, table: GuardTable) -> None:
-        """From a suppressor to the nodes that its links use."""
+        """Pass the conditions of a suppressor on to the nodes that its links use."""
         through, gates = self.through(at, table), self.gates[at]
         undominated = table.negation(node.dominant.active)
         for link, passing in ((node.dominant, (through,)), (node.inferior, (through, undominated))):

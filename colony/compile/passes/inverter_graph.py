@@ -26,7 +26,7 @@ TRUE = 0
 FALSE = 1
 
 REACH = 8
-"""How many parts of a part a rule looks at; longer ones are taken as they are."""
+"""Maximum number of parts of a part that a rule inspects; longer ones are taken as they are."""
 
 Conjunction = tuple[int, ...]
 
@@ -45,7 +45,7 @@ class InverterGraph:
         self._atoms: dict[str | tuple[int, int], int] = {}
 
     def __len__(self) -> int:
-        """How many nodes there are."""
+        """Return the number of nodes."""
         return len(self.parts)
 
     def module(self, name: str) -> int:
@@ -128,7 +128,7 @@ class InverterGraph:
         return len(self.parts) - 1
 
     def _facts(self, literals: set[int]) -> tuple[set[int], list[int]]:
-        """What single literals imply besides themselves (or others of them imply), and the short clauses."""
+        """Return the parts that single literals imply besides the literals, and the short clauses."""
         facts: set[int] = set()
         clauses: list[int] = []
         kinds = self._kinds
@@ -167,7 +167,7 @@ def zeros(length: int) -> array[int]:
 
 
 def _count_uses(graph: InverterGraph, roots: Sequence[int]) -> array[int]:
-    """How much each node is used: 1 for a use as a cube in a conjunction in use, 2 for any other."""
+    """Count the uses of each node: 1 for a use as a cube in a conjunction in use, 2 for any other."""
     uses = zeros(len(graph.parts))
     all_parts = graph.parts
     for literal in roots:
@@ -184,7 +184,7 @@ def _count_uses(graph: InverterGraph, roots: Sequence[int]) -> array[int]:
 
 
 def size_in_use(graph: InverterGraph, roots: Sequence[int]) -> int:
-    """How many nodes and parts of nodes the roots need, and one for the constant."""
+    """Return the number of nodes and parts of nodes that the roots need, plus one for the constant."""
     uses = _count_uses(graph, roots)
     return 1 + sum(1 + len(graph.parts[node]) for node in range(1, len(graph)) if uses[node])
 

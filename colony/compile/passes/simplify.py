@@ -29,7 +29,7 @@ def simplify(clients: ClientList) -> ClientList:
     """Return the same clients with simpler guards, over a table in which everything is used.
 
     Each guard holds in the same frames as before, whatever the modules do. Clients whose guard is never true
-    stay in the list: their priorities are part of the compiled form, and lints tell about them.
+    stay in the list: their priorities are part of the compiled form, and lints report them.
     """
     references = _references(clients)
     graph, literals = rewrite(*_load(clients.guards, references))

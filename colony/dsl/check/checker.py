@@ -1,7 +1,7 @@
-"""What checks an expression: the names that it may use, where findings go, and what all checks share.
+"""The context in which an expression is checked: names in scope, findings, and state that all checks share.
 
-A check gives the typed expression, or None after it has reported why there is none; whoever gets None goes
-on with the rest, so that all that is wrong is said at once.
+A check returns the typed expression, or None after it has reported an error. A caller that receives None
+continues with the rest, so that all errors are reported in one run.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ MAX_DURATION_NS = 10**18
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checker(ABC):
-    """What an expression may name, and where findings go.
+    """The names in scope of an expression, and the report that collects its findings.
 
     `local` hides the file's names; `promise` allows what only contracts and expectations may say;
-    `memory` allows memory functions; `constants` says that only constants can stand here; `later` are the
-    names that the module declares, perhaps further down; `loops` are the variables of enclosing reductions.
+    `memory` allows memory functions; `constants` restricts the expression to constants; `later` holds the
+    names that the module declares, perhaps further down; `loops` holds the variables of enclosing reductions.
     """
 
     scope: Scope
@@ -140,6 +140,7 @@ class Checker(ABC):
     def error(
         self, code: str, node: ast.SyntaxNode, message: str, hint: str | None = None, *labels: Label
     ) -> None:
+        """Report an error at a node of this scope's file."""
         self.report.error(self.scope, code, node, message, hint, *labels)
 
     def label(self, node: ast.SyntaxNode) -> Label:
@@ -147,9 +148,11 @@ class Checker(ABC):
         return label(self.scope, node)
 
     def span(self, node: ast.SyntaxNode) -> Span:
+        """Return the place of a node in this scope's file."""
         return span_of(self.scope, node)
 
     def literal(self, node: ast.Number, unit: str | None) -> float | None:
+        """Return the value of a number in base units, or None after reporting an error."""
         try:
             factor = unit_of(unit).factor if unit else Fraction(1)
         except BadUnit as problem:

@@ -1,4 +1,4 @@
-"""Which types fit where, and how they are called in messages."""
+"""Type compatibility, and the names of types in messages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def unify(a: Scalar, b: Scalar) -> Scalar | None:
 
 
 def fits(found: Type, wanted: Type) -> bool:
-    """Whether a value of type `found` may stand where `wanted` is declared."""
+    """Return True if a value of type `found` may stand where `wanted` is declared."""
     if isinstance(found, Array) != isinstance(wanted, Array):
         return False
     if isinstance(found, Array) and isinstance(wanted, Array) and found.size != wanted.size:

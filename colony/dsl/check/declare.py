@@ -1,4 +1,4 @@
-"""Who declares what: the names of every file, and those that imports bring in, before anything is checked."""
+"""Declaration of the names of every file, and of imported names, before anything is checked."""
 
 from __future__ import annotations
 
@@ -84,7 +84,10 @@ def _declare_wire(
 
 
 def _name_drives(scopes: list[Scope]) -> None:
-    """What drives an actuator is called after it; in a plainly imported file that needs a name of its own."""
+    """Name the drive of each actuator after the actuator.
+
+    In a plainly imported file the drive needs a name of its own.
+    """
     taken = set(scopes[-1].robot.actuator_names)
     for scope in reversed(scopes):  # those that import come first to the short name
         prefix, stem = scope.file.prefix, scope.file.stem

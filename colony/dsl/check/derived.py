@@ -57,7 +57,7 @@ def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarVa
 def check_nexts(
     checker: Checker, nodes: Iterable[ast.NextDecl], states: dict[str, ValueSymbol]
 ) -> dict[str, Expression]:
-    """What each state holds next, by its name as written."""
+    """Return the checked next value of each state, by its name as written."""
     nexts: dict[str, Expression] = {}
     given: set[str] = set()
     for node in nodes:
@@ -124,5 +124,5 @@ def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Ma
 
 
 def let_symbol(let: ir.Let, module: str | None = None) -> LetSymbol:
-    """What a let's name stands for."""
+    """Return the symbol that the name of a let stands for."""
     return LetSymbol(name=let.name, type=settled(let.expression.type), module=module)

@@ -31,7 +31,7 @@ class ExpressionChecker(Checker):
     """Checks every kind of expression."""
 
     def visit(self, node: ast.Expression) -> ir.Expression | None:
-        """By kind of node; depth was checked by `check`."""
+        """Check an expression by its kind of node; `check` has checked its depth."""
         match node:
             case ast.Number():
                 return self._number(node)

@@ -36,7 +36,7 @@ _PYTHON_PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 @record
 class Template(Record):
-    """A module's text, where it was written, and the params that a derived module sets anew."""
+    """A module's text, where it was written, and the params that a derived module overrides."""
 
     node: ast.ModuleDecl | ast.PythonModuleDecl
     scope: Scope
@@ -52,6 +52,7 @@ class Pending(Record):
 
     @property
     def full_name(self) -> str:
+        """Return the name that the module has in the program."""
         return self.scope.full(self.node.name.text)
 
 
@@ -189,7 +190,7 @@ def _instance(
 
 
 def _report_misfits(report: Report, one: Pending, sink: Report) -> None:
-    """A param set anew may not fit where the base uses it: say so where it is set."""
+    """Report overridden params that do not fit the base module, at the place that overrides them."""
     if not sink.diagnostics:
         return
     base_errors = {(d.code, d.span.start, d.message) for d in report.diagnostics}
@@ -260,7 +261,7 @@ def _params(
     anew: Mapping[str, ParamSymbol],
     local: dict[str, ValueSymbol],
 ) -> tuple[tuple[str, ScalarValue], ...]:
-    """The params in order, as written or set anew; each may use those above it."""
+    """Return the params in order, as written or overridden; each may use those above it."""
     params: list[tuple[str, ScalarValue]] = []
     for clause in clauses:
         name = clause.name.text

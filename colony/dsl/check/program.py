@@ -222,7 +222,7 @@ class _Check:
     # --- warnings
 
     def _warn_unused(self, robot: ir.Robot, modules: list[ir.AnyModule], wires: list[ir.Wire]) -> None:
-        """What the file itself declares and no actuator can feel, and actuators that nothing drives."""
+        """Warn of declarations of this file that reach no actuator, and of actuators that nothing drives."""
         if has_errors(self.report.diagnostics):
             return
         used = reached(wires)

@@ -1,4 +1,4 @@
-"""What must hold: limits, contracts and tests."""
+"""Checks of requirements: limits, contracts and tests."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def check_limit(checker: Checker, node: ast.LimitDecl) -> ir.Limit | None:
 
 
 def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | None:
-    """What must hold in every frame."""
+    """Check a contract, a condition that must hold in every frame."""
     promise = replace(checker, promise=True)
     found = promise.expect(node.expression, BOOL, "a contract")
     if found is None:

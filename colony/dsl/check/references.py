@@ -28,7 +28,7 @@ from colony.ir.types import BOOL, DURATION, PLAIN, Enum
 
 
 def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | None:
-    """What a name in an expression stands for."""
+    """Return the typed expression that a name stands for, or None after reporting an error."""
     first = node.path[0]
     if len(node.path) == 1:
         if first in checker.loops:
@@ -108,7 +108,7 @@ def _member_word(enum: Enum) -> str:
 def _means_part(
     checker: Checker, symbol: EnumSymbol | MachineSymbol, part: PartSymbol | None, name: str
 ) -> bool:
-    """Whether a contract's `owner.name` is of the part, where a value and a part are called `owner`."""
+    """Return True if a contract's `owner.name` means the part, where a value has the name `owner` too."""
     if not checker.promise or name in dict(symbol.type.members):
         return False
     match part:

@@ -198,7 +198,7 @@ def _actuator(checker: Checker, item: ast.ActuatorDecl) -> ir.Actuator | None:
 def _idle(
     checker: Checker, item: ast.ActuatorDecl, fields: list[ir.ActuatorField]
 ) -> tuple[bool, tuple[ScalarValue, ...] | None]:
-    """Whether it is `idle hold`, and the idle command otherwise."""
+    """Return (True if it is `idle hold`, the idle command otherwise)."""
     node, name = item.idle, item.name.text
     if node.arguments is None:
         if node.name.text != "hold":

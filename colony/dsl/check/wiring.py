@@ -144,10 +144,10 @@ def check_outputs(
     modules: Mapping[str, ir.AnyModule],
     scopes: Mapping[str, Scope],
 ) -> None:
-    """Whatever can reach an actuator must command it: modules elsewhere stand only where they inhibit.
+    """Check that every module that can reach an actuator commands it; others may stand only as inhibitors.
 
-    Follows each actuator's wiring without the dominant sides of `inhibits`; what is wrong is reported where
-    the actuator's own wiring names the wire that leads to it.
+    Follows each actuator's wiring without the dominant sides of `inhibits`. Errors are reported where the
+    actuator's own wiring names the wire that leads to them.
     """
     by_name = {w.name: w for w in wires}
     for root in wires:

@@ -42,6 +42,7 @@ class DecisionText:
         self.target = names.decision[self.name]
 
     def lines(self) -> list[str]:
+        """Return the statements that decide what the actuator is sent."""
         if not self.plan.groups:
             return self.idle(by=self.observed)
         lines = [f"if {self.by} is None:", *_indented(self.idle(by=False))]
@@ -90,11 +91,12 @@ class DecisionText:
         )
 
     def constants(self) -> list[str]:
-        """What `settle` is given, as a statement of the module."""
+        """Return the bounds that `settle` is given, as a statement of the module."""
         bounds = _tuple([_field(f) for f in self.actuator.fields])
         return [f"{self.names.bounds[self.name]} = {bounds}"]
 
     def settled(self) -> list[str]:
+        """Return the statements that call `settle`."""
         limits = " + ".join(self.limit(limit) for limit in self.plan.actuator.limits) or "()"
         idle = "None" if self.actuator.idle is None else values(self.actuator.idle)
         bounds = self.names.bounds[self.name]
@@ -139,6 +141,7 @@ class DecisionText:
         return checks
 
     def field_checks(self, i: int, field: ActuatorField) -> list[str]:
+        """Return the checks that a field needs before its value may be sent, given its known ranges."""
         if isinstance(field.type, Bool):
             return []
         clients = [c.client for g in self.plan.groups for c in g.clients]

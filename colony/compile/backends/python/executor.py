@@ -22,7 +22,7 @@ class PythonExecutor:
         return Outcome(tuple(map(Decision._make, decisions)), tuple(map(Record._make, records)), breaches)
 
     def restart(self) -> None:
-        """Go on from the initial memory, with Python modules built anew."""
+        """Restart from the initial memory, with new instances of the Python modules."""
         self.program = type(self.program)()
         self._step = self.program.step
 

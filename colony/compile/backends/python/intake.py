@@ -13,7 +13,7 @@ from colony.ir.types import Array, Bool, ScalarValue, Value, element_type
 
 
 def constants(sensors: tuple[Sensor, ...]) -> list[str]:
-    """What the quick tests compare with, as statements of the module."""
+    """Return the constants that the quick tests compare with, as statements of the module."""
     found = set()
     for sensor in sensors:
         if isinstance(sensor.type, Array):

@@ -1,4 +1,4 @@
-"""Where in a program the text of a value belongs.
+"""The layout of a generated program: the places where the text of a value may stand.
 
 A program is a tree of regions: the body of the function, blocks in it, branches in those. A region has slots
 in the order of the text, and each statement that uses values has a slot before it, where those values can be

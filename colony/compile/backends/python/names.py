@@ -1,4 +1,4 @@
-"""What things are called in a generated program: much as in the source, and never twice the same."""
+"""Names in a generated program: close to those of the source, and unique."""
 
 from __future__ import annotations
 

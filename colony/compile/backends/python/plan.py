@@ -20,6 +20,8 @@ from colony.execute.code import ActuatorCode, ClientCode, Code, ContractCode, Li
 
 @dataclass(frozen=True, slots=True)
 class ClientPlan:
+    """The places of a client in the generated program."""
+
     client: ClientCode
     slot: int
     body: int
@@ -57,6 +59,8 @@ class CommitPlan:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
+    """The outline of the generated program: all parts with their places."""
+
     python: tuple[tuple[PythonCall, int], ...]
     actuators: tuple[ActuatorPlan, ...]
     contracts: tuple[tuple[ContractCode, int], ...]
@@ -65,7 +69,7 @@ class Plan:
 
 
 def make_plan(code: Code, layout: Layout, placement: Placement) -> Plan:
-    """The outline for `code`; fills `layout`, and tells `placement` what is used where."""
+    """Return the outline for `code`; fills `layout`, and reports all uses to `placement`."""
     python = tuple((call, _python(call, layout, placement)) for call in code.python)
     actuators = tuple(_actuator(code, actuator, layout, placement) for actuator in code.actuators)
     contracts = []

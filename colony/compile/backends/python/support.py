@@ -38,7 +38,7 @@ def support(names: Iterable[str]) -> tuple[list[str], list[str]]:
 
 @cache
 def _definitions() -> dict[str, ast.FunctionDef | ast.ClassDef]:
-    """By name, in an order in which each stands after those that it needs."""
+    """Return the definitions by name, each after those that it needs."""
     found: dict[str, ast.FunctionDef | ast.ClassDef] = {}
     for module in _MODULES:
         for node in ast.parse(inspect.getsource(module)).body:

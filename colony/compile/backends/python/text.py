@@ -14,7 +14,7 @@ from colony.execute.operators import Operator
 
 
 class Binding(IntEnum):
-    """How tightly the outermost operator of an expression binds."""
+    """The precedence of the outermost operator of an expression."""
 
     CONDITIONAL = 0
     OR = 1
@@ -35,7 +35,7 @@ class Text(NamedTuple):
     depth: int = 0
 
     def inside(self, binding: int) -> str:
-        """As an operand that has to bind at least so tightly."""
+        """Return the text as an operand that must bind at least as tightly as `binding`."""
         return self.text if self.binding >= binding else f"({self.text})"
 
 
@@ -90,7 +90,7 @@ def literal(value: float | bool | int) -> Text:
 
 
 def mentions_twice(operator: Operator, x: list[Range]) -> bool:
-    """Whether the expression for it has its operands twice, so that they had better be names."""
+    """Return True if the operator's text has its operands twice, so that they should be names."""
     match operator:
         case Operator.MIN | Operator.MAX:
             return len(x) == 2 and not any(r.nan for r in x)
