@@ -19,18 +19,22 @@ def active(name: str) -> ir.Expression:
 
 
 def won(actuator: str, module: str) -> ir.Expression:
+    """Return the expression "`module` wins `actuator`"."""
     return ir.WonBy(type=BOOL, actuator=actuator, module=module)
 
 
 def fresh(sensor: str) -> ir.Expression:
+    """Return the expression "`sensor` is fresh"."""
     return ir.Fresh(type=BOOL, name=sensor, derived=False)
 
 
 def constant(value: ScalarValue, of: Scalar) -> ir.Expression:
+    """Return a constant expression."""
     return ir.Constant(type=of, value=value)
 
 
 def negation(e: ir.Expression) -> ir.Expression:
+    """Return the negation of an expression."""
     return ir.UnaryOperation(type=BOOL, operator=ir.Unary.NOT, operand=e)
 
 
@@ -40,14 +44,17 @@ def binary(operator: Binary, left: ir.Expression, right: ir.Expression) -> ir.Ex
 
 
 def implies(left: ir.Expression, right: ir.Expression) -> ir.Expression:
+    """Return an implication."""
     return binary(Binary.IMPLIES, left, right)
 
 
 def all_of(some: Iterable[ir.Expression]) -> ir.Expression:
+    """Return the conjunction of expressions."""
     return _joined(Binary.AND, list(some), TRUE)
 
 
 def any_of(some: Iterable[ir.Expression]) -> ir.Expression:
+    """Return the disjunction of expressions."""
     return _joined(Binary.OR, list(some), FALSE)
 
 

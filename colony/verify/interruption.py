@@ -25,10 +25,10 @@ _INTERRUPT_INTERVAL_S = 0.05
 
 
 class _Resent:
-    """Ctrl-C, once more where it was lost. Mutable.
+    """Ctrl-C, sent again where it was lost. Mutable.
 
-    A KeyboardInterrupt in a callback of C, or while an object is deleted, has nobody to go to: Python prints
-    and forgets it.
+    No code can catch a KeyboardInterrupt in a callback of C, or while an object is deleted: Python prints it
+    and drops it.
     """
 
     def __init__(self) -> None:

@@ -16,8 +16,9 @@ Backend = Literal["network", "clients", "python"]
 
 
 class Decider:
-    """Decides frames, and goes on after damage where that can be. Mutable: the executor, what was damaged,
-    and how many frames were not decided.
+    """Decides frames, and resumes after damage where possible.
+
+    Mutable: the executor, what was damaged, and how many frames were not decided.
 
     Args:
         backend: the reference interpreter, the client list, or the generated Python.

@@ -92,7 +92,7 @@ class Attempt:
 
     @property
     def _longest(self) -> int:
-        """How far to search; where a module in Python can break the contract it will hardly get better."""
+        """Number of frames to search; 0 where a module in Python can break the contract, a good result already."""
         return self._budget.options.longest if self.if_python is None else 0
 
     def _longer(self) -> Trace | None:

@@ -116,7 +116,7 @@ def _stamps(system: System, flags: list[Cell], numbers: list[Cell]) -> Iterator[
 
 
 def _stem(cell: Cell) -> str:
-    """What the names of the cells of one memory begin with."""
+    """Return the prefix that the names of one memory's cells share."""
     return cell.name.rpartition(" ")[0] or cell.name
 
 
@@ -167,7 +167,7 @@ def _literals(system: System, cone: Cone, flags: list[Cell]) -> list[Candidate]:
 
 
 def _pairs_of_flags(system: System, cone: Cone, flags: list[Cell]) -> Iterator[Candidate]:
-    """Of two flags or phases one implies the other, or they exclude each other."""
+    """Yield the claims that of two flags or phases one implies the other, or that they exclude each other."""
     literals = _literals(system, cone, flags)
     made = 0
     for a, b in combinations(literals, 2):

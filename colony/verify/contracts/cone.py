@@ -1,4 +1,4 @@
-"""What a contract depends on: a proof within its cone of influence is a proof.
+"""The cone of influence of a contract: a proof within it is a proof.
 
 What lies outside of it cannot make the contract true or false: definitions give each auxiliary constant a
 value whatever the rest is, and sensors are independent of each other.
@@ -18,12 +18,12 @@ def cone_of(system: System, claim: Claim) -> Cone:
 
 
 def covers(one: Cone, other: Cone) -> bool:
-    """Whether `other` depends on nothing besides what `one` depends on."""
+    """Return True if `other` depends on nothing besides what `one` depends on."""
     return _constants(other) <= _constants(one)
 
 
 def key_of(one: Cone) -> frozenset[int]:
-    """What tells the cones of a system apart."""
+    """Return a key that identifies a cone within its system."""
     return _constants(one)
 
 
@@ -32,7 +32,7 @@ def _constants(one: Cone) -> frozenset[int]:
 
 
 def within(one: Cone, term: z3.ExprRef) -> bool:
-    """Whether a term is part of a cone."""
+    """Return True if a term is part of a cone."""
     return term.get_id() in one.visited
 
 

@@ -22,11 +22,12 @@ class Written(NamedTuple):
     negative: bool
 
     def __str__(self) -> str:
+        """Return the number as the language writes it."""
         return f"{'-' if self.negative else ''}{self.digits}{f' {self.unit}' if self.unit else ''}"
 
 
 def value_of(written: Written) -> float:
-    """What the language makes of it, in base units: converted exactly and rounded once.
+    """Return the number's value in base units: converted exactly and rounded once.
 
     Raises:
         OverflowError: it is beyond all floats.

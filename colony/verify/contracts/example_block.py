@@ -21,8 +21,10 @@ def title(contract: str) -> str:
 
 
 def example_block(program: Program, contract: str, trace: Trace, name: str | None = None) -> str | None:
-    """The text of a test with the frames of `trace`; None where the language cannot write one of its values,
-    or where only answers of modules in Python break the contract.
+    """Return the text of a test with the frames of `trace`.
+
+    None where the language cannot write one of its values, or where only answers of modules in Python break
+    the contract.
     """
     if any(s.answers for s in trace.snapshots):
         return None

@@ -26,14 +26,14 @@ _ROUNDS = 200
 
 @dataclass(frozen=True, slots=True)
 class Invariants:
-    """What holds before every frame, and the contracts that hold in every frame because of it."""
+    """Conditions that hold before every frame, and the contracts that hold in every frame because of them."""
 
     of_memory: tuple[Candidate, ...]
     claims: tuple[Claim, ...]
 
 
 def keeps(claim: Claim) -> z3.BoolRef:
-    """That a contract is not broken in the frame."""
+    """Return the condition that a contract is not broken in the frame."""
     return z3.Implies(claim.speaks, claim.holds)
 
 
@@ -123,7 +123,10 @@ class _Greatest:
                 assert_never(answer)
 
     def _drop_one_by_one(self, kept: set[int], goals: list[z3.BoolRef], known: list[z3.BoolRef]) -> bool:
-        """Where the question about all is too hard: keep what can be shown alone; whether any was dropped."""
+        """Keep the candidates that can be shown alone, where the question about all is too hard.
+
+        Returns True if any was dropped.
+        """
         self._solver.limit(_SHARE / 8)
         shown = {i for i in sorted(kept) if self._solver.ask([*known, z3.Not(goals[i])]) is Answer.UNSAT}
         self._solver.limit(_SHARE)

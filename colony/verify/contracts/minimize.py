@@ -18,7 +18,7 @@ from colony.verify.snapshot import Snapshot
 from colony.verify.testing.shrinking import Shrinker, with_reading
 
 _PATIENCE = 1500
-"""How many frames the interpreter may compute for one trace of a small program."""
+"""Maximum number of frames that the interpreter computes for one trace of a small program."""
 
 _MOST_DIGITS = 6
 
@@ -41,8 +41,9 @@ def minimal(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PATI
 
 
 def _needed_missing(replay: Replay, snapshots: tuple[Snapshot, ...]) -> Iterator[str]:
-    """Yield sensors that are never given, and that keep the contract from breaking whatever simple value
-    they have.
+    """Yield the sensors that must stay missing.
+
+    They are never given, and any simple value of theirs keeps the contract from breaking.
     """
     for sensor in replay.program.robot.sensors:
         if is_stand_in(sensor) or any(sensor.name in s.readings for s in snapshots):

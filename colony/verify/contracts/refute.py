@@ -1,4 +1,4 @@
-"""Whether a model of z3 is a counterexample: it must break the contract in the reference interpreter.
+"""Check of a z3 model: a counterexample must break the contract in the reference interpreter.
 
 Formulas leave rounding out and know little of some functions, so a model may break the contract only on
 paper. A model close to the edge of a comparison often breaks it when its numbers are made a little rounder.
@@ -55,7 +55,7 @@ class Refuter:
         return None if found is None else minimal(replay, found)
 
     def patient(self, candidate: Candidate) -> bool:
-        """Whether another model of the same length is worth a try."""
+        """Return True if another model of the same length is worth a try."""
         return self._tried.get(candidate.frames, 0) < _MODELS_A_LENGTH and self.imagined < _MODELS
 
     def _attempts(self, exact: tuple[Snapshot, ...]) -> Iterator[tuple[Snapshot, ...]]:

@@ -96,7 +96,7 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
 
 
 def _hint(trace: Trace, file: str | None) -> str | None:
-    """What to do about a counterexample; one with an infinite reading no test can hold."""
+    """Return advice on a counterexample; no test can hold an infinite reading."""
     infinite = (
         name
         for snapshot in trace.snapshots
@@ -154,7 +154,7 @@ def steps(program: Program, trace: Trace) -> list[dict[str, object]]:
 
 
 def told_frames(program: Program, trace: Trace) -> Iterator[tuple[str, dict[str, str]]]:
-    """What happens in each frame, and what each sensor gives, as people read them."""
+    """Yield each frame's events, and the readings of each sensor, in readable form."""
     sensors = {s.name: s for s in program.robot.sensors}
     for snapshot, outcome in zip(trace.snapshots, trace.outcomes, strict=True):
         decided = (

@@ -15,7 +15,7 @@ _SHARE = 0.3
 
 
 _MOST = 300
-"""How many guesses are tried; those that come first are more likely."""
+"""Maximum number of guesses to try; likelier ones come first."""
 
 
 class Setting:

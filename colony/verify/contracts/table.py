@@ -52,7 +52,7 @@ def _actuators(program: Program, contract: Contract) -> dict[str, Actuator]:
 
 
 def reading(sensor: Sensor, value: Value | None) -> str:
-    """What a sensor gives, in its unit: `5 m`, `all 5 m, [12] 0.4 m`, `missing`."""
+    """Return the reading of a sensor, in its unit: `5 m`, `all 5 m, [12] 0.4 m`, `missing`."""
     if value is None:
         return "missing"
     if not isinstance(value, tuple):

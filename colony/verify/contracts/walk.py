@@ -1,5 +1,6 @@
-"""Walks through a system: what memory is on a few random runs, so that guesses that are false there are not
-even asked of the solver.
+"""Random walks through a system: its memory on a few runs.
+
+Guesses that are false there need no question to the solver.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ def _walk(cone: Cone, random: Random, budget: Budget) -> Iterator[z3.ModelRef]:
 
 
 def _readings(cone: Cone, random: Random) -> Iterator[z3.BoolRef]:
-    """What the sensors of a cone give: mostly something, anywhere in their ranges."""
+    """Yield the readings of a cone's sensors: mostly present, anywhere in their ranges."""
     for given in cone.system.sensors.values():
         if within(cone, given.present):
             yield given.present == z3.BoolVal(random.random() < _PRESENT)

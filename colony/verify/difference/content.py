@@ -1,9 +1,9 @@
-"""What a declaration says, whatever it is called: equal contents do the same in every run.
+"""The content of a declaration, independent of its name: equal contents do the same in every run.
 
 The content of an expression is a number, one for each different nested tuple of what the expression is made
 of, with names replaced by the contents of what they name. Lets without memory count as if written out. States
-may read one another in a circle, so their contents are found by refinement: at first those that begin alike
-count as the same, then those are told apart whose `next` differs, until nothing changes.
+may read one another in a circle, so their contents are found by refinement: at first, states with equal
+initial values count as the same; then states whose `next` differs are separated, until nothing changes.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ class Table:
         self._numbers: dict[Hashable, int] = {}
 
     def number(self, *content: Hashable) -> int:
+        """Return the number of a content, a new one for a new content."""
         return self._numbers.setdefault(content, len(self._numbers))
 
 
@@ -79,7 +80,7 @@ class Contents:
                 assert_never(state)
 
     def refine(self) -> None:
-        """Tell states apart by what the states that they read count as until now."""
+        """Separate states by the current colors of the states that they read."""
         self._known.clear()
         self._colors = {
             name: self._table.number(self._colors[name], self._following(state))
@@ -88,7 +89,7 @@ class Contents:
         self._known.clear()
 
     def colors(self) -> frozenset[int]:
-        """What the states count as."""
+        """Return the colors of all states."""
         return frozenset(self._colors.values())
 
     def _following(self, state: State | Machine) -> int:
@@ -213,7 +214,7 @@ def contents(a: Program, b: Program) -> tuple[Contents, Contents]:
 
 
 def _besides(e: ir.Expression) -> tuple[Hashable, ...]:
-    """What makes a node besides its operands."""
+    """Return the attributes of a node besides its operands."""
     match e:
         case ir.UnaryOperation(operator=operator):
             return (operator.value,)

@@ -1,4 +1,4 @@
-"""Which params, derived values and limits are written otherwise in one of two programs, for people."""
+"""The params, derived values and limits that are written differently in two programs, for people."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _limits(program: Program) -> Iterator[str]:
 
 
 def _declarations(program: Program) -> Iterator[tuple[str, str, ast.Declaration]]:
-    """What names of its file begin with, the file's text, and each declaration."""
+    """Yield the prefix of the file's names, the file's text, and each declaration."""
     for i, (place, source) in enumerate(program.files):
         is_root = i == len(program.files) - 1
         prefix = "" if is_root else place.rpartition("/")[2].removesuffix("colony")

@@ -1,4 +1,4 @@
-"""Which modules of two programs correspond, for people."""
+"""The correspondence of modules of two programs, for people."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _contents(a: Program, b: Program) -> tuple[dict[str, tuple[str, int]], dict[
 
 
 def _notes(a: Program, b: Program, compared: Sequence[Pair]) -> Iterator[str]:
-    """What was not compared."""
+    """Yield what was not compared."""
     done_a, done_b = {p.a.name for p in compared}, {p.b.name for p in compared}
     for title, program, other, done in (("A", a, b, done_a), ("B", b, a, done_b)):
         there = {x.name for x in other.robot.actuators}

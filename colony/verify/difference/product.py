@@ -32,13 +32,16 @@ from colony.verify.difference.content import Contents, contents
 from colony.verify.difference.rewriting import Rename, rewritten
 
 OF_B = " of B"
-"""What the names of B's own things end with; no name of the language has a blank in it."""
+"""The suffix of the names of B's own things; no name of the language has a blank in it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Product:
-    """`program` has both networks. `modules` gives what a module of B is called there; `roots` the wire that
-    drives each actuator, by its name there; `limits` the contents of the limits of each field.
+    """Two programs in one.
+
+    `program` has both networks. `modules` maps each module of B to its name there; `roots` maps each
+    actuator, by its name there, to the wire that drives it; `limits` gives the contents of the limits of each
+    field.
     """
 
     program: Program

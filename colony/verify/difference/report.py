@@ -17,7 +17,7 @@ _MOST_PLACES = 3
 
 
 def lines(a: Program, b: Program, result: Result) -> Iterator[str]:
-    """The verdict, the run that tells the behaviors apart, and which modules correspond."""
+    """Yield the verdict, the run in which the behaviors differ, and the correspondence of modules."""
     match result:
         case Same(by_content=True):
             yield "the same: they are written alike, names aside"
@@ -66,7 +66,7 @@ def _names(names: tuple[str, ...]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
 
-# --- the run that tells them apart -----------------------------------------------------------------
+# --- the run in which they differ ------------------------------------------------------------------
 
 
 def _table(a: Program, b: Program, result: Different) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Where values come from outside a program: readings of sensors, and modules written in Python."""
+"""The boundary of a program: readings of sensors, and modules written in Python."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def clamp(x: ScalarValue, low: float | None, high: float | None) -> ScalarValue:
 
 
 def default_of(sensor: Sensor) -> Value | None:
-    """What stands in where the sensor is missing: an array's scalar default fills the array."""
+    """Return the value that stands in where the sensor is missing: a scalar default fills an array."""
     if (
         isinstance(sensor.type, Array)
         and sensor.default is not None
@@ -120,19 +120,22 @@ def declared_command(actuator: Actuator, command: Sequence[ScalarValue]) -> tupl
 
 
 class ModuleFrame(Mapping[str, Value]):
-    """What `step` is given: what the module reads, by name, in base units; `t` in s since the first frame."""
+    """The input of `step`: the values that the module reads, in base units; `t` in s since the first frame."""
 
     def __init__(self, t: float, values: dict[str, Value]) -> None:
         self.t = t
         self._values = values
 
     def __getitem__(self, name: str) -> Value:
+        """Return the value of a name."""
         return self._values[name]
 
     def __iter__(self) -> Iterator[str]:
+        """Return an iterator over the names."""
         return iter(self._values)
 
     def __len__(self) -> int:
+        """Return the number of names."""
         return len(self._values)
 
 

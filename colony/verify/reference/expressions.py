@@ -17,7 +17,7 @@ from colony.ir.types import Array, ScalarValue, Value
 from colony.verify.reference.functions import NAN, binary, element_at, function, unary
 
 Memory = dict[tuple[int, tuple[int, ...], int], Any]
-"""What memory functions remember; an absent key is a call that was never evaluated (see `remember`)."""
+"""State of the memory functions; an absent key is a call that was never evaluated (see `remember`)."""
 
 Loop = tuple[tuple[str, int], ...]
 """The variables of the enclosing reductions and their values, outermost first."""
@@ -45,7 +45,7 @@ class Moment:
 
 
 def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> bool:
-    """Whether something that `e` needs is missing; `own` are lets that count as there."""
+    """Return True if something that `e` needs is missing; `own` are lets that count as present."""
     match e:
         case ir.SensorValue(name=name):
             return name not in moment.sensors
@@ -151,11 +151,13 @@ def filled(value: Value, e: ir.Expression) -> Value:
 
 
 def elements(value: Value) -> tuple[ScalarValue, ...]:
+    """Return the elements of an array's value."""
     assert isinstance(value, tuple)
     return value
 
 
 def scalar(value: Value) -> ScalarValue:
+    """Return a value that is a scalar."""
     assert not isinstance(value, tuple)
     return value
 
@@ -169,6 +171,7 @@ def window_indices(e: ir.Window, center: float) -> list[float]:
 
 
 def len_of(e: ir.Expression) -> int:
+    """Return the number of elements of an array."""
     assert isinstance(e.type, Array)
     return e.type.size
 

@@ -131,7 +131,7 @@ def modulo(x: float, y: float) -> float:
 
 
 def angle_difference(a: float, b: float) -> float:
-    """How far `a` is from `b`, in degrees: above -180, up to 180."""
+    """Return the angle from `b` to `a` in degrees: above -180, up to 180."""
     d = modulo(a - b, 360.0)
     return d - 360.0 if d > 180.0 else d
 
@@ -169,7 +169,7 @@ def total(x: Sequence[float]) -> float:
 
 
 def first_index(x: Sequence[float], better: Callable[[float, float], bool]) -> int:
-    """Where the best stands, the first of equals; NaN loses to any number; 0 where all are NaN."""
+    """Return the index of the best element, the first of equals; NaN loses to any number; 0 if all are NaN."""
     best = 0
     for i, v in enumerate(x):
         if better(v, x[best]) or (math.isnan(x[best]) and not math.isnan(v)):

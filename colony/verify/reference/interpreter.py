@@ -98,12 +98,12 @@ class Interpreter:
         return None if missing(expression, moment) else evaluate(expression, moment, self._memory)
 
     def is_active(self, name: str) -> bool:
-        """Whether a module or wire put a command on its output in the last frame."""
+        """Return True if a module or wire put a command on its output in the last frame."""
         assert self._moment is not None, "no frame yet"
         return self._moment.outputs[name] is not None
 
     def is_silent(self, module: str) -> bool:
-        """Whether a module was silent in the last frame, as something that it reads was missing."""
+        """Return True if a module was silent in the last frame because something that it reads was missing."""
         return module in self._silent
 
     def _frame(self, t_ns: int, readings: Mapping[str, Reading], factors: dict[str, float]) -> Outcome:
@@ -255,7 +255,7 @@ class Interpreter:
         return inferior
 
     def _dominates(self, active: bool, window_ns: int, moment: Moment, node: tuple[str | int, ...]) -> bool:
-        """Whether the dominant side is active, or was less than the time constant ago."""
+        """Return True if the dominant side is active, or was less than the time constant ago."""
         if active:
             self._dominated[node] = moment.t_ns
         return active or (node in self._dominated and moment.t_ns - self._dominated[node] < window_ns)

@@ -57,8 +57,10 @@ def recalled(program: ir.Program, memory: ProgramMemory, initial: dict[str, Scal
 
 
 def _remembered(call: e.MemoryCall, parts: Parts, first_ns: int) -> Any:
-    """What `expressions.remember` remembers of a call: None at first, and where nothing depends
-    on it, so that cells are left out."""
+    """Return the state that `expressions.remember` keeps of a call.
+
+    None at first, and where nothing depends on it, so that cells are left out.
+    """
     match call.function, parts:
         case _, {"started": False}:
             return None

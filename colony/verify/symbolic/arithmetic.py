@@ -50,7 +50,7 @@ from colony.verify.symbolic.numbers import (
 from colony.verify.symbolic.system import UNBOUNDED, Bounds, Inexact, Number, Operation, Reason
 
 FEW_WHOLES = 40
-"""Up to so many, whole numbers are told apart by comparisons; more are a constant of sort Int."""
+"""Maximum number of whole numbers that comparisons enumerate; more are a constant of sort Int."""
 
 ZERO = constant(0.0)
 
@@ -235,7 +235,7 @@ class Arithmetic:
         return result if same_side or is_exact_whole(bounds) else self._rounds(result, "`mod`", grows=False)
 
     def angle_difference(self, a: Number, b: Number) -> Number:
-        """How far `a` is from `b`, in degrees: above -180, up to 180."""
+        """Return the angle from `b` to `a` in degrees: above -180, up to 180."""
         turned = self.modulo(self.subtract(a, b), constant(360.0))
         if turned.cases:
             known = by_folding(lambda d: d - 360.0 if d > 180.0 else d, (turned,))
@@ -248,9 +248,11 @@ class Arithmetic:
     # --- whole numbers ---------------------------------------------------------------------------
 
     def floor(self, x: Number) -> Number:
+        """Return the greatest whole number that is not above `x`."""
         return self._whole(x, Function.FLOOR, self.floor_of)
 
     def ceil(self, x: Number) -> Number:
+        """Return the least whole number that is not below `x`."""
         return self._whole(x, Function.CEIL, lambda v: negated(self.floor_of(negated(v))))
 
     def round(self, x: Number) -> Number:
@@ -271,7 +273,7 @@ class Arithmetic:
         return Number(value, x.nan, x.infinite, replace(rounded.bounds, whole=False))
 
     def floor_of(self, x: Number) -> Number:
-        """The floor of a finite number; few are told apart by comparisons, which is quicker to solve."""
+        """Return the floor of a finite number; comparisons enumerate few values, which is quicker to solve."""
         if x.bounds.whole:
             return x
         low, high = bounding.floors(x.bounds)
@@ -381,7 +383,7 @@ class Arithmetic:
 
 
 def _is_small(x: Number) -> bool:
-    """Whether a finite float plus `x` is never beyond all floats."""
+    """Return True if a finite float plus `x` is never beyond all floats."""
     low, high = x.bounds.low, x.bounds.high
     return low is not None and high is not None and max(-low, high) < _SMALL
 
@@ -396,7 +398,7 @@ def _infinite_times_zero(x: Number, y: Number) -> z3.BoolRef:
 
 
 def finite_or_infinite(x: Number) -> z3.BoolRef:
-    """Not NaN."""
+    """Return the condition that `x` is not NaN."""
     return negation(x.nan)
 
 
@@ -416,11 +418,12 @@ def scaled_or_cases(x: Number, factor: Fraction) -> Number:
 
 
 def integer_value(n: int) -> z3.ArithRef:
+    """Return the term of an integer."""
     return real(n)
 
 
 def _reaches(x: z3.ArithRef, n: int) -> z3.BoolRef:
-    """Whether a real rounds to `n` or more, halves to even."""
+    """Return the condition that a real rounds to `n` or more, halves to even."""
     half = real(Fraction(2 * n - 1, 2))
     return cast(z3.BoolRef, x >= half if n % 2 == 0 else x > half)
 

@@ -1,4 +1,4 @@
-"""What grows while a program is encoded: constants, what is known of them, memory, and reasons."""
+"""State of the encoding of a program: constants and facts about them, memory, and reasons."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Made = TypeVar("Made")
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """What a number in memory may be, found by going round until nothing is added."""
+    """The possible values of a number in memory, found by iterating until nothing is added."""
 
     nan: bool
     infinite: bool
@@ -59,7 +59,7 @@ class Builder:
         return hint if count == 1 else f"{hint}#{count}"
 
     def once(self, key: tuple[Any, ...], make: Callable[[], Made]) -> Made:
-        """What `make` made when `key` came first."""
+        """Return the result of `make`, which is called only the first time for each `key`."""
         if key not in self._made:
             self._made[key] = make()
         return cast(Made, self._made[key])
@@ -70,7 +70,7 @@ class Builder:
         return tuple(x.get_id() for x in terms)
 
     def key(self, *scalars: Scalar) -> tuple[int, ...]:
-        """What tells scalars apart: the ids of their terms."""
+        """Return a key that identifies scalars: the ids of their terms."""
         return tuple(i for x in scalars for i in self._key(x))
 
     def _key(self, x: Scalar) -> tuple[int, ...]:
@@ -79,12 +79,15 @@ class Builder:
     # --- facts -----------------------------------------------------------------------------------
 
     def assume(self, about: z3.ExprRef, formula: z3.BoolRef, of_reals: bool = False) -> None:
+        """Assume a formula about a term; `of_reals`: only reals meet it."""
         self._add(Fact(FactKind.ASSUMPTION, about, formula, of_reals))
 
     def define(self, about: z3.ExprRef, formula: z3.BoolRef) -> None:
+        """Define a term by a formula."""
         self._add(Fact(FactKind.DEFINITION, about, formula))
 
     def invariant(self, about: z3.ExprRef, formula: z3.BoolRef) -> None:
+        """State an invariant of a term."""
         self._add(Fact(FactKind.INVARIANT, about, formula))
 
     def _add(self, fact: Fact) -> None:
@@ -106,7 +109,7 @@ class Builder:
         return self.once(key, make), new
 
     def overflow(self, x: Number, span: Span) -> z3.BoolRef:
-        """Whether the program's float is infinite where the real `x` is not: never, of reals."""
+        """Return the condition that the program's float is infinite where the real `x` is not: never, of reals."""
         constant, new = self.auxiliary(Operation.OVERFLOW, (x,), z3.BoolSort())
         beyond = cast(z3.BoolRef, constant)
         if new:

@@ -23,7 +23,7 @@ from colony.verify.symbolic.system import UNBOUNDED, Bounds, Case, Number
 Result = TypeVar("Result", float, bool)
 
 MOST_CASES = 64
-"""Of how many floats a number is known to be one, at most."""
+"""Maximum number of floats that a number with known cases may be."""
 
 GREATEST = Fraction(sys.float_info.max)
 
@@ -105,9 +105,9 @@ def whole_of(x: Number) -> z3.ArithRef | None:
 
 
 def folded(of: Callable[..., Result], operands: Sequence[Number]) -> list[tuple[Result, z3.BoolRef]]:
-    """What a function gives in each combination of cases; empty where there are too many.
+    """Return a function's result in each combination of cases; empty where there are too many.
 
-    The function must not tell the zeros apart.
+    The function must not distinguish the two zeros.
     """
     return [(of(*values), condition) for values, condition in _combinations(operands)]
 
@@ -137,7 +137,7 @@ def _combinations(operands: Sequence[Number]) -> list[tuple[tuple[float, ...], z
 
 
 def hull(x: Bounds, y: Bounds) -> Bounds:
-    """What is known of a number that is one or the other."""
+    """Return bounds of a number that is within `x` or within `y`."""
     low = None if x.low is None or y.low is None else min(x.low, y.low)
     high = None if x.high is None or y.high is None else max(x.high, y.high)
     return Bounds(low, high, x.whole and y.whole)

@@ -1,4 +1,4 @@
-"""What a formula depends on, transitively: through definitions, and through memory to the frames before."""
+"""The cone of a formula: its dependencies through definitions, and through memory on earlier frames."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ Loop = tuple[tuple[str, int], ...]
 
 @dataclass(frozen=True, slots=True)
 class Positions:
-    """What an index means: whether it is finite, and for each element of the array whether it is that."""
+    """The meaning of an index: the condition that it is finite, and for each element that it is meant."""
 
     there: z3.BoolRef
     at: tuple[z3.BoolRef, ...]
@@ -55,11 +55,13 @@ def each(of: Callable[..., Scalar], *operands: Term) -> Term:
 
 
 def scalar(value: Term) -> Scalar:
+    """Return a term that is a scalar."""
     assert not isinstance(value, tuple)
     return value
 
 
 def elements(value: Term) -> tuple[Scalar, ...]:
+    """Return the elements of an array's term."""
     assert isinstance(value, tuple)
     return value
 
@@ -79,12 +81,15 @@ class Expressions:
     loop: Loop = ()
 
     def scalar(self, e: ir.Expression) -> Scalar:
+        """Return the term of a scalar expression."""
         return scalar(self.value(e))
 
     def number(self, e: ir.Expression) -> Number:
+        """Return the term of a number."""
         return number(self.scalar(e))
 
     def boolean(self, e: ir.Expression) -> z3.BoolRef:
+        """Return the term of a condition."""
         return boolean(self.scalar(e))
 
     def value(self, e: ir.Expression) -> Term:
@@ -175,7 +180,7 @@ class Expressions:
                 return tuple(_element(array, positions, j) for j in range(-reach, reach + 1))
 
     def _positions(self, index: ir.Expression, size: int) -> Positions:
-        """Which element of an array an index means."""
+        """Return the conditions under which an index means each element of an array."""
         x = self.number(index)
         builder = self.builder
         return builder.once(("positions", builder.key(x), size), lambda: self._found(x, index, size))

@@ -31,11 +31,13 @@ Taken = tuple[Scalar, z3.BoolRef]
 
 
 def number(x: Scalar) -> Number:
+    """Return a scalar that is a number."""
     assert isinstance(x, Number)
     return x
 
 
 def boolean(x: Scalar) -> z3.BoolRef:
+    """Return a scalar that is a condition."""
     assert not isinstance(x, Number)
     return x
 
@@ -159,7 +161,7 @@ def reduction(of: Function, taken: Sequence[Taken], arithmetic: Arithmetic) -> S
 
 
 def count(truths: Sequence[z3.BoolRef], arithmetic: Arithmetic) -> Number:
-    """How many are true, by cases as long as they are few."""
+    """Return the number of true conditions, by cases as long as they are few."""
     total = constant(0.0)
     for b in truths:
         total = arithmetic.add(total, by_cases(((1.0, b), (0.0, negation(b)))))

@@ -29,29 +29,32 @@ def _array(terms: Sequence[z3.ExprRef]) -> object:
 
 
 def is_true(x: z3.BoolRef) -> bool:
-    """Whether `x` is `TRUE`, which is all that these functions make of what is known."""
+    """Return True if `x` is `TRUE`, the only form in which these functions return a known truth."""
     return x is TRUE
 
 
 def is_false(x: z3.BoolRef) -> bool:
+    """Return True if `x` is `FALSE`."""
     return x is FALSE
 
 
 def is_negation(x: z3.BoolRef) -> bool:
-    """Whether `x` is a `not`."""
+    """Return True if `x` is a `not`."""
     return bool(z3.Z3_get_decl_kind(_CONTEXT, z3.Z3_get_app_decl(_CONTEXT, x.as_ast())) == z3.Z3_OP_NOT)
 
 
 def same(x: z3.ExprRef, y: z3.ExprRef) -> bool:
-    """Whether these are the very same term: z3 makes equal terms once."""
+    """Return True if these are the very same term: z3 makes equal terms once."""
     return x is y or bool(x.get_id() == y.get_id())
 
 
 def truth(x: bool) -> z3.BoolRef:
+    """Return the constant of a truth value."""
     return TRUE if x else FALSE
 
 
 def negation(x: z3.BoolRef) -> z3.BoolRef:
+    """Return the negation of a formula, simplified."""
     if is_true(x):
         return FALSE
     if is_false(x):
@@ -60,6 +63,7 @@ def negation(x: z3.BoolRef) -> z3.BoolRef:
 
 
 def all_of(formulas: Iterable[z3.BoolRef]) -> z3.BoolRef:
+    """Return the conjunction of formulas, simplified."""
     kept = _kept(formulas, neutral=TRUE, absorbing=FALSE)
     if kept is None:
         return FALSE
@@ -69,6 +73,7 @@ def all_of(formulas: Iterable[z3.BoolRef]) -> z3.BoolRef:
 
 
 def any_of(formulas: Iterable[z3.BoolRef]) -> z3.BoolRef:
+    """Return the disjunction of formulas, simplified."""
     kept = _kept(formulas, neutral=FALSE, absorbing=TRUE)
     if kept is None:
         return TRUE
@@ -93,10 +98,12 @@ def _kept(
 
 
 def both(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
+    """Return the conjunction of two formulas."""
     return all_of((x, y))
 
 
 def either(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
+    """Return the disjunction of two formulas."""
     return any_of((x, y))
 
 
@@ -106,6 +113,7 @@ def implied(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
 
 
 def equivalent(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
+    """Return the equivalence of two formulas, simplified."""
     if same(x, y):
         return TRUE
     for one, other in ((x, y), (y, x)):

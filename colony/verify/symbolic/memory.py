@@ -1,7 +1,8 @@
-"""The memory functions of the language: cells, and what is read from them.
+"""The memory functions of the language: cells, and the values read from them.
 
-Each call moves on where its owner is evaluated (`moves`). Cells that begin alike and are told the same terms
-are the same forever: they are made once, so that a contract may speak of the memory of a module or node.
+Each call moves on where its owner is evaluated (`moves`). Cells that start with the same value and are given
+the same terms are the same forever: they are made once, so that a contract may refer to the memory of a
+module or node.
 """
 
 from __future__ import annotations
@@ -87,14 +88,14 @@ class Memory:
         self.hint = hint
 
     def evaluated(self) -> z3.BoolRef:
-        """Whether there was a frame before this one in which memory moved on."""
+        """Return the condition that memory moved on in an earlier frame."""
         if is_true(self.moves):
             return self.moment.begun
         key = ("evaluated", *self.builder.keep(self.moves))
         return self.builder.once(key, lambda: self._ever("evaluated", self.moves))
 
     def _ever(self, what: str, event: z3.BoolRef) -> z3.BoolRef:
-        """Whether `event` was true in a frame before this one."""
+        """Return the condition that `event` was true in an earlier frame."""
         ever, close = self._flag(what)
         close(either(ever, event))
         self.builder.invariant(ever, implied(ever, self.moment.begun))
@@ -169,7 +170,7 @@ class Memory:
         return either(b, both(ever, recent))
 
     def _time_of(self, event: z3.BoolRef) -> tuple[z3.BoolRef, z3.ArithRef]:
-        """Whether `event` was true in a frame before this one, and when last."""
+        """Return the condition that `event` was true in an earlier frame, and the last time of it."""
 
         def make() -> tuple[z3.BoolRef, z3.ArithRef]:
             return self._ever("ever", event), self._time("time", event)
@@ -197,7 +198,7 @@ class Memory:
         return pick(both(b, on), self.moment.now - since, cast(z3.ArithRef, integer(0)))
 
     def every(self, duration_ns: int) -> z3.BoolRef:
-        """At first, and then when `duration_ns` have passed since it was last true."""
+        """Return the condition that is true at first, and then `duration_ns` after it was last true."""
 
         def make() -> z3.BoolRef:
             time, close = self._open_time("time")
@@ -289,7 +290,7 @@ def _whole(x: Number) -> z3.ArithRef:
 
 
 def shape_of(x: Number) -> Shape:
-    """What a number may be."""
+    """Return the possible values of a number."""
     return Shape(not is_false(x.nan), not is_false(x.infinite), x.bounds)
 
 

@@ -32,6 +32,7 @@ class Declarations:
         self._set_next: dict[str, Callable[[Scalar], None]] = {}
 
     def expressions(self, moves: z3.BoolRef, hint: str, own: frozenset[str] = frozenset()) -> Expressions:
+        """Return an encoder of expressions that moves memory on where `moves` holds."""
         return Expressions(builder=self.builder, moment=self.moment, moves=moves, hint=hint, own=own)
 
     # --- states ----------------------------------------------------------------------------------
@@ -61,6 +62,7 @@ class Declarations:
     # --- derived values --------------------------------------------------------------------------
 
     def derived(self) -> None:
+        """Encode all derived values."""
         for derived in self.program.derived:
             match derived:
                 case ir.Let(name=name, expression=expression):

@@ -53,11 +53,12 @@ def of_whole(term: z3.ArithRef, bounds: Bounds = UNBOUNDED) -> Number:
 
 
 def finite(x: Number) -> z3.BoolRef:
-    """Where `x` is neither NaN nor infinite."""
+    """Return the condition that `x` is neither NaN nor infinite."""
     return negation(either(x.nan, x.infinite))
 
 
 def always_finite(x: Number) -> bool:
+    """Return True if `x` is known to be finite in every run."""
     return is_false(x.nan) and is_false(x.infinite)
 
 
@@ -85,7 +86,7 @@ def bounds_apart(x: Number, old: Number) -> Bounds | None:
 
 
 def is_exact_whole(bounds: Bounds) -> bool:
-    """Whether all numbers within are integers that are floats."""
+    """Return True if all numbers within the bounds are integers that floats represent exactly."""
     if not bounds.whole or bounds.low is None or bounds.high is None:
         return False
     return bounds.low >= -EXACT_WHOLE and bounds.high <= EXACT_WHOLE
@@ -120,7 +121,7 @@ _RELATIONS: dict[str, Callable[[float, float], bool]] = {
 
 
 def _known(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
-    """What the bounds decide of numbers that are not NaN."""
+    """Return the relation of two numbers that are not NaN, where their bounds decide it."""
     a, b = x.bounds, y.bounds
     below = a.high is not None and b.low is not None and a.high < b.low
     above = a.low is not None and b.high is not None and a.low > b.high
@@ -168,12 +169,12 @@ def _infinite_comparison(one: Number, other: Number, relation: str, swapped: boo
 
 
 def positive_value(x: Number) -> z3.BoolRef:
-    """Whether `value` is above 0."""
+    """Return the condition that `value` is above 0."""
     return _against_zero(x, ">")
 
 
 def negative_value(x: Number) -> z3.BoolRef:
-    """Whether `value` is below 0."""
+    """Return the condition that `value` is below 0."""
     return _against_zero(x, "<")
 
 
@@ -274,7 +275,7 @@ def _sum_bounds(x: Bounds, y: Bounds) -> Bounds:
 
 
 def equal_signs(x: Number, y: Number) -> z3.BoolRef:
-    """Whether two values that are not 0 have the same sign."""
+    """Return the condition that two values other than 0 have the same sign."""
     return choice(positive_value(x), positive_value(y), negation(positive_value(y)))
 
 

@@ -1,4 +1,4 @@
-"""What is sent: the winner's command within limits and range, or the idle one (language reference, Limit)."""
+"""The command sent: the winner's within limits and range, or the idle one (language reference, Limit)."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def send(
     builder: Builder,
     moment: Moment,
 ) -> ActuatorTerms:
-    """What an actuator is sent; where a field of the winner's command is not finite, the idle command."""
+    """Encode the command sent; the idle command where a field of the winner's command is not finite."""
     wins = {m: w for m, w in moment.wins[actuator.name].items() if not is_false(w)}
     commands = [modules[m].command for m in wins]
     fit = [
@@ -112,7 +112,7 @@ def _bounded(x: Number, field: ir.ActuatorField, bounds: Sequence[Bound]) -> Num
 
 
 def _leaves(x: Scalar, field: ir.ActuatorField, builder: Builder) -> z3.BoolRef:
-    """Whether a field is finite in its declared unit, too, in which it leaves."""
+    """Return the condition that a field is finite in its declared unit, in which it is sent."""
     if not isinstance(x, Number) or field.factor >= 1:
         return TRUE
     most = constant(sys.float_info.max * field.factor)

@@ -1,9 +1,9 @@
-"""What numbers in memory may be, found by encoding a frame again and again.
+"""Possible values of numbers in memory, found by encoding a frame repeatedly.
 
-At first each is taken to stay what it is at first. What the frame then makes of it is added, and ends that
-move are given up, until nothing new comes: that is preserved by every frame. It is mostly too wide, as one
-wide number makes others wide; so the search goes down once, to what is written to memory then, and takes that
-if it is preserved as well.
+Each number is first assumed to keep its initial value. The values that the frame then gives it are added, and
+ends that move are given up, until nothing new is added: the result is preserved by every frame. It is mostly
+too wide, as one wide number widens others; so the search narrows once, to the values then written to memory,
+and takes those if they are preserved as well.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def _descended(attempt: Attempt, shapes: dict[str, Shape]) -> System | None:
 
 
 def _written(builder: Builder) -> dict[str, Shape]:
-    """For memory that changes: what it is at first, or what is written to it, taken to be finite."""
+    """Return, for memory that changes, its initial shape and what is written to it, taken to be finite."""
     found = {}
     for name, (start, _, _) in builder.held.items():
         if name in builder.shapes:
@@ -62,7 +62,7 @@ def _written(builder: Builder) -> dict[str, Shape]:
 
 
 def _needed(builder: Builder, name: str) -> Shape:
-    """What a number in memory is at first, or where a frame changes it."""
+    """Return the values of a number in memory: its initial value, and those that a frame changes it to."""
     start, old, after = builder.held[name]
     bounds, apart = start.bounds, bounds_apart(after, old)
     if apart is not None:

@@ -55,12 +55,12 @@ def _after(time: z3.ArithRef, constant: float, relation: str) -> z3.BoolRef:
 
 
 def _reaches(time: z3.ArithRef, constant: float) -> z3.BoolRef:
-    """Whether a time is `constant` or more."""
+    """Return the condition that a time is `constant` or more."""
     return _from(time, least_reaching(constant))
 
 
 def _exceeds(time: z3.ArithRef, constant: float) -> z3.BoolRef:
-    """Whether a time is more than `constant`."""
+    """Return the condition that a time is more than `constant`."""
     return _from(time, least_reaching(math.nextafter(constant, math.inf)))
 
 

@@ -35,7 +35,7 @@ class Unrolling:
         return self._renamings[i](term)
 
     def step(self, i: int) -> tuple[z3.BoolRef, ...]:
-        """What holds in frame i, and how memory goes from it to frame i + 1."""
+        """Return the formulas of frame i, and of the memory from it to frame i + 1."""
         return (*self.frame(i), *self.moves(i))
 
     def frame(self, i: int) -> tuple[z3.BoolRef, ...]:
@@ -51,5 +51,5 @@ class Unrolling:
         return tuple(cast(z3.BoolRef, self.at(0, c.old) == c.initial) for c in self.cone.cells)
 
     def invariants(self, i: int) -> tuple[z3.BoolRef, ...]:
-        """What is true of the cells before frame i in every run."""
+        """Return what is true of the cells before frame i in every run."""
         return tuple(self.at(i, x) for x in self.cone.invariants)

@@ -1,4 +1,4 @@
-"""From a model of z3 to what people can read and the interpreter can run: readings and answers."""
+"""Readings and answers of a z3 model, in the form that people read and the interpreter runs."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _time(model: z3.ModelRef, unrolling: Unrolling, i: int) -> int:
 
 
 def _depends(given: SensorInput, met: frozenset[int]) -> bool:
-    """Whether anything depends on a sensor."""
+    """Return True if any formula depends on the sensor."""
     terms = [given.present]
     for x in given.elements:
         terms += [x.infinite] if isinstance(x, Number) else [x]
@@ -78,7 +78,7 @@ def _sensed(x: ScalarValue, of: ScalarType, sensor: Sensor) -> ScalarValue:
 
 
 def value_in(model: z3.ModelRef, unrolling: Unrolling, i: int, x: Scalar) -> ScalarValue:
-    """What a scalar of the system is in frame i of a model, as the nearest float."""
+    """Return the value of a scalar of the system in frame i of a model, as the nearest float."""
     if not isinstance(x, Number):
         return _truth(model, unrolling.at(i, x))
     if _truth(model, unrolling.at(i, x.nan)):
