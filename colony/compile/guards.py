@@ -63,7 +63,7 @@ Guard = Always | Never | ModuleActive | Not | And | Or | Recently
 
 
 def operands(guard: Guard) -> tuple[int, ...]:
-    """The guards that this one is made of, in order."""
+    """Return the guards that this one is made of, in order."""
     match guard:
         case And(operands=several) | Or(operands=several):
             return several
@@ -87,7 +87,7 @@ class GuardTable:
         self._always = self._index.get(Always(), -1)
 
     def add(self, node: Guard) -> int:
-        """The reference of `node`, added if it is new; its operands must be in the table."""
+        """Return the reference of `node`, added if it is new; its operands must be in the table."""
         at = self._index.get(node)
         if at is None:
             at = self._index[node] = len(self.nodes)
@@ -97,11 +97,11 @@ class GuardTable:
         return at
 
     def negation(self, operand: int) -> int:
-        """`not operand`."""
+        """Return `not operand`."""
         return self.add(Not(operand))
 
     def conjunction(self, parts: tuple[int, ...]) -> int:
-        """All of `parts`, leaving out those that are `Always`."""
+        """Return all of `parts`, leaving out those that are `Always`."""
         always = self._always
         kept = tuple([part for part in parts if part != always])
         if len(kept) > 1:
@@ -109,7 +109,7 @@ class GuardTable:
         return kept[0] if kept else self.add(Always())
 
     def disjunction(self, parts: tuple[int, ...]) -> int:
-        """Any of `parts`."""
+        """Return any of `parts`."""
         if len(parts) > 1:
             return self.add(Or(parts))
         return parts[0] if parts else self.add(Never())

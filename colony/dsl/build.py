@@ -75,7 +75,7 @@ class Builder:
         )
 
     def second(self, c: Children) -> Any:
-        """The part that follows the word or bracket."""
+        """Return the part that follows the word or bracket."""
         return c[1]
 
     size = default = within = window = limit_when = condition = state_type = parenthesized = second

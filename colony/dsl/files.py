@@ -78,7 +78,7 @@ class Unreadable(Exception):
 
 
 def read_source(path: Path, name: str) -> Source:
-    """The text of a regular file in UTF-8.
+    """Return the text of a regular file in UTF-8.
 
     Raises:
         Unreadable: there is no such file, it is not a regular one, too large, or not text.
@@ -100,7 +100,7 @@ def read_source(path: Path, name: str) -> Source:
 
 
 def decode(data: bytes, name: str) -> Source:
-    """The source of these bytes.
+    """Return the source of these bytes.
 
     Raises:
         Unreadable: they are not UTF-8 text; its span is the first byte that is none.
@@ -119,7 +119,7 @@ def decode(data: bytes, name: str) -> Source:
 
 
 def resolved(path: Path) -> str:
-    """The one absolute name of a file, links followed; of a name that is none, the name itself."""
+    """Return the one absolute name of a file, links followed; of a name that is none, the name itself."""
     try:
         return os.path.realpath(path)
     except (OSError, ValueError):
@@ -127,7 +127,7 @@ def resolved(path: Path) -> str:
 
 
 def load_tree(path: Path, name: str, text: str | None = None, *, shipped: Path | None = None) -> SourceTree:
-    """The file at `path` (or `text` in its place) and everything that it imports, however far.
+    """Return the file at `path` (or `text` in its place) and everything that it imports, however far.
 
     Imports by name are looked for in `shipped`, where that is given, in place of what comes with colony.
     Nothing is raised: what cannot be read, and cycles, are among the diagnostics.
@@ -215,7 +215,7 @@ class _Loader:
     def _read(
         self, source: Source, path: Path, shown: str, declaration: ast.ImportDecl, count: int
     ) -> Source | None:
-        """The text of an imported file; None after reporting, at the import, why there is none."""
+        """Return the text of an imported file; None after reporting, at the import, why there is none."""
         span = Span(source, declaration.start, declaration.end)
         if count > MAX_FILES:
             message = f"more than {MAX_FILES} files are imported"

@@ -32,7 +32,7 @@ WORDS = frozenset(
 
 
 def lost_names(text: str) -> set[str]:
-    """The names that a piece of text seems to declare."""
+    """Return the names that a piece of text seems to declare."""
     return {a or b for a, b in _DECLARED.findall(text)}
 
 
@@ -43,7 +43,7 @@ def expected(problem: UnexpectedInput) -> frozenset[str]:
 
 
 def complete_declarations(problem: UnexpectedInput) -> list[ast.Declaration]:
-    """The declarations that were read before the error: they stand on the parser's stack."""
+    """Return the declarations that were read before the error: they stand on the parser's stack."""
     first: object = problem.values[0] if problem.values else None
     if isinstance(first, list):
         return first

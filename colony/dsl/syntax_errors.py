@@ -129,7 +129,7 @@ _BRACKET = re.compile(r'"[^"\r\n]*"|#[^\r\n]*|[(){}\[\]]')
 
 
 def _open_bracket(text: str, start: int, end: int) -> int | None:
-    """The innermost bracket opened in `text[start:end]` and not closed there."""
+    """Return the innermost bracket opened in `text[start:end]` and not closed there."""
     opened: list[int] = []
     for match in _BRACKET.finditer(text, start, end):
         if match[0] in "([{":
@@ -147,7 +147,7 @@ def _closes_another(bracket: str, found: str) -> bool:
 
 
 def _unclosed(source: Source, span: Span, bracket: int, found: str, begun: int | None) -> Diagnostic:
-    """A bracket that is open where the file ends, another is closed, or a declaration has `begun`."""
+    """Return a bracket that is open where the file ends, another is closed, or a declaration has `begun`."""
     closing = _CLOSING[source.text[bracket]]
     where = f"`{found}` stands" if found else "the file ends"
     if begun is not None:

@@ -167,7 +167,7 @@ Op = (
 
 
 def operands(op: Op) -> tuple[int, ...]:
-    """The values that this op is computed from."""
+    """Return the values that this op is computed from."""
     match op:
         case Apply(arguments=several) | Table(elements=several):
             return several
@@ -351,7 +351,7 @@ def live(ops: Iterable[Op], cells: Iterable[Cell], wanted: Iterable[int]) -> tup
 
 
 def remapped(op: Op, ops: Mapping[int, int], cells: Mapping[int, int]) -> Op:
-    """`op` with its operands and cells renumbered."""
+    """Return `op` with its operands and cells renumbered."""
     match op:
         case Apply(operator=operator, arguments=arguments):
             return Apply(operator, tuple([ops[i] for i in arguments]))

@@ -185,7 +185,7 @@ class Machine:
         }
 
     def _answer(self, module: str) -> tuple[ScalarValue, ...] | None:
-        """The Python module's command in this frame."""
+        """Return the Python module's command in this frame."""
         self._call_python()
         return self.answers[module].values
 
@@ -247,7 +247,7 @@ def build(call: PythonCall) -> PythonStep:
 
 
 def field_types(call: PythonCall) -> tuple[tuple[str, object], ...]:
-    """The fields of a Python module's command, as `PythonStep` takes them."""
+    """Return the fields of a Python module's command, as `PythonStep` takes them."""
     return tuple(
         (
             f.name,

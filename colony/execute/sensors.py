@@ -33,7 +33,7 @@ def age_limits(sensors: tuple[Sensor, ...]) -> dict[str, int]:
 
 
 def members(sensor: Sensor) -> tuple[float, ...] | None:
-    """The numbers that a sensor of an enum type may have; None where it is of another type."""
+    """Return the numbers that a sensor of an enum type may have; None where it is of another type."""
     kind = element_type(sensor.type)
     return tuple(number for _, number in kind.members) if isinstance(kind, Enum) else None
 

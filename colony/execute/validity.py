@@ -141,7 +141,7 @@ class _Check:
     # --- operations ------------------------------------------------------------------------------
 
     def _gives(self, at: int, op: Op) -> Kind | None:
-        """The kind of what an operation gives; None if it is malformed."""
+        """Return the kind of what an operation gives; None if it is malformed."""
         code = self.code
         match op:
             case Apply(operator=operator, arguments=arguments):

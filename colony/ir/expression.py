@@ -346,7 +346,7 @@ NESTING_LIMIT = 100
 
 
 def children(node: Expression) -> tuple[Expression, ...]:
-    """The direct subexpressions, in the order written."""
+    """Return the direct subexpressions, in the order written."""
     match node:
         case ValueOr(expression=e, other=o):
             return (e, o)

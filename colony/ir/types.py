@@ -74,12 +74,12 @@ Value = ScalarValue | tuple[ScalarValue, ...]
 
 
 def element_type(of: Type) -> Scalar:
-    """The type of one element of an array, or the scalar type itself."""
+    """Return the type of one element of an array, or the scalar type itself."""
     return of.element if isinstance(of, Array) else of
 
 
 def shaped(element: Scalar, like: Type) -> Type:
-    """`element`, or an array of it where `like` is an array."""
+    """Return `element`, or an array of it where `like` is an array."""
     return Array(element, like.size) if isinstance(like, Array) else element
 
 

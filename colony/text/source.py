@@ -29,13 +29,13 @@ class Source:
         return starts
 
     def position(self, offset: int) -> tuple[int, int]:
-        """The 1-based line and column of a character offset (one past the end is allowed)."""
+        """Return the 1-based line and column of a character offset (one past the end is allowed)."""
         offset = min(max(offset, 0), len(self.text))
         line = bisect_right(self._line_starts, offset)
         return line, offset - self._line_starts[line - 1] + 1
 
     def line(self, number: int) -> str:
-        """The text of 1-based line `number`, without its line break."""
+        """Return the text of 1-based line `number`, without its line break."""
         start = self._line_starts[number - 1]
         end = self.text.find("\n", start)
         return self.text[start : end if end >= 0 else len(self.text)].rstrip("\r")
@@ -53,7 +53,7 @@ class Span(NamedTuple):
     end: int
 
     def to(self, other: Span) -> Span:
-        """The span from the start of this one to the end of `other`."""
+        """Return the span from the start of this one to the end of `other`."""
         return Span(self.source, self.start, max(self.end, other.end))
 
     @property

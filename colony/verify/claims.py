@@ -14,7 +14,7 @@ TRUE = ir.Constant(type=BOOL, value=True)
 
 
 def active(name: str) -> ir.Expression:
-    """A module or wire puts a command on its output."""
+    """Return a module or wire puts a command on its output."""
     return ir.IsActive(type=BOOL, name=name)
 
 
@@ -39,7 +39,7 @@ def negation(e: ir.Expression) -> ir.Expression:
 
 
 def binary(operator: Binary, left: ir.Expression, right: ir.Expression) -> ir.Expression:
-    """An operation that gives a bool."""
+    """Return an operation that gives a bool."""
     return ir.BinaryOperation(type=BOOL, operator=operator, left=left, right=right)
 
 

@@ -41,11 +41,11 @@ class GuardText:
                 assert_never(guard)
 
     def text(self, ref: int, own: str | None = None) -> str:
-        """The guard written out, with the module `own` as `P`, and first."""
+        """Return the guard written out, with the module `own` as `P`, and first."""
         return self._written(ref, own)
 
     def take_definitions(self, limit: int | None = None) -> list[tuple[str, str]]:
-        """Names that were used since the last call, those in their texts included, with their texts.
+        """Return names that were used since the last call, those in their texts included, with their texts.
 
         With `limit`, no more than that; the others are left for the next call.
         """
@@ -57,7 +57,7 @@ class GuardText:
         return taken
 
     def _written(self, ref: int, own: str | None) -> str:
-        """Nesting is bounded by the number of terms: this recursion ends after `INLINE` levels."""
+        """Return nesting is bounded by the number of terms: this recursion ends after `INLINE` levels."""
         joined = self._joined(ref)
         if joined is not None:
             joint, parts, negated = joined

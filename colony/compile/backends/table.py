@@ -32,7 +32,7 @@ def client_table(compilation: Compilation) -> str:
 
 
 def rows(one: ActuatorClients, guards: GuardText, limit: int | None = None) -> str:
-    """The table of one actuator, down to `limit` clients."""
+    """Return the table of one actuator, down to `limit` clients."""
     shown = one.clients[:limit]
     cells: list[tuple[list[str], ...]] = [tuple([name] for name in _HEADER)]
     for client in shown:
@@ -50,7 +50,7 @@ def legend(guards: GuardText, limit: int | None = None) -> str:
 
 
 def definitions(guards: GuardText, limit: int | None = None) -> list[str]:
-    """Lines for the parts of guards that were named since the last time."""
+    """Return lines for the parts of guards that were named since the last time."""
     lines = []
     taken = guards.take_definitions(limit)
     for name, text in taken:
@@ -63,12 +63,12 @@ def definitions(guards: GuardText, limit: int | None = None) -> list[str]:
 
 
 def wrapped(text: str, width: int = GUARD_WIDTH) -> list[str]:
-    """The text in lines of this width, but with every word whole."""
+    """Return the text in lines of this width, but with every word whole."""
     return wrap(text, width, break_long_words=False)
 
 
 def _aligned(cells: Sequence[Sequence[list[str]]]) -> str:
-    """Columns under one another, the first one to the right; a cell is a list of lines."""
+    """Return columns under one another, the first one to the right; a cell is a list of lines."""
     widths = [max(len(line) for row in cells for line in row[i]) for i in range(len(_HEADER))]
     lines = []
     for row in cells:

@@ -36,7 +36,7 @@ class Builder:
     # --- ops -------------------------------------------------------------------------------------
 
     def add(self, op: Op, kind: Kind, key: Hashable = None) -> int:
-        """The number of `op`, added if it is new. `key` stands for it where `==` is too coarse."""
+        """Return the number of `op`, added if it is new. `key` stands for it where `==` is too coarse."""
         key = op if key is None else key
         at = self._index.get(key)
         if at is None:
@@ -46,13 +46,13 @@ class Builder:
         return at
 
     def literal(self, value: ScalarValue) -> int:
-        """A number or bool; 0.0 and -0.0 are two."""
+        """Return a number or bool; 0.0 and -0.0 are two."""
         if isinstance(value, bool):
             return self.add(Literal(value), Kind.BOOL, ("bool", value))
         return self.add(Literal(float(value)), Kind.NUMBER, ("number", pack("<d", value)))
 
     def time(self, nanoseconds: int) -> int:
-        """A time or duration."""
+        """Return a time or duration."""
         return self.add(Literal(nanoseconds), Kind.TIME, ("time", nanoseconds))
 
     def table(self, elements: tuple[int, ...]) -> int:
@@ -60,7 +60,7 @@ class Builder:
         return self.add(Table(elements), Kind.TABLE)
 
     def apply(self, operator: Operator, *arguments: int) -> int:
-        """An operator of values; of constants, the constant."""
+        """Return an operator of values; of constants, the constant."""
         if operator is Operator.SELECT:
             return self._select(*arguments)
         ops = self.ops
@@ -89,11 +89,11 @@ class Builder:
         return self.add(Apply(Operator.SELECT, (condition, yes, no)), self.kinds[yes])
 
     def both(self, *conditions: int) -> int:
-        """All of them; true of none."""
+        """Return all of them; true of none."""
         return self._joined(Operator.AND, conditions, neutral=True)
 
     def either(self, *conditions: int) -> int:
-        """Any of them; false of none."""
+        """Return any of them; false of none."""
         return self._joined(Operator.OR, conditions, neutral=False)
 
     def _joined(self, operator: Operator, conditions: Sequence[int], neutral: bool) -> int:

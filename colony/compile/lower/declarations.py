@@ -117,7 +117,7 @@ class Declarations:
         return kind_of(self.actuators[actuator].fields[index].type)
 
     def state(self, name: str) -> int:
-        """The old value of a state or machine, which is noted as one to move on."""
+        """Return the old value of a state or machine, which is noted as one to move on."""
         if name not in self._states:
             place = self._all_states[name]
             if isinstance(place, ir.Machine):
@@ -254,7 +254,7 @@ class Declarations:
         )
 
     def heard_active(self, module: str) -> int:
-        """The module's activity under `on_loss degrade`: that of a lost client is none."""
+        """Return the module's activity under `on_loss degrade`: that of a lost client is none."""
         active = self.module_active(module)
         if self.modules[module].actuator is None:
             return active
@@ -265,7 +265,7 @@ class Declarations:
 
 
 def _everything(module: ir.AnyModule) -> tuple[e.Expression, ...]:
-    """All expressions of a module: what any of them reads, the module needs."""
+    """Return all expressions of a module: what any of them reads, the module needs."""
     match module:
         case ir.Module():
             return (
@@ -289,7 +289,7 @@ def _walk(expression: e.Expression) -> Iterator[e.Expression]:
 
 
 def _lets_read(expression: e.Expression) -> list[str]:
-    """The lets, of the file and of modules, that an expression mentions in any way."""
+    """Return the lets, of the file and of modules, that an expression mentions in any way."""
     return [
         node.name
         for node in _walk(expression)

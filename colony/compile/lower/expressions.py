@@ -132,12 +132,12 @@ class ExpressionLowering:
     # --- values ----------------------------------------------------------------------------------
 
     def scalar(self, e: ir.Expression, scope: Scope) -> int:
-        """The number of a scalar expression's value."""
+        """Return the number of a scalar expression's value."""
         (value,) = self.lower(e, scope)
         return value
 
     def lower(self, e: ir.Expression, scope: Scope) -> Values:
-        """The numbers of an expression's values."""
+        """Return the numbers of an expression's values."""
         apply = self.builder.apply
         match e:
             case ir.Constant(value=value):
@@ -180,7 +180,7 @@ class ExpressionLowering:
                 return self._leaf(e, scope)
 
     def _each(self, of: Callable[..., int], *operands: Values) -> Values:
-        """`of` the operands, element by element; a scalar stands for all elements."""
+        """Return `of` the operands, element by element; a scalar stands for all elements."""
         size = max([len(x) for x in operands])
         if size == 1:
             return (of(*[x[0] for x in operands]),)
@@ -284,7 +284,7 @@ class ExpressionLowering:
         return self.builder.apply(operator, self.builder.table(array), index)
 
     def _window_indices(self, size: int, center: int, reach: int) -> Values:
-        """The indices as numbers, exactly: reduced modulo the size before the offset is added."""
+        """Return the indices as numbers, exactly: reduced modulo the size before the offset is added."""
         apply, literal = self.builder.apply, self.builder.literal
         whole = apply(Operator.MODULO, apply(Operator.ROUND, center), literal(float(size)))
         return tuple(apply(Operator.ADD, whole, literal(float(j))) for j in range(-reach, reach + 1))
@@ -333,7 +333,7 @@ class ExpressionLowering:
                 return apply(_FUNCTIONS[function], *x)
 
     def _reduction(self, function: Function, x: Values) -> int:
-        """A reduction of one or more values."""
+        """Return a reduction of one or more values."""
         apply = self.builder.apply
         match function:
             case Function.MIN:
@@ -366,7 +366,7 @@ class ExpressionLowering:
         return self._conditional_reduction(e.function, bodies, conditions)
 
     def _conditional_reduction(self, function: Function, bodies: list[int], conditions: list[int]) -> int:
-        """The reduction of those bodies whose condition is true, which may be none."""
+        """Return the reduction of those bodies whose condition is true, which may be none."""
         builder = self.builder
         pairs = list(zip(conditions, bodies, strict=True))
         match function:

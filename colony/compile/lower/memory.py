@@ -34,7 +34,7 @@ class MemorySite:
 
 
 def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], place: MemorySite) -> int:
-    """The value of one scalar memory function in this frame."""
+    """Return the value of one scalar memory function in this frame."""
     match call.function:
         case Memory.PREVIOUS:
             return _previous(builder, arguments[0], arguments[1], place)
@@ -79,7 +79,7 @@ def until(builder: Builder, holds: int, window_ns: int, place: MemorySite) -> in
 
 
 def _last(builder: Builder, value: int, place: MemorySite) -> int:
-    """The argument in the last frame; false or 0 at first."""
+    """Return the argument in the last frame; false or 0 at first."""
     kind = builder.kinds[value]
     old = builder.cell(f"{place.name} last", kind, False if kind is Kind.BOOL else 0.0, *place.called("last"))
     builder.keep(old, place.ready, value)

@@ -12,7 +12,7 @@ from colony.ir.program import Chain, Program, Use, Wiring
 
 
 def elaborate(program: Program) -> Network:
-    """The network that the program's wires describe.
+    """Return the network that the program's wires describe.
 
     A chain `a op[w0] b op[w1] c` becomes the nodes of `a op[w0] (b op[w1] c)`. Wires that reach no actuator
     are in the network as well; modules that stand in no wire are not, unless they are observed.

@@ -26,7 +26,7 @@ from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
 
 
 def forward_traversal(suppression: SuppressionNetwork) -> ClientList:
-    """One client a module and actuator, numbered by the order of visit, with both guards.
+    """Return one client a module and actuator, numbered by the order of visit, with both guards.
 
     A module reached by one way only has the thesis's guard (its own activity and the gates on that way), one
     reached by several the exclusive guard.
@@ -45,7 +45,7 @@ def forward_traversal(suppression: SuppressionNetwork) -> ClientList:
 
 
 def _clients(nodes: tuple[SuppressionNode, ...], root: Link, table: GuardTable) -> tuple[Client, ...]:
-    """The clients of one output, highest priority first."""
+    """Return the clients of one output, highest priority first."""
     visits = backward_visits(nodes, root)
     reach = _Reach(root)
     for at in sorted(visits, reverse=True):  # users have higher references than what they use
@@ -71,7 +71,7 @@ def _clients(nodes: tuple[SuppressionNode, ...], root: Link, table: GuardTable) 
 
 
 def backward_visits(nodes: tuple[SuppressionNode, ...], root: Link) -> list[int]:
-    """The nodes under `root` in the reverse of a forward traversal, each at its last visit there.
+    """Return the nodes under `root` in the reverse of a forward traversal, each at its last visit there.
 
     Nodes before their children, dominant before inferior.
     """

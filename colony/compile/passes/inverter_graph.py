@@ -49,7 +49,7 @@ class InverterGraph:
         return len(self.parts)
 
     def module(self, name: str) -> int:
-        """The literal of a module's activity."""
+        """Return the literal of a module's activity."""
         node = self._atoms.get(name)
         if node is None:
             node = self._atoms[name] = self._add((), _MODULE)
@@ -57,7 +57,7 @@ class InverterGraph:
         return 2 * node
 
     def recently_literal(self, literal: int, window_ns: int) -> int:
-        """The literal of `recently`: of a constant, or without a window, it is its operand."""
+        """Return the literal of `recently`: of a constant, or without a window, it is its operand."""
         if literal <= FALSE or window_ns == 0:
             return literal
         node = self._atoms.get((literal, window_ns))
@@ -67,7 +67,7 @@ class InverterGraph:
         return 2 * node
 
     def raw_conjunction(self, literals: Conjunction) -> int:
-        """The literal of a new node, whatever it is made of: at least one literal, in any order."""
+        """Return the literal of a new node, whatever it is made of: at least one literal, in any order."""
         return 2 * self._add(literals, _LONG)
 
     def conjunction(self, literals: Iterable[int]) -> int:
@@ -82,7 +82,7 @@ class InverterGraph:
         return self._conjunction(present)
 
     def simpler_conjunction(self, literals: Iterable[int]) -> int:
-        """The literal of the conjunction, with all rules applied once."""
+        """Return the literal of the conjunction, with all rules applied once."""
         present = set(literals)
         present.discard(TRUE)
         facts, clauses = self._facts(present)
@@ -228,7 +228,7 @@ def _rewrite_atom(graph: InverterGraph, node: int, simpler: InverterGraph, to: S
 
 
 def _all_in_one(lists: list[list[int]]) -> list[int]:
-    """The longest of the lists, with all others added to it."""
+    """Return the longest of the lists, with all others added to it."""
     whole = max(lists, key=len)
     for one in lists:
         if one is not whole:

@@ -51,7 +51,7 @@ class Checker(ABC):
     # --- entries
 
     def check(self, node: ast.Expression) -> ir.Expression | None:
-        """The typed expression, whatever its type."""
+        """Return the typed expression, whatever its type."""
         if node.depth > ir.NESTING_LIMIT:
             message = f"the expression nests {node.depth} deep; at most {ir.NESTING_LIMIT} are allowed"
             self.error("E004", node, message, "name parts of it with `let`")
@@ -59,7 +59,7 @@ class Checker(ABC):
         return self.visit(node)
 
     def expect(self, node: ast.Expression, wanted: Type, what: str) -> ir.Expression | None:
-        """The typed expression if its type is `wanted`; `what` names its place in the message."""
+        """Return the typed expression if its type is `wanted`; `what` names its place in the message."""
         found = self.check(node)
         if found is None:
             return None
@@ -70,7 +70,7 @@ class Checker(ABC):
         return None
 
     def constant(self, node: ast.Expression, wanted: Scalar | None, what: str) -> ir.Constant | None:
-        """A constant, finite, of type `wanted` (of any scalar type for None)."""
+        """Return a constant, finite, of type `wanted` (of any scalar type for None)."""
         constants = replace(self, memory=False, constants=True)
         found = constants.check(node) if wanted is None else constants.expect(node, wanted, what)
         if found is None:
@@ -88,7 +88,7 @@ class Checker(ABC):
         return ir.Constant(type=type_, value=value, span=found.span)
 
     def constant_in(self, node: ast.Expression, type_: Scalar, unit: str, what: str) -> ScalarValue | None:
-        """A constant of `type_` where a plain number is taken to be in the declared unit."""
+        """Return a constant of `type_` where a plain number is taken to be in the declared unit."""
         sign, bare = 1.0, node
         while isinstance(bare, ast.Prefix) and bare.operator == "-":
             sign, bare = -sign, bare.operand
@@ -109,7 +109,7 @@ class Checker(ABC):
         return None if found is None else found.value  # type: ignore[return-value]
 
     def duration_ns(self, node: ast.Expression, what: str) -> int | None:
-        """A constant time as whole nanoseconds, not negative."""
+        """Return a constant time as whole nanoseconds, not negative."""
         found = self.constant(node, Quantity(TIME), what)
         if found is None:
             return None
@@ -124,7 +124,7 @@ class Checker(ABC):
         return ns
 
     def whole(self, node: ast.Expression, what: str, low: int, high: int) -> int | None:
-        """A constant whole number from `low` to `high`."""
+        """Return a constant whole number from `low` to `high`."""
         found = self.constant(node, PLAIN, what)
         if found is None:
             return None
@@ -164,7 +164,7 @@ class Checker(ABC):
         return value
 
     def broadcast(self, node: ast.SyntaxNode, element: Scalar, *types: Type) -> Type | None:
-        """`element`, or an array of it: scalars fit any array, arrays must agree in length."""
+        """Return `element`, or an array of it: scalars fit any array, arrays must agree in length."""
         sizes = sorted({t.size for t in types if isinstance(t, Array)})
         if len(sizes) > 1:
             shown = " and ".join(str(s) for s in sizes)
@@ -173,7 +173,7 @@ class Checker(ABC):
         return Array(element, sizes[0]) if sizes else element
 
     def array(self, node: ast.Expression) -> ir.Expression | None:
-        """An expression that must be an array."""
+        """Return an expression that must be an array."""
         found = self.visit(node)
         if found is not None and not isinstance(found.type, Array):
             self.error("E207", node, f"expected an array, found {article(found.type)}")

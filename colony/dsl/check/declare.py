@@ -28,7 +28,7 @@ def declare_names(report: Report, scopes: list[Scope]) -> None:
 
 
 def _robot_names(scopes: list[Scope]) -> tuple[set[str], set[str]]:
-    """The names of all sensors and of all actuators of the program, right or wrong."""
+    """Return the names of all sensors and of all actuators of the program, right or wrong."""
     sensors: set[str] = set()
     actuators: set[str] = set()
     for scope in scopes:

@@ -177,7 +177,7 @@ _SUMS = frozenset({ir.Binary.ADD, ir.Binary.SUBTRACT})
 
 
 def _result(operator: ir.Binary, a: Scalar, b: Scalar) -> Scalar | None:
-    """The element type of an operation, or None where the operands do not fit it."""
+    """Return the element type of an operation, or None where the operands do not fit it."""
     if operator in _BOOLEAN:
         return BOOL if isinstance(a, Bool) and isinstance(b, Bool) else None
     if operator in _EQUALITY:

@@ -45,7 +45,7 @@ _Node = TypeVar("_Node", bound=ast.SyntaxNode)
 
 
 def check_program(tree: SourceTree) -> tuple[ir.Program | None, tuple[Diagnostic, ...]]:
-    """The program, or None where there are errors; and all errors and warnings, in order."""
+    """Return the program, or None where there are errors; and all errors and warnings, in order."""
     report = Report(diagnostics=list(tree.diagnostics))
     program = _Check(tree, report).run() if tree.files else None
     diagnostics = in_order(report.diagnostics)
@@ -86,7 +86,7 @@ class _Check:
         )
 
     def _each(self, kind: type[_Node]) -> Iterator[tuple[Checker, _Node]]:
-        """Every declaration of a kind in all files, with a checker in the scope of its file."""
+        """Yield every declaration of a kind in all files, with a checker in the scope of its file."""
         for scope in self.scopes:
             checker = ExpressionChecker(scope=scope, report=self.report)
             for node in scope.file.tree.declarations:
@@ -106,7 +106,7 @@ class _Check:
                     scope.values.setdefault(node.name.text, check_param(checker, node))
 
     def _robot(self) -> ir.Robot | None:
-        """The one robot of the program."""
+        """Return the one robot of the program."""
         found = list(self._each(ast.RobotDecl))
         if not found:
             self.robot.absent = True

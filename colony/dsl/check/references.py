@@ -84,7 +84,7 @@ def _value(checker: Checker, node: ast.Reference, symbol: ValueSymbol) -> ir.Exp
 def _member(
     checker: Checker, node: ast.Reference, symbol: ValueSymbol, rest: tuple[str, ...]
 ) -> ir.Expression | None:
-    """`enum.member` and `machine.phase`."""
+    """Return `enum.member` and `machine.phase`."""
     owner = ".".join(node.path[: len(node.path) - len(rest)])
     match symbol:
         case EnumSymbol(type=enum) | MachineSymbol(type=enum) if len(rest) == 1:
@@ -121,7 +121,7 @@ def _means_part(
 
 
 def _part_member(checker: Checker, node: ast.Reference, part: PartSymbol, name: str) -> ir.Expression | None:
-    """`actuator.field` and `module.name`, in contracts and expectations."""
+    """Return `actuator.field` and `module.name`, in contracts and expectations."""
     if isinstance(part, Broken):
         return None
     if not checker.promise:
@@ -189,7 +189,7 @@ _WORDS = {
 
 
 def _member_hint(scope: Scope, name: str) -> str | None:
-    """The enum or machine of which this is a member."""
+    """Return the enum or machine of which this is a member."""
     for owner, symbol in islice(scope.values.items(), 1000):
         if isinstance(symbol, EnumSymbol | MachineSymbol) and name in dict(symbol.type.members):
             return f"did you mean `{owner}.{name}`?"
@@ -209,7 +209,7 @@ def _a(word: str) -> str:
 
 
 def resolve_winner(checker: Checker, node: ast.By) -> ir.Expression | None:
-    """`actuator by module`."""
+    """Return `actuator by module`."""
     if not _in_promise(checker, node):
         return None
     actuator, module = part_of(checker, node.actuator), part_of(checker, node.module)
@@ -232,7 +232,7 @@ def resolve_winner(checker: Checker, node: ast.By) -> ir.Expression | None:
 
 
 def resolve_status(checker: Checker, node: ast.Is) -> ir.Expression | None:
-    """`name is active`, `actuator is commanded`, `actuator is idle`."""
+    """Return `name is active`, `actuator is commanded`, `actuator is idle`."""
     if not _in_promise(checker, node):
         return None
     part = part_of(checker, node.subject)
@@ -267,7 +267,7 @@ def part_of(checker: Checker, node: ast.Expression) -> PartSymbol | None:
 
 
 def resolve_part(checker: Checker, node: ast.Reference) -> PartSymbol | None:
-    """The module, wire or actuator of this name; None after reporting that there is none."""
+    """Return the module, wire or actuator of this name; None after reporting that there is none."""
     scope, path = checker.scope.resolve(node.path)
     part: PartSymbol | None = None
     if len(path) == 1 and scope is not checker.scope:
@@ -290,7 +290,7 @@ def resolve_part(checker: Checker, node: ast.Reference) -> PartSymbol | None:
 
 
 def actuator_named(checker: Checker, name: ast.Name) -> program_ir.Actuator | None:
-    """The actuator of this name; None after reporting that there is none."""
+    """Return the actuator of this name; None after reporting that there is none."""
     symbol = checker.scope.robot.parts.get(name.text)
     if isinstance(symbol, ActuatorSymbol):
         return symbol.actuator

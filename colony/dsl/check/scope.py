@@ -194,7 +194,7 @@ class Report:
         self.diagnostics.append(error(code, span_of(scope, node), _clipped(message), hint, *labels))
 
     def suggest(self, name: str, known: Iterable[str]) -> str | None:
-        """A hint with the closest known name, if one is close."""
+        """Return a hint with the closest known name, if one is close."""
         if self.suggestions == 0 or len(name) > _LONGEST_NAME:
             return None
         self.suggestions -= 1
@@ -218,7 +218,7 @@ def label(scope: Scope, node: ast.SyntaxNode, text: str = "first declared here")
 
 
 def _clipped(message: str) -> str:
-    """A message that a name of a million letters does not make as long."""
+    """Return a message that a name of a million letters does not make as long."""
     return message if len(message) <= _LONGEST_MESSAGE else f"{message[:_LONGEST_MESSAGE]} ..."
 
 

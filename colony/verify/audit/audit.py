@@ -108,12 +108,12 @@ class Recorded(Protocol):
 
     @property
     def breaches(self) -> tuple[str, ...] | None:
-        """The contracts that were found broken, None where that was not recorded."""
+        """The contracts found broken, None if not recorded."""
         ...
 
     @property
     def keyframe(self) -> Remembered | None:
-        """The memory before this frame, None where the recording does not hold it."""
+        """The memory before this frame, None if not recorded."""
         ...
 
     @property
@@ -136,7 +136,7 @@ class Recording(Protocol):
 
     @property
     def damaged(self) -> bool:
-        """True if the recording is damaged after its last frame; known once all frames were read."""
+        """True if damage follows the last frame (once all frames are read)."""
         ...
 
 

@@ -68,12 +68,12 @@ class Attempt:
         return found
 
     def at_once(self) -> Proof | None:
-        """A proof in a frame alone, with what is known so far."""
+        """Return a proof in a frame alone, with what is known so far."""
         used = follows(self._cone, self._claim, self._known, self._budget)
         return None if used is None else Proof(0, used)
 
     def _induce(self) -> Proof | Trace | None:
-        """k-induction up to the greatest k, in turn with the search, which is its base."""
+        """Return k-induction up to the greatest k, in turn with the search, which is its base."""
         steps = Induction(self._cone, self._claim, self._known, self._budget)
         for k in range(1, self._budget.options.depth + 1):
             used = steps.next()
@@ -92,7 +92,7 @@ class Attempt:
 
     @property
     def _longest(self) -> int:
-        """Number of frames to search; 0 where a module in Python can break the contract, a good result already."""
+        """Number of frames to search; 0 where a module in Python can break the contract: little improves."""
         return self._budget.options.longest if self.if_python is None else 0
 
     def _longer(self) -> Trace | None:

@@ -33,7 +33,7 @@ class Candidate:
 
 
 def candidates(cone: Cone, claims: tuple[Claim, ...]) -> tuple[Candidate, ...]:
-    """All guesses for a cone that are true of the initial memory, each once.
+    """Return all guesses for a cone that are true of the initial memory, each once.
 
     Bounds come from the constants that the cells' own formulas and those of `claims` mention.
     """
@@ -57,7 +57,7 @@ def candidates(cone: Cone, claims: tuple[Claim, ...]) -> tuple[Candidate, ...]:
 
 
 def _unchanged(system: System, cells: tuple[Cell, ...]) -> Iterator[Candidate]:
-    """A cell never leaves its initial value, or not before the first frame."""
+    """Yield a cell never leaves its initial value, or not before the first frame."""
     for cell in cells:
         if str(cell.old) == str(system.begun):
             continue
@@ -69,7 +69,7 @@ def _unchanged(system: System, cells: tuple[Cell, ...]) -> Iterator[Candidate]:
 
 
 def _phases(system: System, cone: Cone) -> Iterator[Candidate]:
-    """A machine, or a state of an enum, is at one of its members."""
+    """Yield a machine, or a state of an enum, is at one of its members."""
     for name, members in _enumerated(system.program):
         if name not in system.states:
             continue
@@ -96,7 +96,7 @@ def _enumerated(program: Program) -> Iterator[tuple[str, tuple[tuple[str, float]
 
 
 def number(x: float) -> z3.RatNumRef:
-    """A float as z3's exact number."""
+    """Return a float as z3's exact number."""
     exact = Fraction(x)
     return z3.Q(exact.numerator, exact.denominator)
 
@@ -121,7 +121,7 @@ def _stem(cell: Cell) -> str:
 
 
 def _bounds(numbers: list[Cell], said: list[Fraction]) -> Iterator[Candidate]:
-    """A number is bounded by a constant that its own formula, or a contract, mentions."""
+    """Yield a number is bounded by a constant that its own formula, or a contract, mentions."""
     for cell in numbers:
         values = dict.fromkeys((*_numerals([cell.next, cell.initial]), *said))
         for value in list(values)[:_MOST_BOUNDS]:
@@ -134,14 +134,14 @@ def _bounds(numbers: list[Cell], said: list[Fraction]) -> Iterator[Candidate]:
 
 
 def _constant(value: Fraction, sort: z3.SortRef) -> z3.ArithRef | None:
-    """A number of a sort; None for a fraction where it has only whole ones."""
+    """Return a number of a sort; None for a fraction where it has only whole ones."""
     if sort != z3.IntSort():
         return z3.Q(value.numerator, value.denominator)
     return z3.IntVal(value.numerator) if value.denominator == 1 else None
 
 
 def _numerals(formulas: list[z3.ExprRef]) -> list[Fraction]:
-    """The numbers in formulas, each once."""
+    """Return the numbers in formulas, each once."""
     found: dict[Fraction, None] = {}
     seen: set[int] = set()
     todo = list(formulas)
@@ -157,7 +157,7 @@ def _numerals(formulas: list[z3.ExprRef]) -> list[Fraction]:
 
 
 def _literals(system: System, cone: Cone, flags: list[Cell]) -> list[Candidate]:
-    """Flags, the states that are bools among them, and the phases of machines."""
+    """Return flags, the states that are bools among them, and the phases of machines."""
     literals = [Candidate(f.name, f.old) for f in flags if str(f.old) != str(system.begun)]
     for name, members in _enumerated(system.program):
         value = parts(system.states[name])[0] if name in system.states else None
@@ -181,7 +181,7 @@ def _pairs_of_flags(system: System, cone: Cone, flags: list[Cell]) -> Iterator[C
 
 
 def _pairs_of_numbers(numbers: list[Cell]) -> Iterator[Candidate]:
-    """Two numbers are equal, or in order."""
+    """Yield two numbers are equal, or in order."""
     made = 0
     for a, b in permutations(numbers, 2):
         if made >= _MOST_PAIRS:

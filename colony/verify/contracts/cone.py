@@ -13,7 +13,7 @@ from colony.verify.symbolic.system import Claim, Number, Scalar, System
 
 
 def cone_of(system: System, claim: Claim) -> Cone:
-    """The cone of a contract; time is in every cone."""
+    """Return the cone of a contract; time is in every cone."""
     return cone(system, [claim.speaks, claim.holds, system.now, system.begun, system.last])
 
 
@@ -37,12 +37,12 @@ def within(one: Cone, term: z3.ExprRef) -> bool:
 
 
 def facts(one: Cone) -> z3.BoolRef:
-    """All that is true of a frame in a run, as one formula, which is renamed at once."""
+    """Return all that is true of a frame in a run, as one formula, which is renamed at once."""
     return z3.And(*one.assumptions, *one.definitions, *one.invariants)
 
 
 def parts(scalar: Scalar) -> tuple[z3.ExprRef, ...]:
-    """The formulas that make up a value."""
+    """Return the formulas that make up a value."""
     if isinstance(scalar, Number):
         return (scalar.value, scalar.nan, scalar.infinite)
     return (scalar,)

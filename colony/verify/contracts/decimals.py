@@ -38,7 +38,7 @@ def value_of(written: Written) -> float:
 
 
 def write(value: float, sensor: Sensor) -> Written | None:
-    """The shortest number in the unit of `sensor`, else in base units, that is exactly `value`.
+    """Return the shortest number in the unit of `sensor`, else in base units, that is exactly `value`.
 
     None where there is none: an infinite value, or one of a type without units.
     """
@@ -60,7 +60,7 @@ def _means(written: Written, value: float) -> bool:
 
 
 def rounded(value: float, sensor: Sensor, digits: int) -> float:
-    """`value` rounded to so many significant digits in the unit of `sensor`, in base units."""
+    """Return `value` rounded to so many significant digits in the unit of `sensor`, in base units."""
     candidate = _rounded(value, sensor.unit or None, digits) if math.isfinite(value) else None
     try:
         return value if candidate is None else value_of(candidate)
@@ -78,7 +78,7 @@ def _rounded(value: float, unit: str | None, digits: int) -> Written | None:
 
 
 def plain(number: Decimal) -> str:
-    """Digits without an exponent where that is readable, and without zeros that say nothing."""
+    """Return digits without an exponent where that is readable, and without zeros that say nothing."""
     if number == 0:
         return "0"
     if -7 < number.adjusted() < 12:
@@ -97,5 +97,5 @@ def _base_unit(sensor: Sensor) -> str | None:
 
 
 def seconds(t_ns: int) -> Written:
-    """A time in seconds, exactly."""
+    """Return a time in seconds, exactly."""
     return Written(plain(Decimal(t_ns) / 1_000_000_000), "s", False)

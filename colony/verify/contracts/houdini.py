@@ -44,7 +44,7 @@ def invariants(
     lemmas: Sequence[z3.BoolRef],
     budget: Budget,
 ) -> Invariants:
-    """The guesses that are invariant together, and the `claims` that follow from them.
+    """Return the guesses that are invariant together, and the `claims` that follow from them.
 
     `lemmas` are known to hold in every frame. Where z3 gives up, fewer are kept: what is kept is true.
     """
@@ -136,7 +136,7 @@ class _Greatest:
 
 
 def _named(solver: Solver, name: str, formula: z3.BoolRef) -> z3.BoolRef:
-    """A constant that stands for a formula, so that a model gives its value at once."""
+    """Return a constant that stands for a formula, so that a model gives its value at once."""
     constant = z3.Bool(name)
     solver.add(constant == formula)
     return constant

@@ -81,7 +81,7 @@ class _Quieter:
 
 
 def _values(readings: Iterator[Reading] | Sequence[Reading]) -> Iterator[Value]:
-    """Those that are there: a snapshot has values, and tuples for arrays."""
+    """Yield those that are there: a snapshot has values, and tuples for arrays."""
     for reading in readings:
         if isinstance(reading, tuple | float | bool):
             yield reading

@@ -40,7 +40,7 @@ def prove_contracts(
 
 
 def in_order(program: Program, found: Iterable[Result]) -> list[Result]:
-    """Results in the order in which the contracts are written."""
+    """Return results in the order in which the contracts are written."""
     by_name = {result.contract.name: result for result in found}
     return [by_name[c.name] for c in program.contracts if c.name in by_name]
 
@@ -48,7 +48,7 @@ def in_order(program: Program, found: Iterable[Result]) -> list[Result]:
 def results(
     program: Program, names: list[str], options: Options | None = None, clock: Clock | None = None
 ) -> Iterator[Result]:
-    """The result of each contract in `names`, as soon as it is known.
+    """Yield the result of each contract in `names`, as soon as it is known.
 
     What is proved helps the rest: a contract that stays unknown is tried once more in the end if others were
     proved after it, so that the order in which contracts are written matters little.
@@ -155,7 +155,7 @@ class Prover:
         return Proved(contract=contract, k=proof.k, invariants=proof.used, over_reals=rounding)
 
     def _rests(self, rounding: tuple[Reason, ...], lemmas: list[Claim]) -> tuple[Reason, ...]:
-        """`rounding`, and where reals stood in for floats when the lemmas were proved.
+        """Return `rounding`, and where reals stood in for floats when the lemmas were proved.
 
         That may have been in the precise system, which rounds where the usual one only knows bounds.
         """
@@ -163,7 +163,7 @@ class Prover:
         return tuple(dict.fromkeys((*rounding, *of_lemmas)))
 
     def _exact(self, contract: Contract, *, at_once: bool = False) -> tuple[Proof, tuple[Reason, ...]] | None:
-        """Return a proof in which rounding may do anything, and the places where rounding may matter all the same.
+        """Return a proof in which rounding may do anything, and the places where rounding may still matter.
 
         `at_once`: only a proof in a frame alone.
         """

@@ -37,7 +37,7 @@ class Refuter:
         self.imagined = 0
 
     def believe(self, candidate: Candidate, search: Search) -> Trace | None:
-        """The minimal trace that a model leads to, None where it does not break the contract."""
+        """Return the minimal trace that a model leads to, None where it does not break the contract."""
         asks = candidate.unasked and bool(search.frames.cone.system.python)
         replay = self._replays[asks]
         exact = snapshots(candidate.model, search.frames, candidate.frames)
@@ -49,7 +49,7 @@ class Refuter:
         return None
 
     def drawn(self) -> Trace | None:
-        """A minimal trace by drawing runs, in which no module in Python is asked."""
+        """Return a minimal trace by drawing runs, in which no module in Python is asked."""
         replay = self._replays[True]
         found = drawn(self._program, replay)
         return None if found is None else minimal(replay, found)
@@ -59,7 +59,7 @@ class Refuter:
         return self._tried.get(candidate.frames, 0) < _MODELS_A_LENGTH and self.imagined < _MODELS
 
     def _attempts(self, exact: tuple[Snapshot, ...]) -> Iterator[tuple[Snapshot, ...]]:
-        """A model's snapshots, and the same in rounder numbers."""
+        """Yield a model's snapshots, and the same in rounder numbers."""
         yield exact
         for digits in (12, 6, 3, 1):
             yield tuple(self._rounded(s, digits) for s in exact)

@@ -52,7 +52,7 @@ class Replay:
         return most if size <= _SMALL else most * _SMALL // size
 
     def run(self, snapshots: Sequence[Snapshot]) -> tuple[Outcome, ...]:
-        """Return the interpreter's outcomes from its initial memory, up to the first breach of the contract."""
+        """Return the interpreter's outcomes from its initial memory, up to the contract's first breach."""
         return self._run(snapshots)[0]
 
     def breaks(self, snapshots: Sequence[Snapshot]) -> bool:
@@ -97,7 +97,7 @@ def is_stand_in(sensor: Sensor) -> bool:
 
 
 def _answers(module: str) -> str:
-    """The sensor that says whether a stand-in commands; no name of the language has a blank in it."""
+    """Return the sensor that says whether a stand-in commands; no name of the language has a blank in it."""
     return f"{module} answers"
 
 

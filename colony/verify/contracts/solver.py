@@ -40,7 +40,7 @@ class Budget:
         self.gave_up = False
 
     def part(self, share: float = 0.5) -> Budget:
-        """A budget that ends at the same time, and has a share of the resources of a whole one."""
+        """Return a budget that ends at the same time, and has a share of the resources of a whole one."""
         other = Budget(self.options, self._clock)
         other._until = self._until
         other._resources = int(other._resources * share)
@@ -129,11 +129,11 @@ class Solver:
         return "interrupted" in reason or ("canceled" in reason and used < self._most and in_time)
 
     def model(self) -> z3.ModelRef:
-        """The model of the last answer, which was SAT."""
+        """Return the model of the last answer, which was SAT."""
         return self._z3.model()
 
     def core(self) -> frozenset[str]:
-        """The names of the assumed constants that the last answer, UNSAT, made use of."""
+        """Return the names of the assumed constants that the last answer, UNSAT, made use of."""
         return frozenset(str(c) for c in self._z3.unsat_core())
 
 

@@ -117,7 +117,7 @@ def _sends(actuator: Actuator, name: str) -> ir.Expression:
 
 
 def _sent(actuator: Actuator, i: int, name: str) -> ir.Expression:
-    """A field as it is sent; where nothing is sent, a value that stands for that."""
+    """Return a field as it is sent; where nothing is sent, a value that stands for that."""
     kind = actuator.fields[i].type
     sent = ir.SentField(type=kind, actuator=name, field_index=i)
     if actuator.idle is not None:
@@ -165,7 +165,7 @@ def _different(
 
 
 def _answered(snapshot: Snapshot, of_b: dict[str, str]) -> Snapshot:
-    """A snapshot for B alone, with B's names for modules."""
+    """Return a snapshot for B alone, with B's names for modules."""
     answers = {of_b[name]: fields for name, fields in snapshot.answers.items() if name in of_b}
     return snapshot._replace(answers=answers)
 

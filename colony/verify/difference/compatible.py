@@ -66,7 +66,7 @@ def _unknown(name: str, known: Sequence[str], kind: str, program: Program) -> Di
 def pairs(
     a: Program, b: Program, leave_out: Ignored, chosen: Sequence[tuple[str, str]] = ()
 ) -> tuple[Pair, ...]:
-    """The actuators to compare: those of one name, or those `chosen` (A's name, B's name).
+    """Return the actuators to compare: those of one name, or those `chosen` (A's name, B's name).
 
     Raises:
         Failure: V040, for a name that there is not; V041, where the actuators take different commands;

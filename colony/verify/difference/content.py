@@ -105,7 +105,7 @@ class Contents:
     # --- declarations ----------------------------------------------------------------------------
 
     def derived(self, derived: Derived) -> int:
-        """The content of a derived value of the file."""
+        """Return the content of a derived value of the file."""
         match derived:
             case Let(name=name):
                 return self._let(name)
@@ -115,7 +115,7 @@ class Contents:
                 assert_never(derived)
 
     def module(self, module: AnyModule) -> int:
-        """The content of a module; the actuator's name is no part of it."""
+        """Return the content of a module; the actuator's name is no part of it."""
         match module:
             case Module(command=command):
                 fields = () if command is None else tuple(self.expression(e) for e in command.fields)
@@ -133,7 +133,7 @@ class Contents:
                 assert_never(module)
 
     def limit(self, limit: Limit) -> int:
-        """The content of a limit; the actuator's name is no part of it."""
+        """Return the content of a limit; the actuator's name is no part of it."""
         condition = -1 if limit.condition is None else self.expression(limit.condition)
         bound = self.expression(limit.bound)
         return self._table.number("limit", limit.field_index, limit.relation, bound, condition)
@@ -141,7 +141,7 @@ class Contents:
     # --- expressions -----------------------------------------------------------------------------
 
     def expression(self, e: ir.Expression, loop: Loop = ()) -> int:
-        """The content of an expression within reductions over the variables of `loop`."""
+        """Return the content of an expression within reductions over the variables of `loop`."""
         match e:
             case ir.Constant(value=value):
                 return self._table.number("constant", _written(value))
@@ -183,11 +183,11 @@ class Contents:
     # --- what is needed --------------------------------------------------------------------------
 
     def needs(self, module: Module) -> frozenset[str]:
-        """The sensors without which a module is silent."""
+        """Return the sensors without which a module is silent."""
         return frozenset[str]().union(*(self.needed(e) for e in expressions_of(module)))
 
     def needed(self, e: ir.Expression) -> frozenset[str]:
-        """The sensors without which an expression is missing."""
+        """Return the sensors without which an expression is missing."""
         match e:
             case ir.SensorValue(name=name):
                 return frozenset() if self._sensors[name].default is not None else frozenset({name})
@@ -202,7 +202,7 @@ class Contents:
 
 
 def contents(a: Program, b: Program) -> tuple[Contents, Contents]:
-    """The contents of two programs, which can be compared."""
+    """Return the contents of two programs, which can be compared."""
     table = Table()
     both = Contents(a, table), Contents(b, table)
     classes = 0
@@ -239,5 +239,5 @@ def _besides(e: ir.Expression) -> tuple[Hashable, ...]:
 
 
 def _written(value: Value) -> str:
-    """A value such that true is not 1, and 0 not -0."""
+    """Return a value such that true is not 1, and 0 not -0."""
     return repr(value)

@@ -13,7 +13,7 @@ from colony.verify.difference.results import Matching
 
 
 def matching(a: Program, b: Program, compared: Sequence[Pair]) -> Matching:
-    """Pairs of modules with equal contents, those of one name first, and what has no counterpart."""
+    """Return pairs of modules with equal contents, those of one name first, and what has no counterpart."""
     names_a, names_b = _contents(a, b)
     left = dict(names_b)
     same: dict[str, str] = {}
@@ -37,7 +37,7 @@ def matching(a: Program, b: Program, compared: Sequence[Pair]) -> Matching:
 
 
 def _contents(a: Program, b: Program) -> tuple[dict[str, tuple[str, int]], dict[str, tuple[str, int]]]:
-    """The content of each module and the actuator that it commands."""
+    """Return the content of each module and the actuator that it commands."""
     of_a, of_b = contents(a, b)
     return (
         {m.name: (m.actuator or "", of_a.module(m)) for m in a.modules},

@@ -51,7 +51,7 @@ class Product:
 
 
 def product(a: Program, b: Program) -> Product:
-    """Both programs as one, without their contracts and tests."""
+    """Return both programs as one, without their contracts and tests."""
     return _Merger(a, b).run()
 
 

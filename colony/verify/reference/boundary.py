@@ -34,7 +34,7 @@ def aged(sensor: Sensor, reading: Reading, frame: Frame) -> Reading:
 
 
 def sense(sensor: Sensor, reading: Reading, factor: float) -> tuple[Value | None, RecordKind | None]:
-    """The value of `sensor` in base units, None where it is missing, and what has to be recorded.
+    """Return the value of `sensor` in base units, None where it is missing, and what has to be recorded.
 
     `factor` is base units per unit of `reading`. One bad element spoils an array.
     """
@@ -49,7 +49,7 @@ def sense(sensor: Sensor, reading: Reading, factor: float) -> tuple[Value | None
 
 
 def typed(sensor: Sensor, reading: Reading, factor: float) -> Value:
-    """`reading` times `factor`, if it has the sensor's type and length."""
+    """Return `reading` times `factor`, if it has the sensor's type and length."""
     if not isinstance(sensor.type, Array):
         return typed_scalar(sensor.type, reading, factor)
     if not isinstance(reading, list | tuple) or len(reading) != sensor.type.size:
@@ -58,7 +58,7 @@ def typed(sensor: Sensor, reading: Reading, factor: float) -> Value:
 
 
 def typed_scalar(of: Scalar, reading: object, factor: float = 1.0) -> ScalarValue:
-    """A bool, a number that is not NaN, or an enumerator that exists."""
+    """Return a bool, a number that is not NaN, or an enumerator that exists."""
     if isinstance(of, Bool):
         if not isinstance(reading, bool):
             raise Fault
@@ -70,7 +70,7 @@ def typed_scalar(of: Scalar, reading: object, factor: float = 1.0) -> ScalarValu
 
 
 def number(x: object) -> float:
-    """An int or float as a float; an int beyond all floats is infinite."""
+    """Return an int or float as a float; an int beyond all floats is infinite."""
     if isinstance(x, bool) or not isinstance(x, int | float):
         raise Fault
     try:
@@ -80,14 +80,14 @@ def number(x: object) -> float:
 
 
 def clamped(value: Value, sensor: Sensor) -> Value:
-    """`value` within the sensor's range, element by element."""
+    """Return `value` within the sensor's range, element by element."""
     if isinstance(value, tuple):
         return tuple(clamp(x, sensor.low, sensor.high) for x in value)
     return clamp(value, sensor.low, sensor.high)
 
 
 def clamp(x: ScalarValue, low: float | None, high: float | None) -> ScalarValue:
-    """`x`, or the bound that it is beyond."""
+    """Return `x`, or the bound that it is beyond."""
     if low is not None and x < low:
         return low
     if high is not None and x > high:
@@ -120,7 +120,7 @@ def declared_command(actuator: Actuator, command: Sequence[ScalarValue]) -> tupl
 
 
 class ModuleFrame(Mapping[str, Value]):
-    """The input of `step`: the values that the module reads, in base units; `t` in s since the first frame."""
+    """The input of `step`: the values that the module reads, in base units; `t`: s since the first frame."""
 
     def __init__(self, t: float, values: dict[str, Value]) -> None:
         self.t = t
@@ -193,7 +193,7 @@ class PythonRunner:
         return tuple(self._field(f.type, result[f.name]) for f in self._fields)
 
     def _field(self, of: Scalar, x: object) -> ScalarValue:
-        """NaN is a number here: a command that is not finite is a fault of its own."""
+        """Return NaN is a number here: a command that is not finite is a fault of its own."""
         if not isinstance(of, Bool | Enum) and isinstance(x, float) and math.isnan(x):
             return x
         return typed_scalar(of, x)

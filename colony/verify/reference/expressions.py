@@ -62,7 +62,7 @@ def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> bo
 
 
 def evaluate(e: ir.Expression, moment: Moment, memory: Memory, loop: Loop = ()) -> Value:
-    """The value of `e`, for which nothing is missing; its memory moves on."""
+    """Return the value of `e`, for which nothing is missing; its memory moves on."""
 
     def value(of: ir.Expression) -> Value:
         return evaluate(of, moment, memory, loop)
@@ -100,7 +100,7 @@ def evaluate(e: ir.Expression, moment: Moment, memory: Memory, loop: Loop = ()) 
 
 
 def leaf(e: ir.Expression, moment: Moment, loop: Loop) -> Value:
-    """The value of an expression without operands."""
+    """Return the value of an expression without operands."""
     match e:
         case ir.Constant(value=value):
             return value
@@ -144,7 +144,7 @@ def each(of: Callable[..., ScalarValue], *operands: Value) -> Value:
 
 
 def filled(value: Value, e: ir.Expression) -> Value:
-    """`value`, repeated where `e` is an array and the value a scalar."""
+    """Return `value`, repeated where `e` is an array and the value a scalar."""
     if isinstance(e.type, Array) and not isinstance(value, tuple):
         return (value,) * e.type.size
     return value
@@ -163,7 +163,7 @@ def scalar(value: Value) -> ScalarValue:
 
 
 def window_indices(e: ir.Window, center: float) -> list[float]:
-    """The indices that a window takes from its array, in order; NaN where the center is not finite."""
+    """Return the indices that a window takes from its array, in order; NaN where the center is not finite."""
     size, reach = len_of(e.array), e.reach
     if not math.isfinite(center):
         return [NAN] * (2 * reach + 1)
@@ -180,7 +180,7 @@ def len_of(e: ir.Expression) -> int:
 
 
 def call(e: ir.Call, moment: Moment, memory: Memory, loop: Loop) -> Value:
-    """A pure function of an array, of several scalars, or element by element."""
+    """Return a pure function of an array, of several scalars, or element by element."""
     if e.function in ir.INDEX_FUNCTIONS:
         return index_function(e.function, e.arguments[0], moment, memory, loop)
     arguments = [evaluate(a, moment, memory, loop) for a in e.arguments]
@@ -190,7 +190,7 @@ def call(e: ir.Call, moment: Moment, memory: Memory, loop: Loop) -> Value:
 
 
 def index_function(of: ir.Function, e: ir.Expression, moment: Moment, memory: Memory, loop: Loop) -> float:
-    """The index of the least or greatest; of a slice or window, its index in the whole array."""
+    """Return the index of the least or greatest; of a slice or window, its index in the whole array."""
     match e:
         case ir.Slice(array=array, indices=indices):
             whole = elements(evaluate(array, moment, memory, loop))
@@ -204,7 +204,7 @@ def index_function(of: ir.Function, e: ir.Expression, moment: Moment, memory: Me
 
 
 def reduce(e: ir.Reduce, moment: Moment, memory: Memory, loop: Loop) -> ScalarValue:
-    """A reduction over a variable; body and condition are evaluated for each of its values."""
+    """Return a reduction over a variable; body and condition are evaluated for each of its values."""
     taken = []
     for k in range(e.low, e.high + 1):
         inner = (*loop, (e.variable, k))
@@ -218,7 +218,7 @@ def reduce(e: ir.Reduce, moment: Moment, memory: Memory, loop: Loop) -> ScalarVa
 
 
 def recall(e: ir.MemoryCall, arguments: list[Value], moment: Moment, memory: Memory, loop: Loop) -> Value:
-    """A memory function: each element of an array, and each loop index, has memory of its own."""
+    """Return a memory function: each element of an array, and each loop index, has memory of its own."""
     path = tuple(k for _, k in loop)
     sizes = [len(a) for a in arguments if isinstance(a, tuple)]
     results = []

@@ -85,11 +85,11 @@ class Interpreter:
         return self._frame(frame.t_ns, readings, {s.name: s.factor for s in sensors})
 
     def step_in_base_units(self, t_ns: int, readings: Mapping[str, Reading]) -> Outcome:
-        """One frame, its readings in base units already, as tests and proofs give them."""
+        """Return one frame, its readings in base units already, as tests and proofs give them."""
         return self._frame(t_ns, readings, {s.name: 1.0 for s in self.program.robot.sensors})
 
     def value_of(self, expression: Expression) -> Value | None:
-        """The value of a contract expression in the last frame, None where it reads something missing.
+        """Return the value of a contract expression in the last frame, None where it reads something missing.
 
         Its memory, if it has any, moves on: to be called once a frame.
         """
@@ -103,7 +103,7 @@ class Interpreter:
         return self._moment.outputs[name] is not None
 
     def is_silent(self, module: str) -> bool:
-        """Return True if a module was silent in the last frame because something that it reads was missing."""
+        """Return True if a module was silent in the last frame because a value that it reads was missing."""
         return module in self._silent
 
     def _frame(self, t_ns: int, readings: Mapping[str, Reading], factors: dict[str, float]) -> Outcome:
@@ -236,7 +236,7 @@ class Interpreter:
                 moment.winners[wire.actuator] = output
 
     def _wiring(self, wiring: ir.Wiring, moment: Moment, node: tuple[str | int, ...]) -> str | None:
-        """The module whose output gets through `wiring`; None where nothing does: it is not active."""
+        """Return the module whose output gets through `wiring`; None where nothing does: it is not active."""
         if isinstance(wiring, ir.Use):
             return moment.outputs[wiring.name]
         last = len(wiring.operands) - 1
@@ -263,7 +263,7 @@ class Interpreter:
     # --- what is sent ----------------------------------------------------------------------------
 
     def _limits(self) -> list[tuple[ir.Limit, float]]:
-        """The limits that apply in this frame with their bounds, in the order written."""
+        """Return the limits that apply in this frame with their bounds, in the order written."""
         applying = []
         for limit in self.program.limits:
             condition = True if limit.condition is None else self.value_of(limit.condition)
@@ -321,7 +321,7 @@ class Interpreter:
         return inside
 
     def _idle(self, actuator: ir.Actuator, winner: str | None, fault: str | None, moment: Moment) -> Decision:
-        """The idle command, which is neither limited nor clamped; nothing for `idle hold`."""
+        """Return the idle command, which is neither limited nor clamped; nothing for `idle hold`."""
         if actuator.idle is None:
             return Decision(actuator.name, winner, None, fault)
         moment.sent.update({(actuator.name, i): x for i, x in enumerate(actuator.idle)})
@@ -329,7 +329,7 @@ class Interpreter:
 
 
 def _memory_cells(program: ir.Program) -> list[tuple[ir.State | ir.Machine, ScalarValue]]:
-    """Every state and machine with what it holds at first."""
+    """Return every state and machine with what it holds at first."""
     cells: list[tuple[ir.State | ir.Machine, ScalarValue]] = []
     for derived in program.derived:
         match derived:

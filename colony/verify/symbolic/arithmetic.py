@@ -65,14 +65,14 @@ class Arithmetic:
     # --- sums ------------------------------------------------------------------------------------
 
     def add(self, x: Number, y: Number) -> Number:
-        """`x + y`."""
+        """Return `x + y`."""
         result = added(x, y)
         if result.cases or result is x or result is y or is_exact_whole(result.bounds):
             return result
         return self._rounds(result, "a sum", grows=not (_is_small(x) or _is_small(y)))
 
     def subtract(self, x: Number, y: Number) -> Number:
-        """`x - y`."""
+        """Return `x - y`."""
         if x.cases and y.cases:
             known = by_folding(lambda v, w: v - w, (x, y))
             if known is not None:
@@ -97,7 +97,7 @@ class Arithmetic:
     # --- products --------------------------------------------------------------------------------
 
     def multiply(self, x: Number, y: Number) -> Number:
-        """`x * y`."""
+        """Return `x * y`."""
         known = by_folding(lambda v, w: v * w, (x, y))
         if known is not None:
             return known
@@ -114,7 +114,7 @@ class Arithmetic:
         return result
 
     def _times(self, x: Number, factor: float) -> Number:
-        """`x` times a constant."""
+        """Return `x` times a constant."""
         if math.isnan(factor):
             return constant(math.nan)
         if factor == 0:
@@ -151,7 +151,7 @@ class Arithmetic:
     # --- quotients -------------------------------------------------------------------------------
 
     def divide(self, x: Number, y: Number) -> Number:
-        """`x / y`."""
+        """Return `x / y`."""
         known = by_folding(divide, (x, y))
         if known is not None:
             return known
@@ -160,7 +160,7 @@ class Arithmetic:
         return self._quotient(x, y)
 
     def _over(self, x: Number, divisor: float, loose_zero: bool) -> Number:
-        """`x` divided by a constant, of which a zero may have either sign."""
+        """Return `x` divided by a constant, of which a zero may have either sign."""
         if math.isnan(divisor):
             return constant(math.nan)
         if divisor == 0 and loose_zero:
@@ -196,7 +196,7 @@ class Arithmetic:
     # --- remainders ------------------------------------------------------------------------------
 
     def modulo(self, x: Number, y: Number) -> Number:
-        """`mod(x, y)`."""
+        """Return `mod(x, y)`."""
         known = by_folding(modulo, (x, y))
         if known is not None:
             return known
@@ -256,11 +256,11 @@ class Arithmetic:
         return self._whole(x, Function.CEIL, lambda v: negated(self.floor_of(negated(v))))
 
     def round(self, x: Number) -> Number:
-        """The nearest whole number, halves to even."""
+        """Return the nearest whole number, halves to even."""
         return self._whole(x, Function.ROUND, self.round_of)
 
     def _whole(self, x: Number, function: Function, of: Callable[[Number], Number]) -> Number:
-        """NaN and infinities stay."""
+        """Return NaN and infinities stay."""
         known = by_folding(lambda v: of_one(function, v), (x,))
         if known is not None:
             return known
@@ -273,7 +273,7 @@ class Arithmetic:
         return Number(value, x.nan, x.infinite, replace(rounded.bounds, whole=False))
 
     def floor_of(self, x: Number) -> Number:
-        """Return the floor of a finite number; comparisons enumerate few values, which is quicker to solve."""
+        """Return the floor of a finite number; comparisons enumerate a few values, which solves faster."""
         if x.bounds.whole:
             return x
         low, high = bounding.floors(x.bounds)
@@ -286,7 +286,7 @@ class Arithmetic:
         return of_whole(term, _whole_bounds(low, high))
 
     def round_of(self, x: Number) -> Number:
-        """The nearest whole number to a finite one, halves to even."""
+        """Return the nearest whole number to a finite one, halves to even."""
         if x.bounds.whole:
             return x
         low, high = bounding.rounds(x.bounds)
@@ -303,7 +303,7 @@ class Arithmetic:
         return of_whole(term, _whole_bounds(low, high))
 
     def _steps(self, low: int, high: int, reaches: Callable[[int], z3.BoolRef]) -> Number:
-        """The greatest n of low .. high that is reached, by cases."""
+        """Return the greatest n of low .. high that is reached, by cases."""
         steps = [reaches(n) for n in range(low + 1, high + 1)]
         cases = []
         for i in range(high - low + 1):
@@ -315,7 +315,7 @@ class Arithmetic:
     # --- functions of one number -----------------------------------------------------------------
 
     def absolute(self, x: Number) -> Number:
-        """`abs(x)`, exactly."""
+        """Return `abs(x)`, exactly."""
         known = by_folding(abs, (x,))
         if known is not None:
             return known
@@ -326,7 +326,7 @@ class Arithmetic:
         return replace(result, bounds=Bounds(bottom, top, x.bounds.whole))
 
     def sign(self, x: Number) -> Number:
-        """-1, 0 or 1; NaN of NaN."""
+        """Return -1, 0 or 1; NaN of NaN."""
         known = by_folding(lambda v: of_one(Function.SIGN, v), (x,))
         if known is not None:
             return known
@@ -336,7 +336,7 @@ class Arithmetic:
         return by_cases(((math.nan, x.nan), (1.0, up), (-1.0, down), (0.0, zero)))
 
     def square_root(self, x: Number) -> Number:
-        """`sqrt(x)`; NaN below 0."""
+        """Return `sqrt(x)`; NaN below 0."""
         known = by_folding(lambda v: of_one(Function.SQRT, v), (x,))
         if known is not None:
             return known
@@ -348,7 +348,7 @@ class Arithmetic:
         return self._abstracted(Number(term, nan, x.infinite, bounds), "`sqrt`: only bounds are known")
 
     def sine(self, x: Number, function: Function) -> Number:
-        """`sin(x)` or `cos(x)`; NaN of an infinity."""
+        """Return `sin(x)` or `cos(x)`; NaN of an infinity."""
         known = by_folding(lambda v: of_one(function, v), (x,))
         if known is not None:
             return known
@@ -361,7 +361,7 @@ class Arithmetic:
         return self._abstracted(Number(term, either(x.nan, x.infinite), FALSE, bounds), text)
 
     def arc_tangent(self, y: Number, x: Number) -> Number:
-        """`atan2(y, x)` in degrees."""
+        """Return `atan2(y, x)` in degrees."""
         known = by_folding(lambda v, w: math.degrees(math.atan2(v, w)), (y, x))
         if known is not None:
             return known
@@ -375,7 +375,7 @@ class Arithmetic:
         return self._abstracted(Number(term, nan, FALSE, bounds), text)
 
     def clamp(self, x: Number, low: Number, high: Number) -> Number:
-        """`min(max(x, low), high)`."""
+        """Return `min(max(x, low), high)`."""
         return least((greatest((x, low)), high))
 
 
@@ -403,14 +403,14 @@ def finite_or_infinite(x: Number) -> z3.BoolRef:
 
 
 def _or_nan(nan: z3.BoolRef, x: Number) -> Number:
-    """`x`, or NaN."""
+    """Return `x`, or NaN."""
     if is_false(nan):
         return x
     return select_number(nan, constant(math.nan), x) if x.cases else replace(x, nan=either(nan, x.nan))
 
 
 def scaled_or_cases(x: Number, factor: Fraction) -> Number:
-    """`x` times a real; case by case in exact reals, which are not floats any more."""
+    """Return `x` times a real; case by case in exact reals, which are not floats any more."""
     whole = whole_of(x)
     if whole is None:
         return scaled(x, factor)

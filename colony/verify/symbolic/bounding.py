@@ -92,7 +92,7 @@ def square_root(x: Bounds) -> Bounds:
 
 
 def _root_above(x: Fraction) -> Fraction:
-    """A float that is at least the root, rounded as it may be."""
+    """Return a float that is at least the root, rounded as it may be."""
     return Fraction(math.nextafter(math.sqrt(float(max(x, Fraction(0)))), math.inf)) if x < 10**300 else x
 
 
@@ -129,7 +129,7 @@ def between(term: z3.ArithRef, bounds: Bounds) -> Iterator[z3.BoolRef]:
 
 
 def within(x: Number, bounds: Bounds) -> z3.BoolRef:
-    """`x`, where it is finite, is within `bounds`."""
+    """Return `x`, where it is finite, is within `bounds`."""
     inside = all_of(between(x.value, bounds))
     return inside if always_finite(x) else implied(finite(x), inside)
 
@@ -139,7 +139,7 @@ def _zero(x: Number) -> z3.BoolRef:
 
 
 def _sign_rules(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """The sign of a product or quotient; that of small ones may round to 0."""
+    """Yield the sign of a product or quotient; that of small ones may round to 0."""
     like = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
     unlike = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
     yield implied(like, cast(z3.BoolRef, p >= 0))
@@ -147,7 +147,7 @@ def _sign_rules(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
 
 
 def of_product(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator[Known]:
-    """The sign of a product, 0 times anything, and linear bounds."""
+    """Yield the sign of a product, 0 times anything, and linear bounds."""
     both_finite = both(finite(x), finite(y))
     known = [*_sign_rules(p, x, y), implied(either(_zero(x), _zero(y)), cast(z3.BoolRef, p == 0))]
     for formula in (*known, *between(p, rounded(bounds))):
@@ -160,7 +160,7 @@ def of_product(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator
 
 
 def _infinite_sign(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """A result that is infinite has the sign of its operands."""
+    """Yield a result that is infinite has the sign of its operands."""
     infinite = either(x.infinite, y.infinite)
     like = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
     unlike = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
@@ -169,7 +169,7 @@ def _infinite_sign(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]
 
 
 def _envelope(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """McCormick's linear bounds of a product, from each pair of ends."""
+    """Yield McCormick's linear bounds of a product, from each pair of ends."""
     v, w, a, b = x.value, y.value, x.bounds, y.bounds
     for s, t, below in (
         (a.low, b.low, True),
@@ -185,7 +185,7 @@ def _envelope(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
 def of_quotient(
     q: z3.ArithRef, x: Number, y: Number, by_zero: z3.BoolRef, nan: z3.BoolRef, bounds: Bounds, precise: bool
 ) -> Iterator[Known]:
-    """The sign of a quotient and its bounds; by zero it is infinite with either sign."""
+    """Yield the sign of a quotient and its bounds; by zero it is infinite with either sign."""
     usual = all_of((finite(x), finite(y), negation(by_zero)))
     known = [*_sign_rules(q, x, y), implied(_zero(x), cast(z3.BoolRef, q == 0))]
     for formula in (*known, *between(q, rounded(bounds))):
@@ -204,7 +204,7 @@ def of_quotient(
 
 
 def _linear_quotient(q: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """Yield linear bounds: above a divisor of 0, the quotient is between the dividend over each of its ends."""
+    """Yield linear bounds of a quotient: for a divisor above 0 it is between the dividend over its ends."""
     low, high = y.bounds.low, y.bounds.high
     if low is None or low <= 0:
         return
@@ -219,7 +219,7 @@ def _linear_quotient(q: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRe
 
 
 def of_modulo(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator[Known]:
-    """A remainder is between 0 and the divisor; by an infinity it is the dividend, or that infinity."""
+    """Yield a remainder is between 0 and the divisor; by an infinity it is the dividend, or that infinity."""
     there = negation(nan)
     usual = both(there, negation(y.infinite))
     yield implied(both(usual, positive_value(y)), all_of(map(_bool, (r >= 0, r <= y.value)))), False
@@ -232,7 +232,7 @@ def of_modulo(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator
 
 
 def choose_sign(r: z3.ArithRef, y: Number) -> z3.BoolRef:
-    """`r` has the sign of `y`."""
+    """Return `r` has the sign of `y`."""
     return any_of((both(positive_value(y), _bool(r > 0)), both(negative_value(y), _bool(r < 0))))
 
 
@@ -241,7 +241,7 @@ def _bool(formula: object) -> z3.BoolRef:
 
 
 def of_square_root(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[Known]:
-    """A root is at least 0, and between 1 and its square."""
+    """Yield a root is at least 0, and between 1 and its square."""
     there = negation(nan)
     yield implied(there, _bool(r >= 0)), False
     yield implied(both(there, _bool(x.value > 0)), _bool(r > 0)), False
@@ -254,7 +254,7 @@ def of_square_root(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[Known
 
 
 def of_arc_tangent(r: z3.ArithRef, y: Number, x: Number) -> Iterator[z3.BoolRef]:
-    """The quadrant of an angle, and the half of it; the sign of zero is not known."""
+    """Yield the quadrant of an angle, and the half of it; the sign of zero is not known."""
     yield all_of(map(_bool, (r >= -180, r <= 180)))
     yield implied(positive_value(y), _bool(r >= 0))
     yield implied(negative_value(y), _bool(r <= 0))

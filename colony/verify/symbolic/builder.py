@@ -54,7 +54,7 @@ class Builder:
     _opened: dict[str, int] = field(default_factory=dict)  # cells by name, of which the next is not known yet
 
     def name(self, hint: str) -> str:
-        """A name that no other constant of this program has."""
+        """Return a name that no other constant of this program has."""
         count = self._names[hint] = self._names.get(hint, 0) + 1
         return hint if count == 1 else f"{hint}#{count}"
 
@@ -65,7 +65,7 @@ class Builder:
         return cast(Made, self._made[key])
 
     def keep(self, *terms: z3.ExprRef) -> tuple[int, ...]:
-        """The ids of terms, which now are no others'."""
+        """Return the ids of terms, which now are no others'."""
         self.kept.extend(terms)
         return tuple(x.get_id() for x in terms)
 
@@ -97,7 +97,7 @@ class Builder:
     def auxiliary(
         self, operation: Operation, operands: tuple[Number, ...], sort: z3.SortRef
     ) -> tuple[z3.ArithRef, bool]:
-        """The constant for this operation of these operands, and whether it is new."""
+        """Return the constant for this operation of these operands, and whether it is new."""
         key = (operation, self.key(*operands))
         new = key not in self._made
 
@@ -109,7 +109,7 @@ class Builder:
         return self.once(key, make), new
 
     def overflow(self, x: Number, span: Span) -> z3.BoolRef:
-        """Return the condition that the program's float is infinite where the real `x` is not: never, of reals."""
+        """Return the condition that the program's float is infinite, the real `x` not: never, of reals."""
         constant, new = self.auxiliary(Operation.OVERFLOW, (x,), z3.BoolSort())
         beyond = cast(z3.BoolRef, constant)
         if new:
@@ -118,7 +118,7 @@ class Builder:
         return beyond
 
     def named(self, x: Scalar, hint: str) -> Scalar:
-        """`x` with a constant in place of its value where that is a larger term."""
+        """Return `x` with a constant in place of its value where that is a larger term."""
         if not isinstance(x, Number) or x.cases or x.value.num_args() == 0:
             return x
         if x.whole is not None:
@@ -155,7 +155,7 @@ class Builder:
     # --- memory ----------------------------------------------------------------------------------
 
     def open_cell(self, name: str, sort: z3.SortRef, initial: z3.ExprRef) -> z3.ExprRef:
-        """The old value of new memory; to be closed."""
+        """Return the old value of new memory; to be closed."""
         old = z3.Const(name, sort)
         self._opened[name] = len(self.cells)
         self.cells.append(Cell(name=name, old=old, next=old, initial=initial))

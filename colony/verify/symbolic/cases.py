@@ -29,7 +29,7 @@ GREATEST = Fraction(sys.float_info.max)
 
 
 def constant(x: float) -> Number:
-    """The float `x`."""
+    """Return the float `x`."""
     cases = ((x, TRUE),)
     if math.isnan(x):
         return Number(real(0), TRUE, FALSE, cases=cases)
@@ -42,7 +42,7 @@ def constant(x: float) -> Number:
 
 
 def constant_of(x: Number) -> float | None:
-    """The float that `x` is, where it is a constant."""
+    """Return the float that `x` is, where it is a constant."""
     return x.cases[0][0] if len(x.cases) == 1 else None
 
 
@@ -51,7 +51,7 @@ ANY_ZERO = Number(real(0), FALSE, FALSE, Bounds(Fraction(0), Fraction(0), True),
 
 
 def by_cases(cases: Iterable[Case], loose_zero: bool = False) -> Number:
-    """The number that is each float where its condition holds; exactly one of the conditions does.
+    """Return the number that is each float where its condition holds; exactly one of the conditions does.
 
     `loose_zero`: the one that is 0 may be -0.0 as well.
     """
@@ -73,7 +73,7 @@ def by_cases(cases: Iterable[Case], loose_zero: bool = False) -> Number:
 
 
 def with_cases(value: z3.ArithRef, cases: tuple[Case, ...]) -> Number:
-    """The number `value` of which the cases are known."""
+    """Return the number `value` of which the cases are known."""
     nan = any_of(c for x, c in cases if math.isnan(x))
     infinite = any_of(c for x, c in cases if math.isinf(x))
     known = [constant(x).bounds for x, _ in cases if not math.isnan(x)]
@@ -89,7 +89,7 @@ def _float_of(key: tuple[float, float] | None) -> float:
 
 
 def whole_of(x: Number) -> z3.ArithRef | None:
-    """`x` as a term of sort Int, where it is whole; of an infinity, its sign."""
+    """Return `x` as a term of sort Int, where it is whole; of an infinity, its sign."""
     if x.whole is not None or not x.cases:
         return x.whole
     signs = [(v if math.isfinite(v) else math.copysign(1.0, v), c) for v, c in x.cases if not math.isnan(v)]
@@ -113,7 +113,7 @@ def folded(of: Callable[..., Result], operands: Sequence[Number]) -> list[tuple[
 
 
 def by_folding(of: Callable[..., float], operands: Sequence[Number]) -> Number | None:
-    """A function of numbers, each of which can be only a few floats, bit for bit; None of others."""
+    """Return a function of numbers, each of which can be only a few floats, bit for bit; None of others."""
     cases: list[Case] = []
     loose = [x.loose_zero for x in operands]
     loose_zero = False
@@ -129,7 +129,7 @@ def by_folding(of: Callable[..., float], operands: Sequence[Number]) -> Number |
 
 
 def _combinations(operands: Sequence[Number]) -> list[tuple[tuple[float, ...], z3.BoolRef]]:
-    """All combinations of cases, and when each applies; none where they are too many."""
+    """Return all combinations of cases, and when each applies; none where they are too many."""
     if not 0 < math.prod(len(x.cases) for x in operands) <= MOST_CASES:
         return []
     rows = product(*(x.cases for x in operands))

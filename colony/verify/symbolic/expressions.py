@@ -42,7 +42,7 @@ def _positions(there: z3.BoolRef, at: Sequence[z3.BoolRef]) -> Positions:
 
 
 def lifted(value: ScalarValue) -> Scalar:
-    """A constant of the language."""
+    """Return a constant of the language."""
     return truth(value) if isinstance(value, bool) else constant(value)
 
 
@@ -93,7 +93,7 @@ class Expressions:
         return boolean(self.scalar(e))
 
     def value(self, e: ir.Expression) -> Term:
-        """The value of `e`, for which nothing is missing where it matters."""
+        """Return the value of `e`, for which nothing is missing where it matters."""
         arithmetic = Arithmetic(self.builder, e.span)
         match e:
             case ir.UnaryOperation(operator=operator, operand=operand):
@@ -214,7 +214,7 @@ class Expressions:
         return each(lambda *x: function(e.function, x, arithmetic), *values)
 
     def _index_function(self, of: ir.Function, e: ir.Expression) -> Number:
-        """The index of the least or greatest; of a slice or window, its index in the whole array."""
+        """Return the index of the least or greatest; of a slice or window, its index in the whole array."""
         match e:
             case ir.Slice(indices=indices):
                 values, names = elements(self.value(e)), [constant(float(i)) for i in indices]
@@ -241,7 +241,7 @@ def _within(x: Scalar, low: Scalar, high: Scalar) -> z3.BoolRef:
 
 
 def _filled(value: Term, e: ir.Expression) -> Term:
-    """`value`, repeated where `e` is an array and the value a scalar."""
+    """Return `value`, repeated where `e` is an array and the value a scalar."""
     if isinstance(e.type, Array) and not isinstance(value, tuple):
         return (value,) * e.type.size
     return value
@@ -253,7 +253,7 @@ def _size(e: ir.Expression) -> int:
 
 
 def _element(array: Sequence[Scalar], positions: Positions, offset: int) -> Scalar:
-    """The element `offset` after the position; NaN or false where there is none."""
+    """Return the element `offset` after the position; NaN or false where there is none."""
     none: Scalar = constant(math.nan) if isinstance(array[0], Number) else FALSE
     result: Scalar | None = None
     for k, here in enumerate(positions.at):
@@ -264,7 +264,7 @@ def _element(array: Sequence[Scalar], positions: Positions, offset: int) -> Scal
 
 
 def _index_at(positions: Positions, offset: int) -> Number:
-    """The index `offset` after the position; NaN where there is none."""
+    """Return the index `offset` after the position; NaN where there is none."""
     size = len(positions.at)
     cases = [(float((k + offset) % size), here) for k, here in enumerate(positions.at)]
     return by_cases([*cases, (math.nan, negation(positions.there))])

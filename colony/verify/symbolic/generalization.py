@@ -40,7 +40,7 @@ BEYOND = 2**1023
 
 
 def generalized(system: System) -> System:
-    """`system`, made so general that its claims, where they are valid, hold bit for bit in floats.
+    """Return `system`, made so general that its claims, where they are valid, hold bit for bit in floats.
 
     Their `inexact` holds only what could not be generalized, and modules in Python, which may answer
     anything in either. To be used for proofs alone.

@@ -85,7 +85,7 @@ def any_of(formulas: Iterable[z3.BoolRef]) -> z3.BoolRef:
 def _kept(
     formulas: Iterable[z3.BoolRef], neutral: z3.BoolRef, absorbing: z3.BoolRef
 ) -> list[z3.BoolRef] | None:
-    """The formulas that matter, each once; None where one, or one and its negation, decides."""
+    """Return the formulas that matter, each once; None where one, or one and its negation, decides."""
     kept: dict[int, z3.BoolRef] = {}
     for x in formulas:
         if x is absorbing:
@@ -108,7 +108,7 @@ def either(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
 
 
 def implied(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
-    """`x implies y`."""
+    """Return `x implies y`."""
     return any_of((negation(x), y))
 
 
@@ -125,7 +125,7 @@ def equivalent(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
 
 
 def choice(condition: z3.BoolRef, yes: z3.BoolRef, no: z3.BoolRef) -> z3.BoolRef:
-    """`if condition then yes else no` of truths."""
+    """Return `if condition then yes else no` of truths."""
     if is_true(condition) or same(yes, no):
         return yes
     if is_false(condition):
@@ -142,7 +142,7 @@ def choice(condition: z3.BoolRef, yes: z3.BoolRef, no: z3.BoolRef) -> z3.BoolRef
 
 
 def pick(condition: z3.BoolRef, yes: Sorted, no: Sorted) -> Sorted:
-    """`if condition then yes else no` of terms of one sort."""
+    """Return `if condition then yes else no` of terms of one sort."""
     if is_true(condition) or same(yes, no):
         return yes
     if is_false(condition):
@@ -158,11 +158,11 @@ def _ite(condition: z3.BoolRef, yes: Sorted, no: Sorted) -> Sorted:
 
 @lru_cache(maxsize=4096)
 def real(x: Fraction | int) -> z3.RatNumRef:
-    """The numeral of sort Real."""
+    """Return the numeral of sort Real."""
     return z3.RealVal(str(x))
 
 
 @lru_cache(maxsize=4096)
 def integer(x: int) -> z3.IntNumRef:
-    """The numeral of sort Int."""
+    """Return the numeral of sort Int."""
     return z3.IntVal(x)

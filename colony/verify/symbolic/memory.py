@@ -48,7 +48,7 @@ def recall(
     moves: z3.BoolRef,
     hint: str,
 ) -> Scalar:
-    """The value of a memory function of scalars now; its cells move on where `moves`."""
+    """Return the value of a memory function of scalars now; its cells move on where `moves`."""
     memory = Memory(builder, moment, moves, f"{hint}.{e.function.value}")
     match e.function:
         case ir.Memory.PREVIOUS:
@@ -102,7 +102,7 @@ class Memory:
         return ever
 
     def _flag(self, what: str) -> tuple[z3.BoolRef, Callable[[z3.BoolRef], None]]:
-        """A new cell, false at first, and what says what it is after the frame."""
+        """Return a new cell, false at first, and what says what it is after the frame."""
         name = self.builder.name(f"{self.hint}.{what}")
         old = cast(z3.BoolRef, self.builder.open_cell(name, z3.BoolSort(), FALSE))
         return old, lambda x: self.builder.close_cell(name, x)
@@ -110,7 +110,7 @@ class Memory:
     # --- values ----------------------------------------------------------------------------------
 
     def last(self, x: Scalar, of: ScalarType, initial: ScalarValue | None = None) -> Scalar:
-        """`x` at the last frame in which memory moved on; `initial` (or whatever) before the first."""
+        """Return `x` at the last frame in which memory moved on; `initial` (or whatever) before the first."""
         start = any_value(of) if initial is None else initial
         key = ("last", repr(start), *self.builder.keep(self.moves), *self.builder.key(x))
 
@@ -122,14 +122,14 @@ class Memory:
         return self.builder.once(key, make)
 
     def previous(self, x: Scalar, of: ScalarType, initial: Scalar) -> Scalar:
-        """`x` at the last frame in which memory moved on, at first `initial`."""
+        """Return `x` at the last frame in which memory moved on, at first `initial`."""
         start = _known(initial)
         if start is not None:
             return self.last(x, of, start)
         return select(self.evaluated(), self.last(x, of), initial)
 
     def captured(self, x: Scalar, of: ScalarType, key: Scalar, key_type: ScalarType) -> Scalar:
-        """`x` as it was at the first frame with the present key."""
+        """Return `x` as it was at the first frame with the present key."""
         known = _known(key)
         if known is not None:
             stands = truth(known == known)  # a NaN is never the same key
@@ -149,7 +149,7 @@ class Memory:
         return self.builder.once(("captured", *of_terms), make)
 
     def latch(self, set_: z3.BoolRef, reset: z3.BoolRef) -> z3.BoolRef:
-        """`v = (v or set) and not reset`, seen at once."""
+        """Return `v = (v or set) and not reset`, seen at once."""
 
         def make() -> z3.BoolRef:
             old, close = self._flag("set")
@@ -162,7 +162,7 @@ class Memory:
     # --- times -----------------------------------------------------------------------------------
 
     def held(self, b: z3.BoolRef, duration_ns: int) -> z3.BoolRef:
-        """`b`, or that it was true less than `duration_ns` ago."""
+        """Return `b`, or that it was true less than `duration_ns` ago."""
         if duration_ns <= 0:
             return b
         ever, time = self._time_of(both(self.moves, b))
@@ -178,7 +178,7 @@ class Memory:
         return self.builder.once(("time of", *self.builder.keep(event)), make)
 
     def _time(self, what: str, event: z3.BoolRef) -> z3.ArithRef:
-        """The time of the last frame with `event`, 0 before the first."""
+        """Return the time of the last frame with `event`, 0 before the first."""
         time, close = self._open_time(what)
         close(pick(event, self.moment.now, time))
         return time
@@ -190,7 +190,7 @@ class Memory:
         return time, lambda x: self.builder.close_cell(name, x)
 
     def elapsed_ns(self, b: z3.BoolRef) -> z3.ArithRef:
-        """The time since `b` became true, 0 while it is false."""
+        """Return the time since `b` became true, 0 while it is false."""
         on = _truth(self.last(b, Bool(), False))
         became = all_of((self.moves, b, negation(on)))
         key = ("since", *self.builder.keep(became))
@@ -216,7 +216,7 @@ class Memory:
 def remembered(
     builder: Builder, hint: str, of: ScalarType, initial: ScalarValue
 ) -> tuple[Scalar, Callable[[Scalar], None]]:
-    """A scalar in memory as it was before the frame, and what says what it is afterwards."""
+    """Return a scalar in memory as it was before the frame, and what says what it is afterwards."""
     name = builder.name(hint)
     if isinstance(of, Bool):
         old = builder.open_cell(name, z3.BoolSort(), truth(bool(initial)))
@@ -238,7 +238,7 @@ def _enumerator(
 
 
 def enumerator(term: z3.ArithRef, of: Enum) -> Number:
-    """A term that is one of the members."""
+    """Return a term that is one of the members."""
     values = sorted({v for _, v in of.members})
     if len(values) == 1:
         return constant(values[0])
@@ -246,7 +246,7 @@ def enumerator(term: z3.ArithRef, of: Enum) -> Number:
 
 
 def _number(builder: Builder, name: str, start: Number) -> tuple[Scalar, Callable[[Scalar], None]]:
-    """A number; what its shape rules out needs no cell."""
+    """Return a number; what its shape rules out needs no cell."""
     shape = builder.shapes.get(name, shape_of(start))
     nan = infinite = FALSE
     if shape.nan:
@@ -277,7 +277,7 @@ def _number(builder: Builder, name: str, start: Number) -> tuple[Scalar, Callabl
 
 
 def _signed(x: Number) -> z3.BoolRef:
-    """The sign that an infinite number may have."""
+    """Return the sign that an infinite number may have."""
     up = FALSE if x.bounds.high is not None else cast(z3.BoolRef, x.value > 0)
     down = FALSE if x.bounds.low is not None else cast(z3.BoolRef, x.value < 0)
     return either(up, down)
@@ -295,7 +295,7 @@ def shape_of(x: Number) -> Shape:
 
 
 def _known(x: Scalar) -> ScalarValue | None:
-    """The constant that a scalar is."""
+    """Return the constant that a scalar is."""
     if isinstance(x, Number):
         return constant_of(x)
     return True if is_true(x) else False if is_false(x) else None

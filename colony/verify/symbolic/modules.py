@@ -121,7 +121,7 @@ class Declarations:
         return found, python
 
     def _module(self, module: ir.Module) -> ModuleTerms:
-        """Unless it is silent everything in it is evaluated, whether or not its predicate holds."""
+        """Return unless it is silent everything in it is evaluated, whether or not its predicate holds."""
         fields = module.command.fields if module.command else ()
         following = [s.next for s in module.states if s.next is not None]
         everything: list[Expression] = [let.expression for let in module.lets]

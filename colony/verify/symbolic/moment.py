@@ -49,5 +49,5 @@ def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> z3
 
 
 def needed_for(condition: z3.BoolRef, e: ir.Expression, moment: Moment, own: Set[str]) -> z3.BoolRef:
-    """Return the condition under which `e` is evaluated: `condition`, and nothing that it needs is missing."""
+    """Return the condition under which `e` is evaluated: `condition`, and nothing it needs is missing."""
     return both(condition, negation(missing(e, moment, own)))

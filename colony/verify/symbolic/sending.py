@@ -31,7 +31,7 @@ class Bound:
 
 
 def limits(program: ir.Program, builder: Builder, moment: Moment) -> list[Bound]:
-    """All limits, in the order written."""
+    """Return all limits, in the order written."""
     found = []
     for limit in program.limits:
         hint = f"limit {limit.actuator}"
@@ -49,7 +49,7 @@ def limits(program: ir.Program, builder: Builder, moment: Moment) -> list[Bound]
 
 
 def as_finite(x: Number) -> Number:
-    """`x` where it is finite."""
+    """Return `x` where it is finite."""
     known = x.cases if all(math.isfinite(v) for v, _ in x.cases) else ()
     return replace(x, nan=FALSE, infinite=FALSE, cases=known)
 
@@ -86,7 +86,7 @@ def send(
 def _field(
     field: ir.ActuatorField, fit: Sequence[z3.BoolRef], values: Sequence[Scalar], bounds: Sequence[Bound]
 ) -> Scalar:
-    """One field of the winner's command, which is fit to be sent, within limits and range."""
+    """Return one field of the winner's command, which is fit to be sent, within limits and range."""
     if not values:
         return FALSE if isinstance(field.type, Bool) else constant(0.0)
     result = _plain(values[-1])
@@ -100,7 +100,7 @@ def _plain(x: Scalar) -> Scalar:
 
 
 def _bounded(x: Number, field: ir.ActuatorField, bounds: Sequence[Bound]) -> Number:
-    """A finite field within its limits, in the order written, then within the actuator's range."""
+    """Return a finite field within its limits, in the order written, then within the actuator's range."""
     for b in bounds:
         beyond = compared(b.bound, x, "<") if b.limit.relation == "<=" else compared(x, b.bound, "<")
         x = select_number(both(b.applies, beyond), b.bound, x)

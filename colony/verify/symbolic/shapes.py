@@ -26,7 +26,7 @@ DESCENTS = 3
 
 
 def settled(attempt: Attempt) -> System:
-    """The system whose shapes of memory are preserved by every frame."""
+    """Return the system whose shapes of memory are preserved by every frame."""
     shapes: dict[str, Shape] = {}
     while True:
         builder, system = attempt(shapes)
@@ -72,7 +72,7 @@ def _needed(builder: Builder, name: str) -> Shape:
 
 
 def _wider(builder: Builder) -> dict[str, tuple[Shape, Shape]]:
-    """Memory of which the shape was taken too narrow: that shape, and one with what was added."""
+    """Return memory of which the shape was taken too narrow: that shape, and one with what was added."""
     found = {}
     for name, (start, _, _) in builder.held.items():
         assumed, needed = builder.shapes.get(name, shape_of(start)), _needed(builder, name)
@@ -84,7 +84,7 @@ def _wider(builder: Builder) -> dict[str, tuple[Shape, Shape]]:
 
 
 def _given_up(assumed: Shape, needed: Shape) -> Shape:
-    """`needed`, without the ends that moved."""
+    """Return `needed`, without the ends that moved."""
     old, new = assumed.bounds, needed.bounds
     low = new.low if new.low == old.low else None
     high = new.high if new.high == old.high else None

@@ -106,7 +106,7 @@ class Blamed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """A memory cell: `old` is its constant before the frame, `next` the formula for its value after the frame.
+    """A memory cell: `old` is its constant before the frame, `next` the formula for its value after it.
 
     `initial` is a value of z3; `name` is unique, and shows people whose memory it is.
     """

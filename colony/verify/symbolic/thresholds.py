@@ -33,7 +33,7 @@ def _are_usual(x: Number) -> bool:
 
 
 def _before(time: z3.ArithRef, constant: float, relation: str) -> z3.BoolRef:
-    """`time relation constant`."""
+    """Return `time relation constant`."""
     match relation:
         case "<":
             return negation(_reaches(time, constant))
@@ -44,7 +44,7 @@ def _before(time: z3.ArithRef, constant: float, relation: str) -> z3.BoolRef:
 
 
 def _after(time: z3.ArithRef, constant: float, relation: str) -> z3.BoolRef:
-    """`constant relation time`."""
+    """Return `constant relation time`."""
     match relation:
         case "<":
             return _exceeds(time, constant)
@@ -69,7 +69,7 @@ def _from(time: z3.ArithRef, nanoseconds: int) -> z3.BoolRef:
 
 
 def least_reaching(constant: float) -> int:
-    """The fewest nanoseconds, from 0 on, that are `constant` seconds or more as a float."""
+    """Return the fewest nanoseconds, from 0 on, that are `constant` seconds or more as a float."""
     below, there = -1, 1
     while there / 1e9 < constant:
         there *= 2

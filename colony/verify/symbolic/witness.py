@@ -67,7 +67,7 @@ def _reading(model: z3.ModelRef, unrolling: Unrolling, i: int, sensor: Sensor, g
 
 
 def _sensed(x: ScalarValue, of: ScalarType, sensor: Sensor) -> ScalarValue:
-    """A value that the sensor can have: what nothing depends on may be anything in a model."""
+    """Return a value that the sensor can have: what nothing depends on may be anything in a model."""
     if isinstance(of, Enum):
         members = [v for _, v in of.members]
         return x if x in members else members[0]
@@ -98,7 +98,7 @@ def _truth(model: z3.ModelRef, term: z3.BoolRef) -> bool:
 
 
 def _rational(value: z3.ExprRef) -> Fraction:
-    """A numeral of a model; an algebraic one to more digits than a float has."""
+    """Return a numeral of a model; an algebraic one to more digits than a float has."""
     if isinstance(value, z3.AlgebraicNumRef):
         value = value.approx(_DIGITS)
     if isinstance(value, z3.IntNumRef):
@@ -108,7 +108,7 @@ def _rational(value: z3.ExprRef) -> Fraction:
 
 
 def _nearest(value: Fraction) -> float:
-    """The nearest finite float."""
+    """Return the nearest finite float."""
     try:
         return float(value)
     except OverflowError:

@@ -125,13 +125,13 @@ def try_traces(
 
 @runtime_checkable
 class _Restartable(Executor, Protocol):
-    """An executor that can begin anew with another trace, which is quicker than making one."""
+    """An executor that can restart with another trace, which is quicker than making one."""
 
     def restart(self) -> None: ...
 
 
 class _Run(NamedTuple):
-    """What the reference did over a trace: outcomes, and by frame the active and the silent modules."""
+    """The reference's run over a trace: outcomes, and by frame the active and the silent modules."""
 
     outcomes: tuple[Outcome, ...]
     active: tuple[tuple[str, ...], ...]
@@ -213,7 +213,7 @@ class _Examination:
         return _Run(tuple(outcomes), tuple(active), tuple(silent), tuple(patterns))
 
     def _nondeterministic(self, trace: Sequence[Frame], run: _Run) -> Nondeterministic | None:
-        """The first module in Python in which a second interpreter parts from the first."""
+        """Return the first module in Python in which a second interpreter parts from the first."""
         if not self._python:
             return None
         again = self._reference(trace)
@@ -224,7 +224,7 @@ class _Examination:
         return None
 
     def _suspect(self, one: _Run, other: _Run, at: int) -> PythonModule:
-        """Who answered differently: told by activity, by what it sent, or by what it raised."""
+        """Return the module that answered differently, by activity, by its command, or by its exception."""
         for module in self._python:
             seen = [
                 (
@@ -287,7 +287,7 @@ class _Examination:
     # --- executors and trials --------------------------------------------------------------------
 
     def _difference(self, trace: tuple[Frame, ...], expected: Sequence[Outcome]) -> bool:
-        """Whether one of the executors differs from the reference."""
+        """Return True if one of the executors differs from the reference."""
         for name, make in self._executors.items():
             found = disagreement(
                 self._program, trace, {name: partial(self._used_again, name)}, expected, self._compilation
@@ -300,7 +300,7 @@ class _Examination:
         return False
 
     def _used_again(self, name: str, compilation: Compilation) -> Executor:
-        """An executor in its initial memory: the one that had the last trace, or a new one."""
+        """Return an executor in its initial memory: the one that had the last trace, or a new one."""
         used = self._made.get(name)
         if isinstance(used, _Restartable):
             used.restart()

@@ -96,7 +96,7 @@ def durations_of(program: Program) -> list[int]:
 
 
 def _times_compared(program: Program) -> list[int]:
-    """What `elapsed` and `now` may be compared with, in nanoseconds, the first few."""
+    """Return the first few times that `elapsed` and `now` may be compared with, in nanoseconds."""
     found: dict[int, None] = {}
     for node in nodes(program):
         match node:

@@ -68,12 +68,12 @@ class Guide:
                 known.way = tuple(trace[: i + 1])
 
     def _place(self, choices: Choices) -> _Place:
-        """Of three places the one that was met least."""
+        """Return the least visited of three random places."""
         places = [*self._places.values()]
         return min((choices.one(places) for _ in range(3)), key=lambda place: place.met)
 
     def _next(self, choices: Choices, last: Frame) -> dict[str, Reading]:
-        """The readings of a frame, with a few changed, or some as they were elsewhere."""
+        """Return the readings of a frame, with a few changed, or some as they were elsewhere."""
         readings = dict(last.readings)
         if not self._sensors or choices.rarely(4):
             return readings

@@ -202,7 +202,7 @@ class _Plainer:
 
 
 def _plainer_elements(plain: ScalarValue, elements: list[ScalarValue | int]) -> Iterator[Reading]:
-    """Halves, quarters, ... of an array plain; then rounded."""
+    """Yield halves, quarters, ... of an array plain; then rounded."""
     size = len(elements) // 2
     while size:
         for first in range(0, len(elements), size):
@@ -222,7 +222,7 @@ def _plain(sensor: Sensor) -> Reading:
 
 
 def _plain_scalar(sensor: Sensor) -> ScalarValue:
-    """False, the first enumerator, or what is nearest to 0 in the range; in declared units."""
+    """Return false, the first enumerator, or what is nearest to 0 in the range; in declared units."""
     of, low, high = element_type(sensor.type), sensor.low, sensor.high
     if isinstance(of, Quantity) and low is not None and low > 0:
         return low / sensor.factor

@@ -56,7 +56,7 @@ class DecisionText:
         return [*lines, f"el{first}", *rest]
 
     def idle(self, by: bool) -> list[str]:
-        """The idle command, or nothing for `idle hold`."""
+        """Return the idle command, or nothing for `idle hold`."""
         idle = self.actuator.idle
         leaving = in_declared_units(idle, self.actuator.fields)
         shown = "None" if leaving is None else values(leaving)
@@ -70,7 +70,7 @@ class DecisionText:
         return lines
 
     def command(self, checks: list[str]) -> list[str]:
-        """The winner's command: as it is where the checks hold, else by `settle`."""
+        """Return the winner's command: as it is where the checks hold, else by `settle`."""
         leaving = self.leaving(self.fields)
         usual = [f"{self.target} = ({self.name!r}, {self.by}, {leaving}, None)"]
         if self.observed:
@@ -121,14 +121,14 @@ class DecisionText:
         return lines
 
     def limit(self, limit: LimitCode) -> str:
-        """A limit as `settle` takes it, if it applies."""
+        """Return a limit as `settle` takes it, if it applies."""
         bound = self.expressions.text(limit.bound).text
         one = f"(({limit.field_index}, {limit.relation == '<='}, {bound}),)"
         applies = self.expressions.text(limit.applies)
         return one if applies.text == "True" else f"({one} if {applies.inside(Binding.OR)} else ())"
 
     def checks(self) -> list[str]:
-        """Tests that a command goes out as it is, leaving out those that hold of every client."""
+        """Return tests that a command goes out as it is, leaving out those that hold of every client."""
         checks = []
         for limit in self.plan.actuator.limits:
             field = self.fields[limit.field_index]

@@ -253,7 +253,7 @@ def _class_name(names: Names, call: PythonCall) -> str:
 
 
 def _place(client: ClientCode) -> str:
-    """The module, its priority and where it is written, for a comment."""
+    """Return the module, its priority and where it is written, for a comment."""
     source, line = client.span.source, client.span.source.position(client.span.start)[0]
     where = "" if client.span.source.name == "<none>" else f", {source.name}:{line}"
     return _comment(f"{client.module}, priority {client.priority}{where}")
@@ -264,5 +264,5 @@ def _comment(text: str) -> str:
 
 
 def _words(lines: list[str]) -> set[str]:
-    """Every word in the lines, for what they need brought along."""
+    """Return every word in the lines, for what they need brought along."""
     return {word for line in lines for word in re.findall(r"[A-Za-z_]\w*", line)}

@@ -52,11 +52,11 @@ class Names:
         self.cells = [self.new(c.name) for c in code.cells]
 
     def value(self, number: int) -> str:
-        """A new name for a value of the Code."""
+        """Return a new name for a value of the Code."""
         return self.new(self._hints.get(number, f"v{number}"))
 
     def new(self, wanted: str) -> str:
-        """`wanted` as an identifier, with a number behind it if that is taken."""
+        """Return `wanted` as an identifier, with a number behind it if that is taken."""
         base = re.sub(r"\W", "_", wanted)
         if not base.isascii() or not base.isidentifier() or base.startswith("_"):
             base = "v" + re.sub(r"[^A-Za-z0-9_]", "_", base)

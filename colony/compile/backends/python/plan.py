@@ -107,7 +107,7 @@ def _actuator(code: Code, actuator: ActuatorCode, layout: Layout, placement: Pla
 
 
 def _reachable(code: Code, actuator: ActuatorCode) -> list[ClientCode]:
-    """The clients that can win: not those that never hold, nor any behind one that always does."""
+    """Return the clients that can win: not those that never hold, nor any behind one that always does."""
     found = []
     for client in actuator.clients:
         op = code.ops[client.guard]

@@ -44,7 +44,7 @@ ANYTHING = Range(-inf, inf, True)
 
 
 def ranges(code: Code) -> list[Range]:
-    """The range of each value of `code`; `ANYTHING` for those that are no numbers."""
+    """Return the range of each value of `code`; `ANYTHING` for those that are no numbers."""
     sensors = {s.name: _sensor(s) for s in code.sensors}
     found: list[Range] = []
     for op, kind in zip(code.ops, code.kinds, strict=True):

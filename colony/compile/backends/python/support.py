@@ -52,7 +52,7 @@ def _mentioned(node: ast.AST) -> set[str]:
 
 
 def _bare(node: ast.FunctionDef | ast.ClassDef) -> ast.FunctionDef | ast.ClassDef:
-    """Without annotations."""
+    """Return without annotations."""
     bare = _Bare().visit(node)
     assert isinstance(bare, ast.FunctionDef | ast.ClassDef)
     return bare
@@ -80,5 +80,5 @@ class _Bare(ast.NodeTransformer):
 
 
 def definition_names() -> frozenset[str]:
-    """The names of all definitions that a program may bring along."""
+    """Return the names of all definitions that a program may bring along."""
     return frozenset(_definitions())

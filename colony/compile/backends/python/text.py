@@ -79,7 +79,7 @@ _CALLS: dict[Operator, str] = {
 
 
 def literal(value: float | bool | int) -> Text:
-    """A constant; NaN and infinities by the names that `math` has for them."""
+    """Return a constant; NaN and infinities by the names that `math` has for them."""
     if isinstance(value, bool):
         return Text(repr(value))
     if isinstance(value, int):
@@ -101,7 +101,7 @@ def mentions_twice(operator: Operator, x: list[Range]) -> bool:
 
 
 def applied(operator: Operator, operands: list[Text], x: list[Range]) -> Text:
-    """An operator of operands that have the ranges `x`."""
+    """Return an operator of operands that have the ranges `x`."""
     depth = 1 + max(o.depth for o in operands)
     text, binding = _applied(operator, operands, x)
     return Text(text, binding, depth)
