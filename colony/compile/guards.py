@@ -101,7 +101,7 @@ class GuardTable:
         return self.add(Not(operand))
 
     def conjunction(self, parts: tuple[int, ...]) -> int:
-        """Return all of `parts`, leaving out those that are `Always`."""
+        """Return the conjunction of `parts`, without those that are `Always`."""
         always = self._always
         kept = tuple([part for part in parts if part != always])
         if len(kept) > 1:
@@ -109,7 +109,7 @@ class GuardTable:
         return kept[0] if kept else self.add(Always())
 
     def disjunction(self, parts: tuple[int, ...]) -> int:
-        """Return any of `parts`."""
+        """Return the disjunction of `parts`."""
         if len(parts) > 1:
             return self.add(Or(parts))
         return parts[0] if parts else self.add(Never())

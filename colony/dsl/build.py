@@ -363,7 +363,7 @@ class Builder:
 
 
 def split_number(text: str) -> tuple[str, str | None]:
-    """`600 mm` to `600` and `mm`: the digits end where the unit begins (an exponent is part of them)."""
+    """Split `600 mm` into `600` and `mm`: the digits, with any exponent, end where the unit begins."""
     for i, character in enumerate(text):
         if character.isspace() or (character.isalpha() and not _is_exponent(text, i)):
             return text[:i], text[i:].strip() or None

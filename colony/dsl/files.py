@@ -119,7 +119,7 @@ def decode(data: bytes, name: str) -> Source:
 
 
 def resolved(path: Path) -> str:
-    """Return the one absolute name of a file, links followed; of a name that is none, the name itself."""
+    """Return the absolute name of a file with links resolved; an invalid name is returned as it is."""
     try:
         return os.path.realpath(path)
     except (OSError, ValueError):
@@ -127,7 +127,7 @@ def resolved(path: Path) -> str:
 
 
 def load_tree(path: Path, name: str, text: str | None = None, *, shipped: Path | None = None) -> SourceTree:
-    """Return the file at `path` (or `text` in its place) and everything that it imports, however far.
+    """Load the file at `path` (or `text` in its place) and everything that it imports, transitively.
 
     Imports by name are looked for in `shipped`, where that is given, in place of what comes with colony.
     Nothing is raised: what cannot be read, and cycles, are among the diagnostics.
@@ -215,7 +215,7 @@ class _Loader:
     def _read(
         self, source: Source, path: Path, shown: str, declaration: ast.ImportDecl, count: int
     ) -> Source | None:
-        """Return the text of an imported file; None after reporting, at the import, why there is none."""
+        """Return the text of an imported file, or None after reporting the reason at the import."""
         span = Span(source, declaration.start, declaration.end)
         if count > MAX_FILES:
             message = f"more than {MAX_FILES} files are imported"
@@ -230,7 +230,7 @@ class _Loader:
             return None
 
     def in_order(self, root: str) -> tuple[ParsedFile, ...]:
-        """Depth first, imports before importers; a cycle is reported where it closes, and cut there."""
+        """Return the files depth first, imports before importers; a cycle is reported and cut where it closes."""
         order: list[str] = []
         done: set[str] = set()
         trail: dict[str, None] = {root: None}

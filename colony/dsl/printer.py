@@ -36,7 +36,7 @@ def print_expression(node: ast.Expression) -> str:
 
 
 def _expression(node: ast.Expression, level: int) -> str:
-    """Return the text, in parentheses where the place binds tighter (`level`) than the expression."""
+    """Return the text, in parentheses where the place (`level`) binds tighter than the expression."""
     text, own = _bare(node)
     return text if own >= level else f"({text})"
 
@@ -216,7 +216,7 @@ def _python_clause(node: ast.PythonClause) -> str:
 
 
 def _wiring(node: ast.Wiring) -> str:
-    """Return only parentheses nest, and the parser limits those."""
+    """Return the text of wiring. Only parentheses nest, and the parser limits those."""
     if isinstance(node, ast.Reference):
         return node.text
     parts = [_operand(node.operands[0])]

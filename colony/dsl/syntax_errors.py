@@ -54,7 +54,7 @@ _SPLIT = ("==", "**", "=>", "->", "..", "<=", ">=", "//", "/*")
 
 
 def describe(source: Source, problem: UnexpectedInput, declaration: int) -> Diagnostic:
-    """The diagnostic of one syntax error; `declaration` is where the declaration that failed begins."""
+    """Return the diagnostic of a syntax error; `declaration` is the start of the failed declaration."""
     text, at, at_end = source.text, problem.offset, problem.at_end
     accepted = expected(problem)
     if text[max(at - 1, 0) : at + 1] in _SPLIT and not at_end:
@@ -147,7 +147,7 @@ def _closes_another(bracket: str, found: str) -> bool:
 
 
 def _unclosed(source: Source, span: Span, bracket: int, found: str, begun: int | None) -> Diagnostic:
-    """Return a bracket that is open where the file ends, another is closed, or a declaration has `begun`."""
+    """Report a bracket still open where the file ends, another closes, or a declaration has `begun`."""
     closing = _CLOSING[source.text[bracket]]
     where = f"`{found}` stands" if found else "the file ends"
     if begun is not None:

@@ -167,7 +167,7 @@ Op = (
 
 
 def operands(op: Op) -> tuple[int, ...]:
-    """Return the values that this op is computed from."""
+    """Return the operands of an op."""
     match op:
         case Apply(arguments=several) | Table(elements=several):
             return several

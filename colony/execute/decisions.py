@@ -36,5 +36,5 @@ def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any])
 
 
 def field_bounds(actuator: Actuator) -> tuple[tuple[str, float, float | None, float | None], ...]:
-    """Return the fields as `settle` takes them."""
+    """Return the fields as `settle` expects them."""
     return tuple((f.name, f.factor, f.low, f.high) for f in actuator.fields)

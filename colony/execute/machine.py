@@ -247,7 +247,7 @@ def build(call: PythonCall) -> PythonStep:
 
 
 def field_types(call: PythonCall) -> tuple[tuple[str, object], ...]:
-    """Return the fields of a Python module's command, as `PythonStep` takes them."""
+    """Return the fields of a Python module's command, as `PythonStep` expects them."""
     return tuple(
         (
             f.name,

@@ -122,7 +122,7 @@ class _Check:
         _expect(len({c.name for c in code.cells}) == len(code.cells), "a name twice among the cells")
 
     def _sources(self) -> None:
-        """Each source has a place of its own, inside the folder into which a recording is unpacked."""
+        """Check that each source has a place of its own, inside the folder into which a recording is unpacked."""
         compiled = self.compiled
         places = [(source.kind, source.place) for source in compiled.sources]
         _expect(len(set(places)) == len(places), "a source twice")
@@ -141,7 +141,7 @@ class _Check:
     # --- operations ------------------------------------------------------------------------------
 
     def _gives(self, at: int, op: Op) -> Kind | None:
-        """Return the kind of what an operation gives; None if it is malformed."""
+        """Return the kind of an operation's result; None if it is malformed."""
         code = self.code
         match op:
             case Apply(operator=operator, arguments=arguments):
@@ -202,7 +202,7 @@ class _Check:
     # --- what is around them ---------------------------------------------------------------------
 
     def _python_calls(self) -> None:
-        """All that modules in Python read stands before the first operation that needs one of them."""
+        """Check that the inputs of modules in Python stand before the first operation that needs one of them."""
         answers = (i for i, op in enumerate(self.code.ops) if isinstance(op, PythonActive | PythonField))
         first = next(answers, self.code.decided)
         for call in self.code.python:

@@ -67,7 +67,7 @@ _WIDEST_LINE = 160
 
 
 def render(diagnostic: Diagnostic) -> str:
-    """The headline, the source line with a caret below it, other places in the same way, and the hint."""
+    """Return the headline, the source line with a caret below it, other places likewise, and the hint."""
     out = [headline(diagnostic), *_excerpt(diagnostic.span)]
     for label in diagnostic.labels:
         out += [f"{_place(label.span)}: note: {label.text}", *_excerpt(label.span)]
@@ -77,7 +77,7 @@ def render(diagnostic: Diagnostic) -> str:
 
 
 def _excerpt(span: Span) -> list[str]:
-    """Return the line of a place, with carets below it; nothing where the line is empty."""
+    """Return the line of a place, with carets below it; nothing for an empty line."""
     line, column = span.source.position(span.start)
     text = span.source.line(line)
     width = min(max(span.end - span.start, 1), max(len(text) - column + 1, 1))
@@ -94,7 +94,7 @@ def _excerpt(span: Span) -> list[str]:
 
 
 def to_rows(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
-    """Return an object a diagnostic, for JSON, with 1-based lines and columns."""
+    """Return an object per diagnostic, for JSON, with 1-based lines and columns."""
     rows: list[dict[str, object]] = []
     for d in diagnostics:
         row = _row(d.span)

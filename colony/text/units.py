@@ -112,5 +112,5 @@ def parse_unit(text: str) -> Unit:
 
 
 def nanoseconds(seconds: float) -> int:
-    """A time in seconds as whole nanoseconds, rounded once (half to even); `seconds` must be finite."""
+    """Return a time in seconds as whole nanoseconds, rounded once (half to even); it must be finite."""
     return round(Fraction(seconds) * 1_000_000_000)

@@ -14,7 +14,7 @@ TRUE = ir.Constant(type=BOOL, value=True)
 
 
 def active(name: str) -> ir.Expression:
-    """Return a module or wire puts a command on its output."""
+    """Return the claim that a module or wire puts a command on its output."""
     return ir.IsActive(type=BOOL, name=name)
 
 

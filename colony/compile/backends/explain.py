@@ -67,7 +67,7 @@ def _section(title: str, lines: Iterable[str]) -> str:
 
 
 def _wires(program: Program) -> list[str]:
-    """Return one line a wire, long ones on several."""
+    """Return one line per wire, and several for a long wire."""
     wires = program.wires[:MOST_LINES]
     width = max((len(wire.name) for wire in wires), default=0)
     lines: list[str] = []
@@ -78,7 +78,7 @@ def _wires(program: Program) -> list[str]:
 
 
 def wiring_text(wiring: Wiring, most: int = MOST_LINES) -> str:
-    """Return wiring as in the language, of each chain the first `most` operands. Only parentheses nest."""
+    """Return wiring in the language, with the first `most` operands per chain. Only parentheses nest."""
     match wiring:
         case Use(name=name):
             return name

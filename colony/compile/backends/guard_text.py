@@ -57,7 +57,7 @@ class GuardText:
         return taken
 
     def _written(self, ref: int, own: str | None) -> str:
-        """Return nesting is bounded by the number of terms: this recursion ends after `INLINE` levels."""
+        """Return a guard written out. The recursion ends after `INLINE` levels: the terms bound the nesting."""
         joined = self._joined(ref)
         if joined is not None:
             joint, parts, negated = joined
@@ -82,7 +82,7 @@ class GuardText:
                 assert_never(guard)
 
     def _part(self, ref: int, own: str | None) -> str:
-        """A term of another guard: its name, or its text, in parentheses where it is joined of several."""
+        """Return a term of another guard: its name, or its text, in parentheses where it is joined."""
         if not self._terms[ref]:
             return self._name(ref)
         text = self._written(ref, own)
@@ -122,7 +122,7 @@ class GuardText:
                 return None
 
     def _flat(self, guard: And | Or) -> list[int]:
-        """The operands of a conjunction (disjunction), with those of written-out ones among them in place."""
+        """Return the operands of a conjunction (disjunction), with those of written-out operands in place."""
         flat: list[int] = []
         stack = list(reversed(guard.operands))
         while stack:

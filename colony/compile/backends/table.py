@@ -50,7 +50,7 @@ def legend(guards: GuardText, limit: int | None = None) -> str:
 
 
 def definitions(guards: GuardText, limit: int | None = None) -> list[str]:
-    """Return lines for the parts of guards that were named since the last time."""
+    """Return lines for the parts of guards that were named since the last call."""
     lines = []
     taken = guards.take_definitions(limit)
     for name, text in taken:
@@ -68,7 +68,7 @@ def wrapped(text: str, width: int = GUARD_WIDTH) -> list[str]:
 
 
 def _aligned(cells: Sequence[Sequence[list[str]]]) -> str:
-    """Return columns under one another, the first one to the right; a cell is a list of lines."""
+    """Return aligned columns, the first one to the right; a cell is a list of lines."""
     widths = [max(len(line) for row in cells for line in row[i]) for i in range(len(_HEADER))]
     lines = []
     for row in cells:

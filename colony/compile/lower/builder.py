@@ -36,7 +36,7 @@ class Builder:
     # --- ops -------------------------------------------------------------------------------------
 
     def add(self, op: Op, kind: Kind, key: Hashable = None) -> int:
-        """Return the number of `op`, added if it is new. `key` stands for it where `==` is too coarse."""
+        """Return the number of `op`, added if it is new. `key` replaces `op` where `==` is too coarse."""
         key = op if key is None else key
         at = self._index.get(key)
         if at is None:
@@ -46,7 +46,7 @@ class Builder:
         return at
 
     def literal(self, value: ScalarValue) -> int:
-        """Return a number or bool; 0.0 and -0.0 are two."""
+        """Return a number or bool; 0.0 and -0.0 differ."""
         if isinstance(value, bool):
             return self.add(Literal(value), Kind.BOOL, ("bool", value))
         return self.add(Literal(float(value)), Kind.NUMBER, ("number", pack("<d", value)))
@@ -60,7 +60,7 @@ class Builder:
         return self.add(Table(elements), Kind.TABLE)
 
     def apply(self, operator: Operator, *arguments: int) -> int:
-        """Return an operator of values; of constants, the constant."""
+        """Apply an operator to values; for constants, return the constant result."""
         if operator is Operator.SELECT:
             return self._select(*arguments)
         ops = self.ops
@@ -89,11 +89,11 @@ class Builder:
         return self.add(Apply(Operator.SELECT, (condition, yes, no)), self.kinds[yes])
 
     def both(self, *conditions: int) -> int:
-        """Return all of them; true of none."""
+        """Return the conjunction; true without conditions."""
         return self._joined(Operator.AND, conditions, neutral=True)
 
     def either(self, *conditions: int) -> int:
-        """Return any of them; false of none."""
+        """Return the disjunction; false without conditions."""
         return self._joined(Operator.OR, conditions, neutral=False)
 
     def _joined(self, operator: Operator, conditions: Sequence[int], neutral: bool) -> int:
@@ -123,7 +123,7 @@ class Builder:
     # --- memory ----------------------------------------------------------------------------------
 
     def cell(self, name: str, kind: Kind, initial: ScalarValue | int, *places: str) -> int:
-        """The old value of the cell called `name`, which is made if it is new; it has to be `kept` once.
+        """Return the old value of the cell called `name`, made if it is new; it must be `kept` once.
 
         `places` are what `ir.memory` calls it.
         """

@@ -117,7 +117,7 @@ class Declarations:
         return kind_of(self.actuators[actuator].fields[index].type)
 
     def state(self, name: str) -> int:
-        """Return the old value of a state or machine, which is noted as one to move on."""
+        """Return the old value of a state or machine, and record that it moves on."""
         if name not in self._states:
             place = self._all_states[name]
             if isinstance(place, ir.Machine):
@@ -187,7 +187,7 @@ class Declarations:
         self.builder.keep(self._states[state.name], scope.ready, self.expressions.scalar(following, scope))
 
     def _machine(self, machine: ir.Machine) -> None:
-        """The first transition from the present phase whose condition is there and true."""
+        """Take the first transition from the present phase whose condition is present and true."""
         builder, old = self.builder, self._states[machine.name]
         phases = frozenset(number for _, number in machine.type.members)
         taken: list[tuple[int, int]] = []
@@ -254,7 +254,7 @@ class Declarations:
         )
 
     def heard_active(self, module: str) -> int:
-        """Return the module's activity under `on_loss degrade`: that of a lost client is none."""
+        """Return the module's activity under `on_loss degrade`: a lost client is not active."""
         active = self.module_active(module)
         if self.modules[module].actuator is None:
             return active
@@ -265,7 +265,7 @@ class Declarations:
 
 
 def _everything(module: ir.AnyModule) -> tuple[e.Expression, ...]:
-    """Return all expressions of a module: what any of them reads, the module needs."""
+    """Return all expressions of a module: it needs everything that any of them reads."""
     match module:
         case ir.Module():
             return (
@@ -289,7 +289,7 @@ def _walk(expression: e.Expression) -> Iterator[e.Expression]:
 
 
 def _lets_read(expression: e.Expression) -> list[str]:
-    """Return the lets, of the file and of modules, that an expression mentions in any way."""
+    """Return all lets, of the file and of modules, that an expression mentions."""
     return [
         node.name
         for node in _walk(expression)

@@ -180,7 +180,7 @@ class ExpressionLowering:
                 return self._leaf(e, scope)
 
     def _each(self, of: Callable[..., int], *operands: Values) -> Values:
-        """Return `of` the operands, element by element; a scalar stands for all elements."""
+        """Apply `of` to the operands, element by element; a scalar stands for all elements."""
         size = max([len(x) for x in operands])
         if size == 1:
             return (of(*[x[0] for x in operands]),)
@@ -366,7 +366,7 @@ class ExpressionLowering:
         return self._conditional_reduction(e.function, bodies, conditions)
 
     def _conditional_reduction(self, function: Function, bodies: list[int], conditions: list[int]) -> int:
-        """Return the reduction of those bodies whose condition is true, which may be none."""
+        """Return the reduction of the bodies whose conditions are true; there may be none."""
         builder = self.builder
         pairs = list(zip(conditions, bodies, strict=True))
         match function:

@@ -32,7 +32,7 @@ class GuardLowering:
         self._values: dict[int, int] = {}
 
     def guard(self, root: int) -> int:
-        """Return the value of a guard, lowered with those that it is made of, from the front of the table."""
+        """Return the value of a guard, lowered with its operands, from the front of the table."""
         if root not in self._values:
             needed, work = {root}, [root]
             while work:

@@ -70,7 +70,7 @@ def started(builder: Builder, place: MemorySite) -> int:
 
 
 def until(builder: Builder, holds: int, window_ns: int, place: MemorySite) -> int:
-    """True from a frame with `holds` until, and not including, `window_ns` after the last such frame."""
+    """Return a condition true from a frame with `holds` until `window_ns` after the last one, exclusive."""
     now = builder.add(FrameTime(), Kind.TIME)
     end = builder.cell(f"{place.name} until", Kind.TIME, 0, *place.called("until"))
     later = builder.apply(Operator.TIME_ADD, now, builder.time(window_ns))

@@ -59,7 +59,7 @@ class _Elimination:
         return self.add(leaf, self.table.add(ModuleActive(leaf.module)))
 
     def inhibited(self, dominant: Link, inferior: Link, node: Inhibitor | Suppressor) -> Link:
-        """Return the inferior link, open only where the dominant one does not dominate."""
+        """Return the inferior link, closed while the dominant one dominates."""
         table = self.table
         dominating = table.recently(dominant.active, node.window_ns)
         if node.window_ns > 0:

@@ -26,7 +26,7 @@ from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
 
 
 def forward_traversal(suppression: SuppressionNetwork) -> ClientList:
-    """Return one client a module and actuator, numbered by the order of visit, with both guards.
+    """Return one client per module and actuator, numbered by the order of visit, with both guards.
 
     A module reached by one way only has the thesis's guard (its own activity and the gates on that way), one
     reached by several the exclusive guard.

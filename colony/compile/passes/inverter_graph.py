@@ -57,7 +57,7 @@ class InverterGraph:
         return 2 * node
 
     def recently_literal(self, literal: int, window_ns: int) -> int:
-        """Return the literal of `recently`: of a constant, or without a window, it is its operand."""
+        """Return the literal of `recently`; for a constant, or without a window, that of its operand."""
         if literal <= FALSE or window_ns == 0:
             return literal
         node = self._atoms.get((literal, window_ns))
@@ -67,11 +67,11 @@ class InverterGraph:
         return 2 * node
 
     def raw_conjunction(self, literals: Conjunction) -> int:
-        """Return the literal of a new node, whatever it is made of: at least one literal, in any order."""
+        """Return the literal of a new node of any parts: at least one literal, in any order."""
         return 2 * self._add(literals, _LONG)
 
     def conjunction(self, literals: Iterable[int]) -> int:
-        """The literal of the conjunction, with nothing but constants, doubles and complements reduced."""
+        """Return the literal of the conjunction, with only constants, duplicates and complements reduced."""
         present = set(literals)
         present.discard(TRUE)
         if FALSE in present:
@@ -151,7 +151,7 @@ class InverterGraph:
         return facts, clauses
 
     def _factored(self, clauses: dict[int, Conjunction]) -> int:
-        """(a or b), (a or c) = a or (b, c), where all parts are short clauses with something in common."""
+        """Return (a or b), (a or c) = a or (b, c), where all parts are short clauses with a common literal."""
         common = set.intersection(*map(set, clauses.values()))
         if not common:
             return self._conjunction(set(clauses))
@@ -162,7 +162,7 @@ class InverterGraph:
 
 
 def zeros(length: int) -> array[int]:
-    """An integer for each node; an array, not a list, since large networks do not fit a processor's cache."""
+    """Return an integer for each node; in an array, since large networks do not fit a processor's cache."""
     return array("q", bytes(8 * length))
 
 
@@ -193,7 +193,7 @@ _PENDING = -1  # in place of a literal: the node waits to be merged
 
 
 def rewrite(graph: InverterGraph, roots: Sequence[int]) -> tuple[InverterGraph, list[int]]:
-    """One round of the rules over all that the roots need, from the front, and the roots in the result.
+    """Apply one round of the rules to all that the roots need, from the front; return the new roots, too.
 
     A cube that is only used in one other conjunction is merged into it. It is not built: its literals wait
     in `pending` for their user, which takes over the longest such list and adds the rest to it. A cube that
@@ -228,7 +228,7 @@ def _rewrite_atom(graph: InverterGraph, node: int, simpler: InverterGraph, to: S
 
 
 def _all_in_one(lists: list[list[int]]) -> list[int]:
-    """Return the longest of the lists, with all others added to it."""
+    """Return the longest of the lists, with all others appended."""
     whole = max(lists, key=len)
     for one in lists:
         if one is not whole:

@@ -138,7 +138,7 @@ def _unload(graph: InverterGraph, literals: Sequence[int]) -> tuple[tuple[Guard,
 
 
 def _turned(graph: InverterGraph, literals: Sequence[int]) -> array[int]:
-    """1 for conjunctions that are used negated more often than plain, as their users will be written; else 0.
+    """Return 1 for conjunctions that are mostly used negated, as their users will be written; else 0.
 
     -1 for nodes that are not used.
     """

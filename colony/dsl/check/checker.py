@@ -51,7 +51,7 @@ class Checker(ABC):
     # --- entries
 
     def check(self, node: ast.Expression) -> ir.Expression | None:
-        """Return the typed expression, whatever its type."""
+        """Check an expression and return it typed, whatever its type."""
         if node.depth > ir.NESTING_LIMIT:
             message = f"the expression nests {node.depth} deep; at most {ir.NESTING_LIMIT} are allowed"
             self.error("E004", node, message, "name parts of it with `let`")
@@ -59,7 +59,7 @@ class Checker(ABC):
         return self.visit(node)
 
     def expect(self, node: ast.Expression, wanted: Type, what: str) -> ir.Expression | None:
-        """Return the typed expression if its type is `wanted`; `what` names its place in the message."""
+        """Check that an expression's type is `wanted`; `what` names its place in the message."""
         found = self.check(node)
         if found is None:
             return None
@@ -70,7 +70,7 @@ class Checker(ABC):
         return None
 
     def constant(self, node: ast.Expression, wanted: Scalar | None, what: str) -> ir.Constant | None:
-        """Return a constant, finite, of type `wanted` (of any scalar type for None)."""
+        """Check a finite constant of type `wanted` (of any scalar type for None)."""
         constants = replace(self, memory=False, constants=True)
         found = constants.check(node) if wanted is None else constants.expect(node, wanted, what)
         if found is None:
@@ -88,7 +88,7 @@ class Checker(ABC):
         return ir.Constant(type=type_, value=value, span=found.span)
 
     def constant_in(self, node: ast.Expression, type_: Scalar, unit: str, what: str) -> ScalarValue | None:
-        """Return a constant of `type_` where a plain number is taken to be in the declared unit."""
+        """Check a constant of `type_`; a plain number is taken to be in the declared unit."""
         sign, bare = 1.0, node
         while isinstance(bare, ast.Prefix) and bare.operator == "-":
             sign, bare = -sign, bare.operand
@@ -173,7 +173,7 @@ class Checker(ABC):
         return Array(element, sizes[0]) if sizes else element
 
     def array(self, node: ast.Expression) -> ir.Expression | None:
-        """Return an expression that must be an array."""
+        """Check an expression that must be an array."""
         found = self.visit(node)
         if found is not None and not isinstance(found.type, Array):
             self.error("E207", node, f"expected an array, found {article(found.type)}")

@@ -29,13 +29,13 @@ def fits(found: Type, wanted: Type) -> bool:
 
 
 def settled(type_: Type) -> Type:
-    """Return the type of a name that is given such a value: a lone literal 0 is a plain number."""
+    """Return the type of a name with such a value: a lone literal 0 is a plain number."""
     element = element_type(type_)
     return shaped(PLAIN, type_) if isinstance(element, Quantity) and element.wild else type_
 
 
 def article(type_: Type) -> str:
-    """Return a type as part of a sentence."""
+    """Return a type as a part of a sentence."""
     if isinstance(type_, Array):
         return f"an array of {type_.size} {_plural(type_.element)}"
     if isinstance(type_, Bool):

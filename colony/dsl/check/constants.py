@@ -45,14 +45,14 @@ def literal(digits: str, factor: Fraction) -> float | None:
 
 
 def _bounded(exponent: str) -> int:
-    """Return the exponent as written, or one that is as hopeless."""
+    """Return the exponent as written, or a bound with the same effect."""
     digits = exponent.lstrip("+-").lstrip("0")
     size = int(digits or "0") if len(digits) < 12 else 10**12
     return -size if exponent.startswith("-") else size
 
 
 def unit_of(text: str) -> Unit:
-    """Return the unit of this text.
+    """Return the unit with this text.
 
     Raises:
         BadUnit: as `parse_unit`, and for a text so long that reading it takes long.

@@ -43,7 +43,7 @@ def _robot_names(scopes: list[Scope]) -> tuple[set[str], set[str]]:
 
 
 def _declare(report: Report, scope: Scope) -> None:
-    """Modules and wires can be named at once, values when they are checked."""
+    """Declare names: modules and wires at once, values when they are checked."""
     sensors, actuators = scope.robot.sensor_names, scope.robot.actuator_names
     values: dict[str, ast.Name] = {}
     parts: dict[str, ast.Name] = {}
@@ -101,7 +101,7 @@ def _name_drives(scopes: list[Scope]) -> None:
 
 
 def _excuse(scope: Scope, node: ast.ImportDecl) -> None:
-    """Names of a file that could not be read are not called unknown."""
+    """Suppress errors about names that an unreadable file may declare."""
     if node.alias is None:
         scope.incomplete = True
     else:
@@ -118,7 +118,7 @@ def _once(report: Report, scope: Scope, names: dict[str, ast.Name], name: ast.Na
 
 
 def _bring_in(report: Report, scope: Scope, target: Scope, node: ast.ImportDecl) -> None:
-    """A plain import brings all names in; with `as` they stand behind the alias."""
+    """Import names: all for a plain import; with `as` they stand behind the alias."""
     alias = node.alias
     if alias is not None:
         robot = scope.robot

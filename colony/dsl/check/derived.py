@@ -23,19 +23,19 @@ from colony.text.units import BASE_UNITS
 
 
 def check_param(checker: Checker, node: ast.ParamDecl) -> ParamSymbol | Broken:
-    """Return a named constant."""
+    """Check a named constant."""
     found = checker.constant(node.value, None, f"param `{node.name.text}`")
     return Broken() if found is None else ParamSymbol(type=settled(found.type), value=found.value)
 
 
 def check_let(checker: Checker, node: ast.LetDecl, name: str) -> ir.Let | None:
-    """Return a let whose full name is `name`."""
+    """Check a let whose full name is `name`."""
     found = checker.check(node.value)
     return None if found is None else ir.Let(name=name, expression=found, span=checker.span(node.name))
 
 
 def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarValue] | None:
-    """Return the type and first value of a state; the type may be left out where the constant shows it."""
+    """Return the type and first value of a state; the constant implies the type if it is left out."""
     wanted: Scalar | None = None
 
     if node.type is not None:
@@ -100,7 +100,7 @@ def machine_type(checker: Checker, node: ast.MachineDecl) -> MachineSymbol | Bro
 
 
 def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Machine | None:
-    """Return a machine; `any` stands for every phase but the target."""
+    """Check a machine; `any` stands for every phase but the target."""
     numbers = dict(type_.members)
     transitions: list[ir.Transition] = []
     for one in node.transitions:

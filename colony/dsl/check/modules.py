@@ -57,7 +57,7 @@ class Pending(Record):
 
 
 def check_modules(report: Report, pending: list[Pending]) -> list[ir.AnyModule]:
-    """Return all modules of a program, in order; their symbols are put where their files look names up.
+    """Check all modules of a program, in order; their symbols are put where their files look names up.
 
     Each file's scope already holds a symbol for each of its modules, by its full name.
     """
@@ -214,7 +214,7 @@ def _module(
     anew: Mapping[str, ParamSymbol],
     local: dict[str, ValueSymbol],
 ) -> ir.Module | None:
-    """Return a module written in the language; None if anything in it is wrong."""
+    """Check a module written in the language; return None if anything in it is wrong."""
     full, before = one.full_name, len(checker.report.diagnostics)
     names = frozenset(c.name.text for c in node.clauses if not isinstance(c, ast.NextDecl))
     checker = replace(checker, later=names)
@@ -275,7 +275,7 @@ def _params(
 def _states(
     checker: Checker, full: str, clauses: list[ast.StateDecl], local: dict[str, ValueSymbol]
 ) -> list[ir.State]:
-    """Return the states, without what they hold next."""
+    """Return the states, without their next values."""
     states: list[ir.State] = []
     for clause in clauses:
         name = clause.name.text
@@ -291,7 +291,7 @@ def _states(
 
 
 def _command(checker: Checker, node: ast.DoDecl) -> ir.Command | None:
-    """Return the transfer function, its fields in the order of the actuator's."""
+    """Check the transfer function, with its fields in the order of the actuator's."""
     actuator = actuator_named(checker, node.actuator)
     if actuator is None:
         for argument in node.arguments:
@@ -317,7 +317,7 @@ def _python_module(
     anew: Mapping[str, ParamSymbol],
     local: dict[str, ValueSymbol],
 ) -> ir.PythonModule | None:
-    """Return a module whose step is Python. The class is not imported here: checking runs no user code."""
+    """Check a module whose step is Python. Its class is not imported: checking runs no user code."""
     before = len(checker.report.diagnostics)
     _report_duplicates(checker, node.clauses)
     params = _params(checker, _clauses(node, ast.ParamDecl), anew, local)
@@ -358,7 +358,7 @@ def _python_module(
 
 
 def _reading(checker: Checker, node: ast.Reference) -> Expression | None:
-    """Return a sensor, let, state or machine that a Python module is given."""
+    """Check a sensor, let, state or machine that a Python module reads."""
     found = resolve_reference(replace(checker, local={}), node)
     if isinstance(found, Constant):
         hint = "give constants to it as params"

@@ -218,7 +218,7 @@ def label(scope: Scope, node: ast.SyntaxNode, text: str = "first declared here")
 
 
 def _clipped(message: str) -> str:
-    """Return a message that a name of a million letters does not make as long."""
+    """Return a message in which very long names are clipped."""
     return message if len(message) <= _LONGEST_MESSAGE else f"{message[:_LONGEST_MESSAGE]} ..."
 
 

@@ -195,7 +195,7 @@ class Auditor:
         self._resuming = Resuming(program, answered=True)
 
     def _begin(self) -> None:
-        """All memory at its initial values."""
+        """Set all memory to its initial values."""
         self._interpreter = Interpreter(self._program, answered=True)
         degrades = any(a.on_loss == "degrade" for a in self._program.robot.actuators)
         self._degraded = Interpreter(self._program, answered=True) if degrades else None
@@ -385,7 +385,7 @@ class Auditor:
 def _accounts(
     verdict: RecordedVerdict, due: Decision, interpreter: Interpreter, clients: tuple[str, ...]
 ) -> tuple[ClientAccount, ...]:
-    """Every client, in the order recorded, or in which they are declared where that is all there is."""
+    """Return all clients in the order recorded, or else in the order declared."""
     fates = dict(verdict.fates)
     order = dict.fromkeys((*fates, *clients)) if len(fates) < len(clients) else fates
     known = frozenset(clients)

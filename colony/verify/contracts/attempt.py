@@ -51,7 +51,7 @@ class Attempt:
         return self._search.length
 
     def run(self) -> Proof | Trace | None:
-        """A proof, or a trace that refutes the contract whatever modules in Python answer, or neither."""
+        """Return a proof, a trace that refutes the contract whatever modules in Python answer, or None."""
         proof = self.at_once()
         if proof is not None:
             return proof
@@ -73,7 +73,7 @@ class Attempt:
         return None if used is None else Proof(0, used)
 
     def _induce(self) -> Proof | Trace | None:
-        """Return k-induction up to the greatest k, in turn with the search, which is its base."""
+        """Run k-induction up to the greatest k, in turn with the search, which is its base."""
         steps = Induction(self._cone, self._claim, self._known, self._budget)
         for k in range(1, self._budget.options.depth + 1):
             used = steps.next()

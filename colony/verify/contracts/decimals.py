@@ -78,7 +78,7 @@ def _rounded(value: float, unit: str | None, digits: int) -> Written | None:
 
 
 def plain(number: Decimal) -> str:
-    """Return digits without an exponent where that is readable, and without zeros that say nothing."""
+    """Return the digits without an exponent where that is readable, and without needless zeros."""
     if number == 0:
         return "0"
     if -7 < number.adjusted() < 12:

@@ -44,7 +44,7 @@ def invariants(
     lemmas: Sequence[z3.BoolRef],
     budget: Budget,
 ) -> Invariants:
-    """Return the guesses that are invariant together, and the `claims` that follow from them.
+    """Return the guesses that are inductive together, and the `claims` that follow from them.
 
     `lemmas` are known to hold in every frame. Where z3 gives up, fewer are kept: what is kept is true.
     """
@@ -89,7 +89,7 @@ class _Greatest:
         self.during.add(i)
 
     def settle(self) -> None:
-        """The greatest fixpoint, or something below it where z3 gives up."""
+        """Find the greatest fixpoint, or something below it where z3 gives up."""
         for _ in range(_ROUNDS):
             known = [self._before[i] for i in sorted(self.before)]
             if self._drop(self.during, self._claims, known):

@@ -71,7 +71,7 @@ class Induction:
 
 
 def _switches(known: Sequence[Known]) -> list[z3.BoolRef]:
-    """Return a constant for each thing known: assumed, it is used."""
+    """Return a constant for each known condition; assuming the constant uses the condition."""
     return [z3.Bool(f"known {i}") for i in range(len(known))]
 
 

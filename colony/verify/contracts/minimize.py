@@ -81,7 +81,7 @@ class _Quieter:
 
 
 def _values(readings: Iterator[Reading] | Sequence[Reading]) -> Iterator[Value]:
-    """Yield those that are there: a snapshot has values, and tuples for arrays."""
+    """Yield the present values: a snapshot has values, and tuples for arrays."""
     for reading in readings:
         if isinstance(reading, tuple | float | bool):
             yield reading
@@ -114,7 +114,7 @@ def _inside(sensor: Sensor, x: float) -> bool:
 
 
 def _simple(sensor: Sensor) -> list[Value]:
-    """Values that say little: the default, zero, the ends of the range; of an array in all elements."""
+    """Return simple values: the default, zero, the ends of the range; for an array in all elements."""
     scalars = list(dict.fromkeys(_simple_scalars(sensor)))
     if isinstance(sensor.type, Array):
         return [(x,) * sensor.type.size for x in scalars]

@@ -71,7 +71,7 @@ class Replay:
         return facts_of_breach(self.program, self._contract, given)
 
     def _run(self, snapshots: Sequence[Snapshot]) -> tuple[tuple[Outcome, ...], bool]:
-        """The outcomes, and whether a stand-in answered; with `unasked` they do wherever they are asked."""
+        """Return the outcomes, and True if a stand-in answered; if `unasked`, all answers are stand-ins."""
         interpreter = Interpreter(self.program)
         outcomes, asked = [], False
         for snapshot in snapshots:
@@ -97,7 +97,7 @@ def is_stand_in(sensor: Sensor) -> bool:
 
 
 def _answers(module: str) -> str:
-    """Return the sensor that says whether a stand-in commands; no name of the language has a blank in it."""
+    """Return the sensor that makes a stand-in command; no name of the language has a blank in it."""
     return f"{module} answers"
 
 

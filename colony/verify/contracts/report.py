@@ -20,7 +20,7 @@ _MOST_PLACES = 3
 
 
 def verdict(result: Result) -> str:
-    """Return one word for what became of a contract."""
+    """Return one word for the result of a contract."""
     match result:
         case Proved():
             return "proved"
@@ -52,7 +52,7 @@ def _indented(rows: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def over_reals(result: Proved) -> str:
-    """Return `  (over reals: floats may round at rome.colony:70)`; nothing of a proof for floats."""
+    """Return `  (over reals: floats may round at rome.colony:70)`, or "" if the proof is for floats."""
     places = list(dict.fromkeys(_place(r) for r in result.over_reals))
     if not places:
         return ""
@@ -62,7 +62,7 @@ def over_reals(result: Proved) -> str:
 
 
 def _place(reason: Reason) -> str:
-    """Return the file and line of a reason, or the text where there is none."""
+    """Return the file and line of a reason, or its text without a place."""
     source = reason.span.source
     return f"{source.name}:{source.position(reason.span.start)[0]}" if source.text else reason.text
 
@@ -73,7 +73,7 @@ def told(reason: Reason) -> str:
 
 
 def finding(result: Result, file: str | None) -> Diagnostic | None:
-    """An error for a contract that is refuted, a warning for one that is unknown; nothing for one proved.
+    """Return an error for a refuted contract, a warning for an unknown one, None for a proved one.
 
     `file` is what was verified, to which the hint offers to add the run; None where that is done anyway.
     """

@@ -59,7 +59,7 @@ class Search:
         return self._length
 
     def longer(self, asked: bool = True) -> Iterator[Candidate]:
-        """Yield models whose last frame is the next one; each one asked for differs from those before it.
+        """Yield models whose last frame is the next one; each differs from those before it.
 
         Without `asked` only those in which no module in Python is asked.
         """

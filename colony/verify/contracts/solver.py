@@ -72,7 +72,7 @@ class Solver:
     """An incremental z3 solver within a budget. Mutable."""
 
     def __init__(self, budget: Budget, share: float = 1.0) -> None:
-        """`share` is the part of the resources of a question that each question of this solver has."""
+        """Set the share of a question's resources that each question of this solver has."""
         self._budget = budget
         self._z3 = z3.Solver()
         self._z3.push()  # from here on z3 works incrementally: for questions like these it is quicker
@@ -133,7 +133,7 @@ class Solver:
         return self._z3.model()
 
     def core(self) -> frozenset[str]:
-        """Return the names of the assumed constants that the last answer, UNSAT, made use of."""
+        """Return the names of the assumed constants that the last answer, UNSAT, depends on."""
         return frozenset(str(c) for c in self._z3.unsat_core())
 
 

@@ -16,7 +16,7 @@ _MOST_EXCEPTIONS = 6
 
 
 def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]:
-    """Return the lines of a table, its heading first, and below it what has to be known besides."""
+    """Return the lines of a table, its heading first, with notes below it."""
     sensors = [s for s in program.robot.sensors if any(s.name in x.readings for x in trace.snapshots)]
     actuators = _actuators(program, contract)
     modules = list(dict.fromkeys(m for s in trace.snapshots for m in s.answers))
@@ -44,7 +44,7 @@ def _below(program: Program, trace: Trace, given: int) -> Iterator[str]:
 
 
 def _actuators(program: Program, contract: Contract) -> dict[str, Actuator]:
-    """Return those that the contract names, else all."""
+    """Return the actuators that the contract names, else all."""
     asked = (ir.SentField, ir.WonBy, ir.IsCommanded, ir.IsIdle)
     named = {x.actuator for x in ir.subexpressions(contract.expression) if isinstance(x, asked)}
     chosen = [a for a in program.robot.actuators if a.name in named] or program.robot.actuators

@@ -62,7 +62,7 @@ def _readings(cone: Cone, random: Random) -> Iterator[z3.BoolRef]:
 
 
 def _elements(cone: Cone, given: SensorInput, random: Random) -> Iterator[z3.BoolRef]:
-    """Yield values of a sensor; those of an array are near each other or not."""
+    """Yield values of a sensor; elements of an array are near each other or not."""
     base, spread = random.random(), random.choice((0.0, 0.1, 1.0))
     for element in given.elements:
         if not isinstance(element, Number):

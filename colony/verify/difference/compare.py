@@ -117,7 +117,7 @@ def _sends(actuator: Actuator, name: str) -> ir.Expression:
 
 
 def _sent(actuator: Actuator, i: int, name: str) -> ir.Expression:
-    """Return a field as it is sent; where nothing is sent, a value that stands for that."""
+    """Return a field as it is sent; where nothing is sent, a stand-in value."""
     kind = actuator.fields[i].type
     sent = ir.SentField(type=kind, actuator=name, field_index=i)
     if actuator.idle is not None:

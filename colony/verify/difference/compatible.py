@@ -66,7 +66,7 @@ def _unknown(name: str, known: Sequence[str], kind: str, program: Program) -> Di
 def pairs(
     a: Program, b: Program, leave_out: Ignored, chosen: Sequence[tuple[str, str]] = ()
 ) -> tuple[Pair, ...]:
-    """Return the actuators to compare: those of one name, or those `chosen` (A's name, B's name).
+    """Return the actuators to compare: those of equal names, or those `chosen` (A's name, B's name).
 
     Raises:
         Failure: V040, for a name that there is not; V041, where the actuators take different commands;
@@ -130,7 +130,7 @@ _ALIKE = "behaviors are compared for one robot: declare it in a file that both i
 
 
 def check_sensors(a: Program, b: Program) -> None:
-    """Sensors of one name must be the same, and those of one source must have one name.
+    """Check that sensors of one name are equal, and that sensors of one source have one name.
 
     Raises:
         Failure: V041, for each that differs, at B's declaration.

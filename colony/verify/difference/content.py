@@ -239,5 +239,5 @@ def _besides(e: ir.Expression) -> tuple[Hashable, ...]:
 
 
 def _written(value: Value) -> str:
-    """Return a value such that true is not 1, and 0 not -0."""
+    """Return a key of a value that distinguishes true from 1, and 0 from -0."""
     return repr(value)

@@ -32,7 +32,7 @@ def changed_declarations(a: Program, b: Program) -> tuple[str, ...]:
 
 
 def _values(program: Program) -> Iterator[tuple[tuple[str, str], str]]:
-    """Yield kind and name of each value, within its file and module, and how it is written."""
+    """Yield kind and name of each value, within its file and module, and its text."""
     for file, text, declaration in _declarations(program):
         if isinstance(declaration, ast.ModuleDecl):
             inside = f"{file}{declaration.name.text}."

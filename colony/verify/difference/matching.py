@@ -13,7 +13,7 @@ from colony.verify.difference.results import Matching
 
 
 def matching(a: Program, b: Program, compared: Sequence[Pair]) -> Matching:
-    """Return pairs of modules with equal contents, those of one name first, and what has no counterpart."""
+    """Return the pairs of modules with equal contents, equal names first, and the modules without a match."""
     names_a, names_b = _contents(a, b)
     left = dict(names_b)
     same: dict[str, str] = {}

@@ -126,7 +126,7 @@ class _Merger:
     # --- the network -----------------------------------------------------------------------------
 
     def _network(self, program: Program, renamed: dict[str, str], suffix: str) -> None:
-        """Every node as a wire of its own; equal nodes are one."""
+        """Add every node as a wire of its own; equal nodes are one."""
         wired, outputs = joints_of(program), dict(renamed)
         for joint in wired.joints:
             outputs[joint.name] = self._node(joint, outputs[joint.dominant], outputs[joint.inferior])
@@ -145,7 +145,7 @@ class _Merger:
 
 
 def _called(name: str, alike: Sequence[str], suffix: str) -> str:
-    """The name of one of those with the same content, of that which is called the same if there is one."""
+    """Return a name with the same content, preferably the same name."""
     if not alike:
         return name + suffix
     return name if name in alike else alike[0]

@@ -103,7 +103,7 @@ def _sent(a: Program, b: Program, result: Different, one: Outcome, other: Outcom
 
 
 def row(a: Program, b: Program, result: Result) -> dict[str, object]:
-    """Return the result as JSON has it."""
+    """Return the result as a row for JSON."""
     matching = result.matching
     made: dict[str, object] = {"verdict": verdict(result)}
     match result:
@@ -134,7 +134,7 @@ def row(a: Program, b: Program, result: Result) -> dict[str, object]:
 
 
 def verdict(result: Result) -> str:
-    """Return one word for what came of it."""
+    """Return one word for the result."""
     match result:
         case Same():
             return "same"

@@ -64,7 +64,7 @@ class Circuit:
         return len(self.left)
 
     def input(self, of: Input) -> int:
-        """Return the literal of a free input, one for equal ones."""
+        """Return the literal of a free input; equal inputs have one literal."""
         literal = self.inputs.get(of)
         if literal is None:
             literal = self.inputs[of] = self._add(_INPUT, _INPUT)
@@ -90,7 +90,7 @@ class Circuit:
         return self.both(a ^ 1, b ^ 1) ^ 1
 
     def all(self, literals: Iterable[int]) -> int:
-        """The conjunction of literals, in that association whose parts are there already, if there is one.
+        """Return the conjunction of literals, associated so that existing parts are used, if there are any.
 
         The same literals give the same conjunction, whatever came to be there in between.
         """
@@ -134,7 +134,7 @@ class Circuit:
         return self.left[node] == _INPUT
 
     def _partner(self, one: int, among: set[int]) -> int | None:
-        """Return a literal among these whose conjunction with `one` is there already; the latest of them."""
+        """Return the latest of these literals whose conjunction with `one` exists already."""
         partners = self._partners.get(one, ())
         if len(partners) <= len(among):
             return max((other for other in partners if other in among), default=None)
@@ -144,7 +144,7 @@ class Circuit:
         )
 
     def _simpler(self, a: int, b: int) -> int:
-        """Return the rules with an operand that is a conjunction itself."""
+        """Return the result of the rules for an operand that is a conjunction itself."""
         for one, other in ((a, b), (b, a)):
             left, right = self.left[other >> 1], self.right[other >> 1]
             if left == _INPUT:

@@ -74,7 +74,7 @@ Alike = Mapping[str, str | None]
 
 
 def with_activities(program: Program) -> Program:
-    """The program with a contract a module, behind its own, that is true where the module is active."""
+    """Return the program with one more contract a module, which is true where the module is active."""
     more = tuple(
         Contract(name=f"{_ACTIVE}{module.name}", expression=active(module.name)) for module in program.modules
     )
@@ -153,7 +153,7 @@ def _settled(read: Callable[[Alike], Form], modules: Sequence[str], timeout_ms: 
 
 
 def _decisive(form: Form, modules: Sequence[str]) -> list[int]:
-    """Return the conditions that modules are active by, in the order of the modules."""
+    """Return the conditions under which modules are active, in the order of the modules."""
     circuit = form.circuit
     histories = {timer.history >> 1 for timer in form.timers}
     found: dict[int, int] = {}
@@ -250,7 +250,7 @@ def _shown(
 
 
 def _frame(form: Form, values: Values) -> Activation:
-    """Return the modules that are active, and those whose being so lately still counts."""
+    """Return the active modules, and the recently active ones that still count."""
     by_activity = {active: module for module, active in form.activity.items()}
     running = {timer.history: timer for timer in form.timers if values(timer.history)}
     return Activation(

@@ -62,7 +62,7 @@ def _winners(actuator: ActuatorCode, circuit: Circuit, literals: Sequence[int]) 
 
 
 def _timers(code: Code, circuit: Circuit, literals: Sequence[int], alike: Alike) -> list[Timer]:
-    """Cells that hold the end of a time constant: at first 0, and a window from now under a condition."""
+    """Return the cells that hold the end of a time constant: initially 0, then a window from now."""
     found = []
     for cell in code.cells:
         value = code.ops[cell.value]

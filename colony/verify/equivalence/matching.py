@@ -70,7 +70,7 @@ class Matching:
                 self._histories.setdefault(of.window_ns, []).append((of.operand, literal))
 
     def find(self, literal: int) -> int:
-        """Return an old literal that is proved equal, else the literal itself."""
+        """Return an earlier literal that is proved equal, else the literal itself."""
         if literal >> 1 < self._old:
             return literal
         self._extend()
@@ -88,7 +88,7 @@ class Matching:
         return literal
 
     def _alike(self, literal: int) -> list[int]:
-        """Return old literals with the same signature, if they are few; the constants where it is theirs."""
+        """Return earlier literals with the same signature, if they are few; constants if it is theirs."""
         value = self._value(literal)
         if value in (0, self._mask):
             return [TRUE if value else FALSE]
@@ -127,7 +127,7 @@ class Matching:
         return signature ^ self._mask if literal & 1 else signature
 
     def _extend(self) -> None:
-        """Signatures of all nodes that have none yet."""
+        """Compute the signatures of all nodes that have none yet."""
         signatures, fingerprints, circuit = self._signatures, self._fingerprints, self.circuit
         for node in range(len(signatures), len(circuit)):
             if node and not circuit.is_input(node):
@@ -162,14 +162,14 @@ class Matching:
         return self._random.getrandbits(width)
 
     def _sparse(self, halvings: int) -> int:
-        """Return each valuation with a chance of one in 2 ** halvings."""
+        """Return each valuation with a probability of one in 2 ** halvings."""
         drawn = self._mask
         for _ in range(halvings):
             drawn &= self._random.getrandbits(self._width)
         return drawn
 
     def _few(self, inputs: int) -> int:
-        """Return so few valuations that of so many inputs about one in two valuations has one."""
+        """Return few valuations: for so many inputs, about one in two valuations has an input that is true."""
         drawn = 0
         for _ in range(max(1, self._width // (2 * inputs))):
             drawn |= 1 << self._random.randrange(self._width)
@@ -196,5 +196,5 @@ class Matching:
         return found
 
     def remember(self, operand: int, window_ns: int, history: int) -> None:
-        """`history` is true less than the window after a frame with `operand`."""
+        """Record that `history` is true less than the window after a frame with `operand`."""
         self._histories.setdefault(window_ns, []).append((operand, history))

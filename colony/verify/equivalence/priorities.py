@@ -102,7 +102,7 @@ class Induction:
         return True
 
     def _joints(self) -> list[tuple[int, Joint]]:
-        """Return suppressors and inhibitors that something gets through, from the actuator down."""
+        """Return the suppressors and inhibitors that pass a command, from the actuator down."""
         return [
             (at, node)
             for at in range(self.root.node, -1, -1)

@@ -153,7 +153,7 @@ def prove_clients(
 
 
 def _malformed(clients: ClientList, form: str) -> Malformed | None:
-    """Return a list that is no list of clients: priorities are not n, ..., 1, or something is there twice."""
+    """Return the fault of a malformed list: priorities are not n, ..., 1, or an entry occurs twice."""
     for one in clients.actuators:
         expected = tuple(range(len(one.clients), 0, -1))
         found = tuple(client.priority for client in one.clients)
@@ -198,7 +198,7 @@ class _Count:
 
 
 def _network(program: Program, order: Sequence[str], timeout_ms: int) -> tuple[Circuit, Source]:
-    """The network, with one history for all time constants whose dominant inputs are provably the same.
+    """Return the network, with one history for all time constants with provably equal dominant inputs.
 
     Where some are found to be, more may be, since formulas grow alike: so it is looked again.
     """
@@ -284,7 +284,7 @@ class _Proof:
     def _order(
         self, actuator: str, root: Root | None, judge: _Judge, clients: tuple[ClientFormulas, ...]
     ) -> Counterexample | Undecided | None:
-        """The first guard that holds, now that exclusive guards are known to be those of the network."""
+        """Check that the first guard that holds wins; exclusive guards are known to be the network's."""
         structure = first_by_structure(clients, judge.wins, self.circuit)
         for client in clients:
             self.count.add(structure and not client.solved)
@@ -321,7 +321,7 @@ class _Proof:
 
 
 def _settled(client: ClientFormulas, win: int) -> ClientFormulas:
-    """Return the client with what is now known of its exclusive guard."""
+    """Return the client with the knowledge about its exclusive guard."""
     guard = win if client.guard == client.exclusive else client.guard
     solved = client.solved or client.exclusive != win
     return replace(client, guard=guard, exclusive=win, solved=solved)

@@ -27,7 +27,7 @@ Key = tuple[object, ...]
 
 
 def read_python(program: Program, clients: ClientList, text: str, name: str, alike: Alike) -> Form:
-    """Return the winners by a text; `name` is what the form is called.
+    """Return the winners by a text; `name` is the name of the form.
 
     Raises:
         Unreadable: it is not of the form that is generated.
@@ -164,7 +164,7 @@ class _Run:
         return self.circuit.either(end, other_end)
 
     def _loop(self, body: Sequence[ast.stmt], reached: int) -> None:
-        """Once through: whatever is reached ends with a `break`."""
+        """Run a loop once: every branch that is reached ends with a `break`."""
         end, changed = self._apart(body, reached)
         if end != FALSE:
             raise Unreadable("a loop over clients that may not end", "a `break` behind every client")
@@ -299,7 +299,7 @@ class _Run:
         return FALSE if same is None else self.circuit.input(Opaque(f"t < self.{same}"))
 
     def timers(self) -> list[Timer]:
-        """Attributes that hold the end of a time constant: 0 at first, a window from now where reached."""
+        """Return the attributes that hold the end of a time constant: initially 0, then a window from now."""
         found = []
         for cell, updates in self.updates.items():
             (reached, number), *more = updates

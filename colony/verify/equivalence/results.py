@@ -123,7 +123,7 @@ def together(results: Sequence[Proved | Undecided]) -> Proved | Undecided:
 
 
 def frame_text(frame: Activation) -> str:
-    """Return a frame in words, as what follows "with"."""
+    """Return a frame in words, which can follow "with"."""
     active = f"{listed(frame.active)} active" if frame.active else "no module active"
     recent = [f"{_ago(one)}" for one in frame.recent]
     return f"{active}, and {listed(recent)}" if recent else active

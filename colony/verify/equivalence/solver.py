@@ -116,7 +116,7 @@ class Solver:
 
 
 def differ(a: int, b: int) -> tuple[Clause, Clause]:
-    """Return clauses that say: two literals are not equal."""
+    """Return the clauses that state that two literals are not equal."""
     return ((a, b), (a ^ 1, b ^ 1))
 
 
@@ -144,12 +144,12 @@ class _Cnf:
         return -number if literal & 1 else number
 
     def add(self, clause: Clause, unless: str = "") -> None:
-        """One more clause, which need not hold where `unless` does."""
+        """Add a clause, which need not hold where `unless` does."""
         self._lines.append(f"{unless} {' '.join(str(self._signed(i)) for i in clause)} 0")
         self._clauses += 1
 
     def add_one_of(self, questions: Sequence[Sequence[Clause]]) -> None:
-        """All clauses of one of the questions, whichever."""
+        """Add all clauses of one of the questions, whichever."""
         choices = range(self._variables + 1, self._variables + len(questions) + 1)
         self._variables += len(questions)
         for choice, clauses in zip(choices, questions, strict=True):
@@ -185,7 +185,7 @@ class _Cone:
 
 
 def _cone(circuit: Circuit, clauses: Sequence[Clause], limit: int) -> _Cone:
-    """Return conjunctions that the clauses' literals are made of, so many at most.
+    """Return the conjunctions that the clauses' literals are made of, up to a limit.
 
     First what one literal alone is made of: where two formulas are compared, what both are made of is mostly
     better left as it is. And first, if few are wanted, what is nearest, else what is behind the fewest

@@ -40,7 +40,7 @@ class ListFormulas:
 def encode_list(
     clients: ClientList, circuit: Circuit, matching: Matching, activity: Mapping[str, int] | None = None
 ) -> ListFormulas:
-    """Return the formulas of all guards; `activity` says when modules are active, where that is not free."""
+    """Return the formulas of all guards; `activity` has the modules' activities that are not free."""
     guards = _Guards(circuit, matching, activity)
     values: list[int] = []
     solved: list[bool] = []

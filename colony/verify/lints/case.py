@@ -62,7 +62,7 @@ class Case:
 
 
 def case_of(program: Program) -> Case:
-    """Return a program as lints look at it."""
+    """Return the case of a program."""
     wired = network(program)
     modules = tuple(_observed(m) if isinstance(m, Module) else m for m in program.modules)
     observed = replace(program, modules=modules, wires=wired.wires, contracts=(), tests=())

@@ -175,7 +175,7 @@ def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Ex
 
 
 def _warnings(case: Case, found: Mapping[tuple[str, str], list[str]]) -> Iterator[Diagnostic]:
-    """Yield one for each module and set of guards."""
+    """Yield a warning for each module and set of guards."""
     by_guards: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for (module, sensor), guards in found.items():
         by_guards.setdefault((module, tuple(guards)), []).append(sensor)

@@ -63,7 +63,7 @@ def lint(program: Program, patience: Patience | None = None) -> tuple[Diagnostic
 
 
 def _least(case: Case, module: str, patience: Patience) -> tuple[str, ...]:
-    """Return a set of modules that dominate a module wherever it is active, of which none can be left out."""
+    """Return a minimal set of modules that dominate a module wherever it is active."""
     who = shadows.candidates(case, module)
     if len(who) > _MOST_NAMED or not _dominate(case, module, who, patience):
         return ()

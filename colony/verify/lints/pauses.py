@@ -19,7 +19,7 @@ def _name(inner: Joint, outer: Joint) -> str:
 
 
 def _pairs(case: Case) -> Iterator[tuple[Joint, Joint]]:
-    """Yield `(A suppresses[T] B) suppresses C`: the inner node, and the outer one."""
+    """Yield the inner and the outer node of each `(A suppresses[T] B) suppresses C`."""
     for outer in case.network.joints.values():
         inner = case.network.joints.get(outer.dominant)
         if inner is None or not inner.window_ns or not case.is_own(span_of(outer)):

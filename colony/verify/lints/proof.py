@@ -48,7 +48,7 @@ class Prover:
         return Setting(encode(self._program))
 
     def proved(self, names: Iterable[str]) -> frozenset[str]:
-        """Return those of the claims that hold always, for floats as they are."""
+        """Return the claims that are proved, for floats as they are."""
         return frozenset(name for name in names if self.holds(name) and not self._rounds(name))
 
     def holds(self, name: str) -> bool:

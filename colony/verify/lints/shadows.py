@@ -59,7 +59,7 @@ def dominated(case: Case, module: str, by: Sequence[str]) -> Expression | None:
 
 
 def _ways(case: Case, module: str) -> Iterator[tuple[str, ...]]:
-    """The nodes on whose inferior side a module passes, for each of its ways to the end of a network."""
+    """Yield, for each way of a module to the end of a network, the nodes that it enters as inferior."""
     ends = [*case.network.roots.values()]
     ends += [n.dominant for n in case.network.joints.values() if n.relation == "inhibits"]
     made = 0
@@ -88,7 +88,7 @@ def candidates(case: Case, module: str) -> tuple[str, ...]:
 
 
 def told(case: Case, proved: Set[str], by: Mapping[str, tuple[str, ...]]) -> Iterator[Diagnostic]:
-    """Yield `by` gives a least set of modules that dominate a module, where it was found."""
+    """Yield the warnings; `by` gives a minimal set of modules that dominate a module, where it was found."""
     for name, module in case.modules.items():
         if shadowed(name) not in proved or never(name) in proved:
             continue

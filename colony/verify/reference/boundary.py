@@ -24,7 +24,7 @@ FUTURE = math.nan
 
 
 def aged(sensor: Sensor, reading: Reading, frame: Frame) -> Reading:
-    """`reading`, as old as `frame` says: missing where it is too old, faulty where it is from the future."""
+    """Return `reading` at the age that `frame` gives: missing if too old, faulty if from the future."""
     taken_ns = frame.taken_ns.get(sensor.name, frame.t_ns)
     if taken_ns > frame.t_ns and sensor.name in frame.readings:
         return FUTURE
@@ -166,7 +166,7 @@ class PythonRunner:
         self._answers: list[tuple[int, Command]] = []  # with the time from which each stands
 
     def step(self, t_ns: int, frame: ModuleFrame) -> tuple[Command, bool]:
-        """The command that stands in a frame in which all that is read is there; whether it went wrong."""
+        """Return the command of a frame in which nothing that it reads is missing, and True if it went wrong."""
         if self.module.rate_ns is None:
             return self._call(frame)
         failed = False
@@ -193,7 +193,7 @@ class PythonRunner:
         return tuple(self._field(f.type, result[f.name]) for f in self._fields)
 
     def _field(self, of: Scalar, x: object) -> ScalarValue:
-        """Return NaN is a number here: a command that is not finite is a fault of its own."""
+        """Check a field. NaN is accepted here: a command that is not finite is a fault of its own."""
         if not isinstance(of, Bool | Enum) and isinstance(x, float) and math.isnan(x):
             return x
         return typed_scalar(of, x)

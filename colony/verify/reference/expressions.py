@@ -136,7 +136,7 @@ def leaf(e: ir.Expression, moment: Moment, loop: Loop) -> Value:
 
 
 def each(of: Callable[..., ScalarValue], *operands: Value) -> Value:
-    """`of` the operands, element by element where one is an array; a scalar stands for all elements."""
+    """Apply `of` element by element where an operand is an array; a scalar stands for all elements."""
     sizes = [len(x) for x in operands if isinstance(x, tuple)]
     if not sizes:
         return of(*operands)
@@ -180,7 +180,7 @@ def len_of(e: ir.Expression) -> int:
 
 
 def call(e: ir.Call, moment: Moment, memory: Memory, loop: Loop) -> Value:
-    """Return a pure function of an array, of several scalars, or element by element."""
+    """Evaluate a pure function of an array, of several scalars, or element by element."""
     if e.function in ir.INDEX_FUNCTIONS:
         return index_function(e.function, e.arguments[0], moment, memory, loop)
     arguments = [evaluate(a, moment, memory, loop) for a in e.arguments]
@@ -204,7 +204,7 @@ def index_function(of: ir.Function, e: ir.Expression, moment: Moment, memory: Me
 
 
 def reduce(e: ir.Reduce, moment: Moment, memory: Memory, loop: Loop) -> ScalarValue:
-    """Return a reduction over a variable; body and condition are evaluated for each of its values."""
+    """Evaluate a reduction over a variable: body and condition for each of its values."""
     taken = []
     for k in range(e.low, e.high + 1):
         inner = (*loop, (e.variable, k))
@@ -218,7 +218,7 @@ def reduce(e: ir.Reduce, moment: Moment, memory: Memory, loop: Loop) -> ScalarVa
 
 
 def recall(e: ir.MemoryCall, arguments: list[Value], moment: Moment, memory: Memory, loop: Loop) -> Value:
-    """Return a memory function: each element of an array, and each loop index, has memory of its own."""
+    """Evaluate a memory function: each element of an array, and each loop index, has memory of its own."""
     path = tuple(k for _, k in loop)
     sizes = [len(a) for a in arguments if isinstance(a, tuple)]
     results = []
@@ -231,7 +231,7 @@ def recall(e: ir.MemoryCall, arguments: list[Value], moment: Moment, memory: Mem
 
 
 def remember(e: ir.MemoryCall, x: list[ScalarValue], last: Any, t_ns: int) -> tuple[ScalarValue, Any]:
-    """The value of a memory function now, and what it remembers from now on; `last` is None at first."""
+    """Return the present value of a memory function and its new state; `last` is None at first."""
     match e.function:
         case ir.Memory.PREVIOUS:
             return (x[1] if last is None else last), x[0]

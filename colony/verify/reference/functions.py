@@ -117,7 +117,7 @@ def of_one(of: Function, x: float) -> float:
 
 
 def divide(x: float, y: float) -> float:
-    """Return IEEE 754: a division by zero gives an infinity, or NaN for 0 / 0 and NaN / 0."""
+    """Divide by IEEE 754: a division by zero gives an infinity, or NaN for 0 / 0 and NaN / 0."""
     if y != 0:
         return x / y
     if x == 0 or math.isnan(x):

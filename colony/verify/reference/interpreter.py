@@ -85,7 +85,7 @@ class Interpreter:
         return self._frame(frame.t_ns, readings, {s.name: s.factor for s in sensors})
 
     def step_in_base_units(self, t_ns: int, readings: Mapping[str, Reading]) -> Outcome:
-        """Return one frame, its readings in base units already, as tests and proofs give them."""
+        """Execute one frame with readings in base units, as tests and proofs give them."""
         return self._frame(t_ns, readings, {s.name: 1.0 for s in self.program.robot.sensors})
 
     def value_of(self, expression: Expression) -> Value | None:
@@ -156,7 +156,7 @@ class Interpreter:
                     assert_never(derived)
 
     def _machine(self, machine: ir.Machine, moment: Moment) -> None:
-        """The first transition from the present phase; every condition is evaluated, for its memory."""
+        """Take the first transition from the present phase; evaluate every condition, for its memory."""
         phase = scalar(moment.states[machine.name])
         taken: float | None = None
         for transition in machine.transitions:
@@ -185,7 +185,7 @@ class Interpreter:
             moment.outputs[module.name] = module.name if heard else None
 
     def _module(self, module: ir.Module, moment: Moment) -> tuple[ScalarValue, ...] | None:
-        """The command put on the output, with no fields where the module has no `do`; None for nothing.
+        """Return the command put on the output, without fields if the module has no `do`; None for nothing.
 
         Unless the module is silent everything in it is evaluated, whether or not its predicate holds.
         """
@@ -236,7 +236,7 @@ class Interpreter:
                 moment.winners[wire.actuator] = output
 
     def _wiring(self, wiring: ir.Wiring, moment: Moment, node: tuple[str | int, ...]) -> str | None:
-        """Return the module whose output gets through `wiring`; None where nothing does: it is not active."""
+        """Return the module whose output gets through `wiring`; None if it is not active."""
         if isinstance(wiring, ir.Use):
             return moment.outputs[wiring.name]
         last = len(wiring.operands) - 1
@@ -307,7 +307,7 @@ class Interpreter:
         limits: list[tuple[ir.Limit, float]],
         records: list[Record],
     ) -> ScalarValue:
-        """Field `i` of a command within its limits, then within its range; recorded where it was not."""
+        """Return field `i` of a command within its limits, then within its range; record changes."""
         field, lowered = actuator.fields[i], False
         for limit, bound in limits:
             if limit.field_index == i:
@@ -329,7 +329,7 @@ class Interpreter:
 
 
 def _memory_cells(program: ir.Program) -> list[tuple[ir.State | ir.Machine, ScalarValue]]:
-    """Return every state and machine with what it holds at first."""
+    """Return every state and machine with its initial value."""
     cells: list[tuple[ir.State | ir.Machine, ScalarValue]] = []
     for derived in program.derived:
         match derived:

@@ -80,7 +80,7 @@ class Arithmetic:
         return self.add(x, negated(y))
 
     def _rounds(self, x: Number, what: str, grows: bool = True) -> Number:
-        """A number that the program rounds; `grows`: it may be beyond all floats though no operand is."""
+        """Return a number that the program rounds; `grows`: it may overflow though no operand does."""
         return self._blamed(x, Inexact.ROUNDING, f"{what}: reals in place of floats", grows)
 
     def _abstracted(self, x: Number, text: str, grows: bool = False) -> Number:
@@ -260,7 +260,7 @@ class Arithmetic:
         return self._whole(x, Function.ROUND, self.round_of)
 
     def _whole(self, x: Number, function: Function, of: Callable[[Number], Number]) -> Number:
-        """Return NaN and infinities stay."""
+        """Return a rounded number; NaN and infinities stay."""
         known = by_folding(lambda v: of_one(function, v), (x,))
         if known is not None:
             return known

@@ -129,7 +129,7 @@ def between(term: z3.ArithRef, bounds: Bounds) -> Iterator[z3.BoolRef]:
 
 
 def within(x: Number, bounds: Bounds) -> z3.BoolRef:
-    """Return `x`, where it is finite, is within `bounds`."""
+    """Return the condition that `x`, where it is finite, is within `bounds`."""
     inside = all_of(between(x.value, bounds))
     return inside if always_finite(x) else implied(finite(x), inside)
 
@@ -139,7 +139,7 @@ def _zero(x: Number) -> z3.BoolRef:
 
 
 def _sign_rules(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """Yield the sign of a product or quotient; that of small ones may round to 0."""
+    """Yield the sign of a product or quotient; small ones may round to 0."""
     like = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
     unlike = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
     yield implied(like, cast(z3.BoolRef, p >= 0))
@@ -160,7 +160,7 @@ def of_product(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator
 
 
 def _infinite_sign(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """Yield a result that is infinite has the sign of its operands."""
+    """Yield the conditions that an infinite result has the sign of its operands."""
     infinite = either(x.infinite, y.infinite)
     like = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
     unlike = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
@@ -219,7 +219,7 @@ def _linear_quotient(q: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRe
 
 
 def of_modulo(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator[Known]:
-    """Yield a remainder is between 0 and the divisor; by an infinity it is the dividend, or that infinity."""
+    """Yield that a remainder is between 0 and the divisor; by an infinity it is the dividend or infinite."""
     there = negation(nan)
     usual = both(there, negation(y.infinite))
     yield implied(both(usual, positive_value(y)), all_of(map(_bool, (r >= 0, r <= y.value)))), False
@@ -232,7 +232,7 @@ def of_modulo(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator
 
 
 def choose_sign(r: z3.ArithRef, y: Number) -> z3.BoolRef:
-    """Return `r` has the sign of `y`."""
+    """Return the condition that `r` has the sign of `y`."""
     return any_of((both(positive_value(y), _bool(r > 0)), both(negative_value(y), _bool(r < 0))))
 
 
@@ -241,7 +241,7 @@ def _bool(formula: object) -> z3.BoolRef:
 
 
 def of_square_root(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[Known]:
-    """Yield a root is at least 0, and between 1 and its square."""
+    """Yield that a root is at least 0, and between 1 and its square."""
     there = negation(nan)
     yield implied(there, _bool(r >= 0)), False
     yield implied(both(there, _bool(x.value > 0)), _bool(r > 0)), False

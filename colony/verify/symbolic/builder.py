@@ -65,7 +65,7 @@ class Builder:
         return cast(Made, self._made[key])
 
     def keep(self, *terms: z3.ExprRef) -> tuple[int, ...]:
-        """Return the ids of terms, which now are no others'."""
+        """Return the ids of terms and keep the terms alive, so that no other term gets these ids."""
         self.kept.extend(terms)
         return tuple(x.get_id() for x in terms)
 

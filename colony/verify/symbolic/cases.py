@@ -73,7 +73,7 @@ def by_cases(cases: Iterable[Case], loose_zero: bool = False) -> Number:
 
 
 def with_cases(value: z3.ArithRef, cases: tuple[Case, ...]) -> Number:
-    """Return the number `value` of which the cases are known."""
+    """Return the number `value` with known cases."""
     nan = any_of(c for x, c in cases if math.isnan(x))
     infinite = any_of(c for x, c in cases if math.isinf(x))
     known = [constant(x).bounds for x, _ in cases if not math.isnan(x)]
@@ -89,7 +89,7 @@ def _float_of(key: tuple[float, float] | None) -> float:
 
 
 def whole_of(x: Number) -> z3.ArithRef | None:
-    """Return `x` as a term of sort Int, where it is whole; of an infinity, its sign."""
+    """Return `x` as a term of sort Int, where it is whole; for an infinity, its sign."""
     if x.whole is not None or not x.cases:
         return x.whole
     signs = [(v if math.isfinite(v) else math.copysign(1.0, v), c) for v, c in x.cases if not math.isnan(v)]
@@ -113,7 +113,7 @@ def folded(of: Callable[..., Result], operands: Sequence[Number]) -> list[tuple[
 
 
 def by_folding(of: Callable[..., float], operands: Sequence[Number]) -> Number | None:
-    """Return a function of numbers, each of which can be only a few floats, bit for bit; None of others."""
+    """Apply a function bit for bit to numbers that can be only a few floats each; None for others."""
     cases: list[Case] = []
     loose = [x.loose_zero for x in operands]
     loose_zero = False
@@ -129,7 +129,7 @@ def by_folding(of: Callable[..., float], operands: Sequence[Number]) -> Number |
 
 
 def _combinations(operands: Sequence[Number]) -> list[tuple[tuple[float, ...], z3.BoolRef]]:
-    """Return all combinations of cases, and when each applies; none where they are too many."""
+    """Return all combinations of cases with their conditions; none where they are too many."""
     if not 0 < math.prod(len(x.cases) for x in operands) <= MOST_CASES:
         return []
     rows = product(*(x.cases for x in operands))

@@ -47,7 +47,7 @@ def lifted(value: ScalarValue) -> Scalar:
 
 
 def each(of: Callable[..., Scalar], *operands: Term) -> Term:
-    """`of` the operands, element by element where one is an array; a scalar stands for all elements."""
+    """Apply `of` element by element where an operand is an array; a scalar stands for all elements."""
     sizes = [len(x) for x in operands if isinstance(x, tuple)]
     if not sizes:
         return of(*operands)

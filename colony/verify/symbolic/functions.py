@@ -69,7 +69,7 @@ def binary(operator: Binary, x: Scalar, y: Scalar, arithmetic: Arithmetic) -> Sc
 
 
 def relation(operator: Binary, x: Scalar, y: Scalar) -> z3.BoolRef:
-    """Return an operator that gives a truth."""
+    """Return the result of an operator that gives a truth value."""
     match operator:
         case Binary.LESS:
             return compared(number(x), number(y), "<")
@@ -140,7 +140,7 @@ def _of_one(of: Function, x: Number, arithmetic: Arithmetic) -> Number:
 
 
 def reduction(of: Function, taken: Sequence[Taken], arithmetic: Arithmetic) -> Scalar:
-    """Return a function of those values that are taken."""
+    """Return a function of the values that are taken."""
     there = [(x, taken_) for x, taken_ in taken if not is_false(taken_)]
     match of:
         case Function.ANY:

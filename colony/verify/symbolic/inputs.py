@@ -31,7 +31,7 @@ from colony.verify.symbolic.system import (
 
 
 def begin(builder: Builder) -> Moment:
-    """Return time: 0 in the first frame, and later in each than in the one before it."""
+    """Start the encoding with time: 0 in the first frame, and later in each than in the one before."""
     now = z3.Int("now")
     begun_name, last_name = builder.name("begun"), builder.name("last")
     begun = cast(z3.BoolRef, builder.open_cell(begun_name, z3.BoolSort(), FALSE))
@@ -48,7 +48,7 @@ def begin(builder: Builder) -> Moment:
 
 
 def sense(program: Program, builder: Builder, moment: Moment) -> dict[str, SensorInput]:
-    """Return every sensor: in range and of its type where it is present, else its default or missing."""
+    """Return every sensor: in range and of its type where present, else its default or missing."""
     inputs = {}
     for sensor in program.robot.sensors:
         present = z3.Bool(f"{sensor.name}?")

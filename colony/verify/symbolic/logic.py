@@ -85,7 +85,7 @@ def any_of(formulas: Iterable[z3.BoolRef]) -> z3.BoolRef:
 def _kept(
     formulas: Iterable[z3.BoolRef], neutral: z3.BoolRef, absorbing: z3.BoolRef
 ) -> list[z3.BoolRef] | None:
-    """Return the formulas that matter, each once; None where one, or one and its negation, decides."""
+    """Return the relevant formulas, each once; None where a formula, or a pair of opposites, decides."""
     kept: dict[int, z3.BoolRef] = {}
     for x in formulas:
         if x is absorbing:

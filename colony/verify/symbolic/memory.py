@@ -102,7 +102,7 @@ class Memory:
         return ever
 
     def _flag(self, what: str) -> tuple[z3.BoolRef, Callable[[z3.BoolRef], None]]:
-        """Return a new cell, false at first, and what says what it is after the frame."""
+        """Return a new cell, false at first, and the function that sets its value after the frame."""
         name = self.builder.name(f"{self.hint}.{what}")
         old = cast(z3.BoolRef, self.builder.open_cell(name, z3.BoolSort(), FALSE))
         return old, lambda x: self.builder.close_cell(name, x)
@@ -149,7 +149,7 @@ class Memory:
         return self.builder.once(("captured", *of_terms), make)
 
     def latch(self, set_: z3.BoolRef, reset: z3.BoolRef) -> z3.BoolRef:
-        """Return `v = (v or set) and not reset`, seen at once."""
+        """Return `v = (v or set) and not reset`, with immediate effect."""
 
         def make() -> z3.BoolRef:
             old, close = self._flag("set")
@@ -162,7 +162,7 @@ class Memory:
     # --- times -----------------------------------------------------------------------------------
 
     def held(self, b: z3.BoolRef, duration_ns: int) -> z3.BoolRef:
-        """Return `b`, or that it was true less than `duration_ns` ago."""
+        """Return the condition that `b` is true, or was true less than `duration_ns` ago."""
         if duration_ns <= 0:
             return b
         ever, time = self._time_of(both(self.moves, b))
@@ -216,7 +216,7 @@ class Memory:
 def remembered(
     builder: Builder, hint: str, of: ScalarType, initial: ScalarValue
 ) -> tuple[Scalar, Callable[[Scalar], None]]:
-    """Return a scalar in memory as it was before the frame, and what says what it is afterwards."""
+    """Return a scalar's value before the frame, and the function that sets its value afterwards."""
     name = builder.name(hint)
     if isinstance(of, Bool):
         old = builder.open_cell(name, z3.BoolSort(), truth(bool(initial)))
@@ -238,7 +238,7 @@ def _enumerator(
 
 
 def enumerator(term: z3.ArithRef, of: Enum) -> Number:
-    """Return a term that is one of the members."""
+    """Return a number that is one of the members."""
     values = sorted({v for _, v in of.members})
     if len(values) == 1:
         return constant(values[0])
@@ -246,7 +246,7 @@ def enumerator(term: z3.ArithRef, of: Enum) -> Number:
 
 
 def _number(builder: Builder, name: str, start: Number) -> tuple[Scalar, Callable[[Scalar], None]]:
-    """Return a number; what its shape rules out needs no cell."""
+    """Return a number in memory; cells exist only for what its shape allows."""
     shape = builder.shapes.get(name, shape_of(start))
     nan = infinite = FALSE
     if shape.nan:

@@ -38,7 +38,7 @@ class Declarations:
     # --- states ----------------------------------------------------------------------------------
 
     def states(self) -> None:
-        """The old values of all states and machines."""
+        """Read the old values of all states and machines."""
         for derived in self.program.derived:
             match derived:
                 case ir.State(name=name, type=type_, initial=initial):
@@ -87,7 +87,7 @@ class Declarations:
         return self.builder.named(value, name)
 
     def _machine(self, machine: ir.Machine) -> None:
-        """The first transition from the present phase of which the condition is true."""
+        """Take the first transition from the present phase whose condition is true."""
         phase = cast(Number, self.moment.states[machine.name])
         result, untaken = phase, negation(FALSE)
         for transition in machine.transitions:
@@ -121,7 +121,7 @@ class Declarations:
         return found, python
 
     def _module(self, module: ir.Module) -> ModuleTerms:
-        """Return unless it is silent everything in it is evaluated, whether or not its predicate holds."""
+        """Encode a module: unless it is silent, everything in it is evaluated, even if its predicate is false."""
         fields = module.command.fields if module.command else ()
         following = [s.next for s in module.states if s.next is not None]
         everything: list[Expression] = [let.expression for let in module.lets]

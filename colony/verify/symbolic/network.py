@@ -54,7 +54,7 @@ class NetworkEncoder:
                 assert_never(wiring)
 
     def _chain(self, chain: ir.Chain, operands: list[Output], wire: str) -> Output:
-        """Return each operand but the last dominates what follows it."""
+        """Return the output of a chain: each operand but the last dominates what follows it."""
         count = len(operands) - 1
         dominates = [
             self._dominates(operands[i].active, chain.windows_ns[i], f"{wire}.{chain.relation}")

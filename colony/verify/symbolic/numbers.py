@@ -75,7 +75,7 @@ def hull_of(x: Number, y: Number) -> Bounds:
 
 
 def bounds_apart(x: Number, old: Number) -> Bounds | None:
-    """Return the bounds of what `x` is where it is not just `old`; None if it always is."""
+    """Return the bounds of `x` where it is not just `old`; None if it always is."""
     if same(x.value, old.value):
         return None
     parts = [bounds_apart(branch, old) for branch in x.branches]
@@ -188,7 +188,7 @@ def _against_zero(x: Number, relation: str) -> z3.BoolRef:
 
 
 def equal(x: Scalar, y: Scalar) -> z3.BoolRef:
-    """Return equality as floats have it: NaN equals nothing."""
+    """Return the equality of floats: NaN equals nothing."""
     if isinstance(x, Number) and isinstance(y, Number):
         return compared(x, y, "==")
     assert not isinstance(x, Number)

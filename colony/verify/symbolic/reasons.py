@@ -9,7 +9,7 @@ from colony.verify.symbolic.system import Reason, System
 
 
 def reasons_of(system: System, *terms: z3.ExprRef) -> tuple[Reason, ...]:
-    """Return all that `terms` depend on, over all frames, that is not exact; each reason once.
+    """Return all inexact terms that `terms` depend on, over all frames; each reason once.
 
     Comparisons, choices, least and greatest, negation, constants, and whatever is only copied are exact.
     """

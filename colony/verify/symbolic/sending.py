@@ -49,7 +49,7 @@ def limits(program: ir.Program, builder: Builder, moment: Moment) -> list[Bound]
 
 
 def as_finite(x: Number) -> Number:
-    """Return `x` where it is finite."""
+    """Return the condition that `x` is finite."""
     known = x.cases if all(math.isfinite(v) for v, _ in x.cases) else ()
     return replace(x, nan=FALSE, infinite=FALSE, cases=known)
 

@@ -72,7 +72,7 @@ def _needed(builder: Builder, name: str) -> Shape:
 
 
 def _wider(builder: Builder) -> dict[str, tuple[Shape, Shape]]:
-    """Return memory of which the shape was taken too narrow: that shape, and one with what was added."""
+    """Return memory whose shape was too narrow: that shape, and a wider one."""
     found = {}
     for name, (start, _, _) in builder.held.items():
         assumed, needed = builder.shapes.get(name, shape_of(start)), _needed(builder, name)

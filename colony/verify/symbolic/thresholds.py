@@ -18,7 +18,7 @@ _LONGEST = 1e12  # seconds; more than a program waits, and far from where floats
 
 
 def against_constants(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
-    """`x relation y`, for `<`, `<=`, `==`, of a time and a constant in either order; None of others."""
+    """Return `x relation y` (`<`, `<=`, `==`) of a time and a constant in either order; else None."""
     if x.nanoseconds is not None and _are_usual(y):
         time = x.nanoseconds
         return any_of(both(condition, _before(time, v, relation)) for v, condition in y.cases)

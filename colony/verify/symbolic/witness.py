@@ -44,7 +44,7 @@ def _snapshot(model: z3.ModelRef, unrolling: Unrolling, i: int) -> Snapshot:
 
 
 def _time(model: z3.ModelRef, unrolling: Unrolling, i: int) -> int:
-    """The time of frame i; frames follow each other by the frame period where nothing depends on time."""
+    """Return the time of frame i: one frame period after another where nothing depends on time."""
     system = unrolling.system
     if system.now.get_id() not in unrolling.cone.visited:
         return i * system.program.robot.frame_ns
@@ -67,7 +67,7 @@ def _reading(model: z3.ModelRef, unrolling: Unrolling, i: int, sensor: Sensor, g
 
 
 def _sensed(x: ScalarValue, of: ScalarType, sensor: Sensor) -> ScalarValue:
-    """Return a value that the sensor can have: what nothing depends on may be anything in a model."""
+    """Return a value that the sensor can have: a model may give anything where nothing depends on it."""
     if isinstance(of, Enum):
         members = [v for _, v in of.members]
         return x if x in members else members[0]

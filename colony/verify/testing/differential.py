@@ -167,7 +167,7 @@ class _Examination:
         self.report = Report(seed=seed, asked=count, drawn=0, frames=0, modules=self._modules())
 
     def go_on(self) -> None:
-        """One more trace, or what the last one showed is shrunk."""
+        """Examine one more trace, or shrink the finding of the last one."""
         if self._to_shrink:
             self._to_shrink.pop(0)()
         elif self.report.disagreement is None and self.report.drawn < self.report.asked:
@@ -213,7 +213,7 @@ class _Examination:
         return _Run(tuple(outcomes), tuple(active), tuple(silent), tuple(patterns))
 
     def _nondeterministic(self, trace: Sequence[Frame], run: _Run) -> Nondeterministic | None:
-        """Return the first module in Python in which a second interpreter parts from the first."""
+        """Return the first module in Python in which two interpreters differ."""
         if not self._python:
             return None
         again = self._reference(trace)
@@ -280,7 +280,7 @@ class _Examination:
         self._to_shrink.append(shrink)
 
     def _put(self, breach: Breach) -> None:
-        """Among the others, in the order of the program."""
+        """Insert a breach in the order of the program."""
         known = {b.contract.name: b for b in self.report.breaches} | {breach.contract.name: breach}
         self._know(breaches=tuple(known[c.name] for c in self._program.contracts if c.name in known))
 
@@ -329,7 +329,7 @@ class _Examination:
         trace: tuple[Frame, ...],
         attempt: Callable[[tuple[Frame, ...]], Disagreement | None],
     ) -> None:
-        """Executors disagree; shrunk later, where it comes again without the traces before."""
+        """Record that executors disagree; shrink later, where it recurs without the traces before."""
         self._know(disagreement=found)
 
         def fails(frames: tuple[Frame, ...]) -> int | None:

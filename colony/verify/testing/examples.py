@@ -189,7 +189,7 @@ class _Run:
     # --- what was there instead ------------------------------------------------------------------
 
     def found(self, expression: ir.Expression, outcome: Outcome) -> Iterator[str]:
-        """Yield a fact for each thing that `expression` names, each once, and what was recorded."""
+        """Yield a fact for each name in `expression`, each once, and for each record."""
         facts = dict.fromkeys(
             fact for leaf in ir.subexpressions(expression) for fact in self.fact(leaf, outcome) if fact
         )

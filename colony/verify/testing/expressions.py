@@ -167,7 +167,7 @@ class Expressions:
         return self.choices.one(makers)(of, depth - 1)
 
     def _quantity_leaf(self, of: Dimension) -> str:
-        """Return mostly what changes from frame to frame; made from a bool if nothing has the dimension."""
+        """Return mostly a value that changes each frame; made from a bool if nothing has the dimension."""
         params = self.scope.constants.get(of, ())
         if self.choices.rarely(4):
             return self.choices.one(params) if params else self.literal(of)
@@ -216,7 +216,7 @@ class Expressions:
                 return f"({self.quantity(NUMBER, depth - 1)} * {self.quantity(of, depth)})"
 
     def _several(self, of: Dimension, depth: int) -> str:
-        """Return functions of numbers of one dimension that give one of it."""
+        """Return a function of numbers of one dimension that gives one of it."""
         function = self.choices.one(
             ("min", "max", "round", "sum", "abs", "clamp", "max", "ceil", "min", "mean", "sqrt", "floor")
         )
@@ -397,7 +397,7 @@ class Expressions:
         return f"{self.choices.one(('index_of_min', 'index_of_max'))}({array})"
 
     def _element(self, one: NamedArray, depth: int) -> str:
-        """Return an element by a constant index, or by one that is computed from something read."""
+        """Return an element by a constant index, or by one that is computed from a reading."""
         numbers = self.scope.of(PLAIN)
         if numbers and self.choices.rarely(3):
             return f"{one.text}[{self.choices.one(numbers)} + {self.quantity(NUMBER, depth - 1)}]"

@@ -137,7 +137,7 @@ def draw_network(choices: Choices, max_modules: int, max_wires: int) -> Program:
 
 
 def _module(i: int, actuator: str | None) -> Module:
-    """Return applicable where the sensor `p<i>` is true; it commands its own number."""
+    """Return a module that is applicable where the sensor `p<i>` is true, and commands its own number."""
     number = Constant(type=PLAIN, value=float(i + 1))
     return Module(
         name=f"m{i}",
@@ -157,7 +157,7 @@ def _actuator(name: str) -> Actuator:
 
 
 def _silence(name: str) -> Contract:
-    """Return broken where `name` is active, so that activity shows in outcomes."""
+    """Return a contract that is broken where `name` is active, so that activity shows in outcomes."""
     active = IsActive(type=BOOL, name=name)
     return Contract(
         name=f"{name}_is_silent", expression=UnaryOperation(type=BOOL, operator=Unary.NOT, operand=active)

@@ -139,7 +139,7 @@ class _Text:
     # --- derived values --------------------------------------------------------------------------
 
     def file_level(self) -> None:
-        """Params, states, lets and a machine, each reading those above it."""
+        """Write params, states, lets and a machine, each reading those above it."""
         for i in range(self.choices.upto(1)):
             self.param(f"c{i}", "")
         states = []
@@ -165,7 +165,7 @@ class _Text:
         return name, dimension
 
     def state(self, name: str, of: Scalar) -> str:
-        """Return a state's declaration; its type is written, or shows in its constant."""
+        """Return a state's declaration; its type is written, or follows from its constant."""
         if isinstance(of, Quantity):
             declared = {SPEED: "mm/s", TURN_RATE: "deg/s"}.get(of.dimension) or UNITS[of.dimension][0]
             initial = Expressions(self.choices, Scope()).literal(of.dimension)
@@ -182,7 +182,7 @@ class _Text:
             self.readable(f"g{i}", type_, fresh=True)
 
     def some_type(self) -> Type:
-        """Return mostly a scalar type; else the type of an array that there is."""
+        """Return mostly a scalar type; else the type of an array in scope."""
         arrays = [n.type for n in self.scope.names if isinstance(n.type, Array)]
         if arrays and self.choices.rarely(3):
             return self.choices.one(arrays)
@@ -275,14 +275,14 @@ class _Text:
             self.ports.append(Port(name="other", actuators=actuators))
 
     def watches(self) -> None:
-        """Modules that show values as they are, bit for bit; elsewhere most only decide something."""
+        """Write modules that show values as they are, bit for bit; elsewhere most only decide something."""
         for i, of in enumerate(self.seen):
             self.add(f"module watch{i} {{\n  when true\n  do probe{i}(seen = {self.write(of, 3)})\n}}")
 
     # --- network, limits, contracts --------------------------------------------------------------
 
     def network(self) -> list[str]:
-        """Return the wiring, in the order drawn or the reverse; the names of its wires."""
+        """Return the wiring, in the order drawn or the reverse, and the names of its wires."""
         actuators = ["drive", *(["light"] * self.light)]
         wirings = Wirings(self.choices, self.ports, WINDOWS_NS)
         wires = draw_wires(wirings, actuators, 3, 2)

@@ -75,7 +75,7 @@ def draw_reading(choices: Choices, sensor: Sensor, thresholds: Thresholds) -> Re
 def _elements(
     choices: Choices, of: Scalar, size: int, sensor: Sensor, thresholds: Thresholds
 ) -> list[ScalarValue | int]:
-    """All alike; alike but for a run of them, which may go round the end; or of a few values, or of many.
+    """Draw elements: all equal; equal but for a run, which may wrap around; from a few values or many.
 
     A program asks for the least of a region, or how many are near: elements that have nothing to do with each
     other would give it the same answer every time.

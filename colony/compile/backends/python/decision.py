@@ -128,7 +128,7 @@ class DecisionText:
         return one if applies.text == "True" else f"({one} if {applies.inside(Binding.OR)} else ())"
 
     def checks(self) -> list[str]:
-        """Return tests that a command goes out as it is, leaving out those that hold of every client."""
+        """Return tests that a command needs no `settle`, without those that hold for every client."""
         checks = []
         for limit in self.plan.actuator.limits:
             field = self.fields[limit.field_index]

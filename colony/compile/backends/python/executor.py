@@ -17,7 +17,7 @@ class PythonExecutor:
         self._step = program.step
 
     def step(self, frame: Frame) -> Outcome:
-        """Return one frame."""
+        """Execute one frame."""
         decisions, records, breaches = self._step(frame.t_ns, frame.readings, frame.taken_ns)
         return Outcome(tuple(map(Decision._make, decisions)), tuple(map(Record._make, records)), breaches)
 

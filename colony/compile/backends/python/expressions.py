@@ -145,7 +145,7 @@ class Expressions:
         return Text(f"({listed},)", Binding.ATOM, depth)
 
     def _slice(self, elements: tuple[int, ...]) -> str | None:
-        """Return elements of one sensor that follow each other, as a slice; None for others."""
+        """Return consecutive elements of one sensor as a slice; None for others."""
         first, last = self.code.ops[elements[0]], self.code.ops[elements[-1]]
         if not (isinstance(first, SensorElement) and isinstance(last, SensorElement)):
             return None

@@ -27,7 +27,7 @@ def _types(kind: str, size: int) -> str:
 
 
 def take(sensor: Sensor, get: str, names: Names) -> list[str]:
-    """Return the statements for one sensor: its value (or what stands in for it), and whether it is fresh."""
+    """Return the statements for one sensor: its value (or stand-in), and its freshness."""
     value, fresh = names.sensors[sensor.name], names.fresh[sensor.name]
     converted = sensor.factor != 1.0 and not isinstance(element_type(sensor.type), Bool)
     reading = "reading" if converted else value
@@ -42,7 +42,7 @@ def take(sensor: Sensor, get: str, names: Names) -> list[str]:
 
 
 def _if(tests: list[str]) -> list[str]:
-    """Return a condition that all tests hold, on one line if it is short."""
+    """Return the condition that all tests hold, on one line if it is short."""
     line = f"if {' and '.join(tests)}:"
     if len(line) <= 96:
         return [line]
@@ -50,7 +50,7 @@ def _if(tests: list[str]) -> list[str]:
 
 
 def _usual(sensor: Sensor, reading: str, value: str) -> list[str]:
-    """Return the quick tests of a scalar; where it has to be converted they do that, too."""
+    """Return the quick tests of a scalar; they also convert it where necessary."""
     if isinstance(sensor.type, Bool):
         return [f"{reading} is True or {reading} is False"]
     tests, numbers = [f"type({reading}) is float"], members(sensor)
@@ -91,7 +91,7 @@ def _in_range(sensor: Sensor, x: str) -> str:
 
 
 def _unusual(sensor: Sensor, reading: str) -> str:
-    """Return the call that takes any reading in."""
+    """Return the call that takes in any reading."""
     kind, array = element_type(sensor.type), isinstance(sensor.type, Array)
     parts = [repr(sensor.name), reading]
     if isinstance(sensor.type, Array):

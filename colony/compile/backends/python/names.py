@@ -32,7 +32,7 @@ class Names:
     """Names of variables and attributes. Mutable: every name given is taken."""
 
     def __init__(self, code: Code, taken: frozenset[str]) -> None:
-        """`taken` are the names of functions that the program brings along."""
+        """Start with the names `taken` by functions that the program includes."""
         self._taken = {*_RESERVED, *_OURS, *taken}
         self._hints = code.names
         self.sensors = {s.name: self.new(s.name) for s in code.sensors}

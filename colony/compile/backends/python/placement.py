@@ -31,7 +31,7 @@ class Placement:
         self.named = bytearray(len(code.ops))
 
     def use(self, value: int, slot: int, times: int = 1) -> None:
-        """The statement behind `slot` needs `value`, and mentions it so many times."""
+        """Record that the statement behind `slot` needs `value`, and mentions it `times` times."""
         self.slot[value] = slot if self.uses[value] == 0 else self.layout.join(self.slot[value], slot)
         self.uses[value] += times
 

@@ -107,7 +107,7 @@ def _actuator(code: Code, actuator: ActuatorCode, layout: Layout, placement: Pla
 
 
 def _reachable(code: Code, actuator: ActuatorCode) -> list[ClientCode]:
-    """Return the clients that can win: not those that never hold, nor any behind one that always does."""
+    """Return the clients that can win: no client that never holds, or is behind one that always does."""
     found = []
     for client in actuator.clients:
         op = code.ops[client.guard]
@@ -139,7 +139,7 @@ def _client(client: ClientCode, layout: Layout, placement: Placement, region: in
 
 
 def _commits(code: Code, layout: Layout, placement: Placement) -> tuple[CommitPlan, ...]:
-    """The memory that something depends on, exclusive guards aside: priority is what this backend uses."""
+    """Return the memory that anything but exclusive guards depends on: this backend uses priorities."""
     _, needed = live(code.ops, code.cells, roots(code, exclusive=False))
     together: dict[int, list[int]] = {}
     for cell in sorted(needed):

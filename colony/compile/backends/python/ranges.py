@@ -44,7 +44,7 @@ ANYTHING = Range(-inf, inf, True)
 
 
 def ranges(code: Code) -> list[Range]:
-    """Return the range of each value of `code`; `ANYTHING` for those that are no numbers."""
+    """Return the range of each value of `code`; `ANYTHING` for values that are not numbers."""
     sensors = {s.name: _sensor(s) for s in code.sensors}
     found: list[Range] = []
     for op, kind in zip(code.ops, code.kinds, strict=True):
@@ -156,7 +156,7 @@ def _sum(x: Range, y: Range) -> Range:
 
 
 def _corners(of: Callable[[float, float], float], x: Range, y: Range) -> Range:
-    """A function that is monotone in each of two finite operands; with infinite ones it may be anything."""
+    """Return the range of a function monotone in each of two finite operands; anything for infinite ones."""
     if not (x.finite and y.finite):
         return ANYTHING
     found = [of(a, b) for a in (x.low, x.high) for b in (y.low, y.high)]

@@ -101,7 +101,7 @@ def mentions_twice(operator: Operator, x: list[Range]) -> bool:
 
 
 def applied(operator: Operator, operands: list[Text], x: list[Range]) -> Text:
-    """Return an operator of operands that have the ranges `x`."""
+    """Return the text of an operator of operands that have the ranges `x`."""
     depth = 1 + max(o.depth for o in operands)
     text, binding = _applied(operator, operands, x)
     return Text(text, binding, depth)
@@ -155,7 +155,7 @@ def _called(operator: Operator, o: list[Text]) -> tuple[str, Binding]:
 
 
 def _extreme(operator: Operator, o: list[Text], x: list[Range]) -> tuple[str, Binding]:
-    """The least or greatest. Python's own keep the first of equals, as ours do, but are wrong with NaN."""
+    """Return the least or greatest; Python's functions keep the first of equals, too, but fail with NaN."""
     if any(r.nan for r in x):
         return _called(operator, o)
     if len(o) == 1:
