@@ -230,7 +230,7 @@ class _Loader:
             return None
 
     def in_order(self, root: str) -> tuple[ParsedFile, ...]:
-        """Return the files depth first, imports before importers; a cycle is reported and cut where it closes."""
+        """Return the files depth first, imports before importers; report and cut cycles where they close."""
         order: list[str] = []
         done: set[str] = set()
         trail: dict[str, None] = {root: None}

@@ -122,7 +122,7 @@ class _Check:
         _expect(len({c.name for c in code.cells}) == len(code.cells), "a name twice among the cells")
 
     def _sources(self) -> None:
-        """Check that each source has a place of its own, inside the folder into which a recording is unpacked."""
+        """Check that each source has its own place inside the folder into which a recording is unpacked."""
         compiled = self.compiled
         places = [(source.kind, source.place) for source in compiled.sources]
         _expect(len(set(places)) == len(places), "a source twice")
@@ -202,7 +202,7 @@ class _Check:
     # --- what is around them ---------------------------------------------------------------------
 
     def _python_calls(self) -> None:
-        """Check that the inputs of modules in Python stand before the first operation that needs one of them."""
+        """Check that the inputs of modules in Python stand before the first operation that needs any."""
         answers = (i for i, op in enumerate(self.code.ops) if isinstance(op, PythonActive | PythonField))
         first = next(answers, self.code.decided)
         for call in self.code.python:

@@ -98,7 +98,7 @@ class _Reader:
                 assert_never(wiring)
 
     def _joint(self, chain: Chain, place: tuple[str, *tuple[int, ...]], dominant: str, inferior: str) -> str:
-        """Return the joint of two operands; `a op[w0] b op[w1] c` is `a op[w0] (b op[w1] c)`."""
+        """Add a joint and return its name; `a op[w0] b op[w1] c` is `a op[w0] (b op[w1] c)`."""
         name = f"joint {len(self.joints)}"
         self.joints.append(Joint(name=name, place=place, chain=chain, dominant=dominant, inferior=inferior))
         return name

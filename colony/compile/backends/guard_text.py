@@ -57,7 +57,7 @@ class GuardText:
         return taken
 
     def _written(self, ref: int, own: str | None) -> str:
-        """Return a guard written out. The recursion ends after `INLINE` levels: the terms bound the nesting."""
+        """Return a guard written out. The recursion ends after `INLINE` levels: terms bound the nesting."""
         joined = self._joined(ref)
         if joined is not None:
             joint, parts, negated = joined

@@ -245,7 +245,7 @@ class _Check:
                 self.report.diagnostics.append(warning("W002", actuator.span, message, hint))
 
     def _wires_anything(self) -> bool:
-        """Return True unless the file has no modules and wires of its own: a library or a robot is fine so."""
+        """Return True if the file has modules or a network; a library or a robot needs to drive nothing."""
         kinds = (*MODULE_DECLARATIONS, ast.NetworkDecl)
         return any(isinstance(d, kinds) for d in self.root.file.tree.declarations)
 

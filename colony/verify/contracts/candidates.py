@@ -102,7 +102,7 @@ def number(x: float) -> z3.RatNumRef:
 
 
 def _stamps(system: System, flags: list[Cell], numbers: list[Cell]) -> Iterator[Candidate]:
-    """Yield the guesses that a remembered time is no later than the last frame, and flags need a first frame."""
+    """Yield the guesses that a remembered time is no later than the last frame, and flags need a frame."""
     for flag in flags:
         if str(flag.old) != str(system.begun):
             yield Candidate(f"{flag.name} needs a frame before", z3.Implies(flag.old, system.begun))

@@ -169,7 +169,7 @@ class Matching:
         return drawn
 
     def _few(self, inputs: int) -> int:
-        """Return few valuations: for so many inputs, about one in two valuations has an input that is true."""
+        """Return few valuations: for so many inputs, about one in two valuations has a true input."""
         drawn = 0
         for _ in range(max(1, self._width // (2 * inputs))):
             drawn |= 1 << self._random.randrange(self._width)

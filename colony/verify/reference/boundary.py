@@ -166,7 +166,7 @@ class PythonRunner:
         self._answers: list[tuple[int, Command]] = []  # with the time from which each stands
 
     def step(self, t_ns: int, frame: ModuleFrame) -> tuple[Command, bool]:
-        """Return the command of a frame in which nothing that it reads is missing, and True if it went wrong."""
+        """Return the command of a frame in which nothing it reads is missing, and True if it went wrong."""
         if self.module.rate_ns is None:
             return self._call(frame)
         failed = False

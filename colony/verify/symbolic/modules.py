@@ -121,7 +121,7 @@ class Declarations:
         return found, python
 
     def _module(self, module: ir.Module) -> ModuleTerms:
-        """Encode a module: unless it is silent, everything in it is evaluated, even if its predicate is false."""
+        """Encode a module: unless it is silent, all of it is evaluated, even if its predicate is false."""
         fields = module.command.fields if module.command else ()
         following = [s.next for s in module.states if s.next is not None]
         everything: list[Expression] = [let.expression for let in module.lets]

@@ -27,7 +27,7 @@ class Unrolling:
         self._renamings: list[Substitution] = []
 
     def at(self, i: int, term: Sorted) -> Sorted:
-        """Return `term` in frame i. Constants outside the cone keep their names: ask only for terms within."""
+        """Return `term` in frame i. Constants outside the cone keep their names: ask only for terms in it."""
         while len(self._renamings) <= i:
             frame = len(self._renamings)
             named = [z3.Const(f"{c.decl().name()}@{frame}", c.sort()) for c in self._constants]

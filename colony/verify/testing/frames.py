@@ -42,7 +42,7 @@ def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Fra
 
 
 def _written(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
-    """Return, now and then, the beginning of one of the program's tests, which leads to interesting places."""
+    """Return, now and then, the beginning of a test of the program, which leads to interesting places."""
     if not program.tests or not choices.rarely(3):
         return ()
     written = frames_of(program, choices.one(program.tests))
