@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Always:
-    """True."""
+    """The guard that is always true."""
 
 
 @dataclass(frozen=True, slots=True)
 class Never:
-    """False."""
+    """The guard that is never true."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class And:
 
 @dataclass(frozen=True, slots=True)
 class Or:
-    """Any of two or more operands."""
+    """The disjunction of two or more operands."""
 
     operands: tuple[int, ...]
 

@@ -25,7 +25,7 @@ PASSES: tuple[Callable[[Any], Any], ...] = (
     forward_traversal,  # SuppressionNetwork -> ClientList     definitions 4.1, 4.2, Table 4.2
     simplify,  # ClientList -> ClientList
 )
-"""The passes in order: each takes what the one before it gives. Then `lower` makes what is executed."""
+"""The passes in order: each takes the result of the one before it. Then `lower` makes the code."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -309,7 +309,7 @@ class NextDecl(NamedValue):
 
 @record
 class TransitionDecl(SyntaxNode):
-    """`source` is None for `any`."""
+    """A transition; `source` is None for `any`."""
 
     source: Name | None
     target: Name

@@ -164,7 +164,7 @@ def placed(tree: SourceTree, path: Path) -> tuple[tuple[str, Source], ...]:
 
 
 class _Loader:
-    """Files found so far. Iterative, so that a long chain of imports is no deep recursion."""
+    """A loader of files. Mutable: the files so far. Iterative, so that import chains do not recurse."""
 
     def __init__(self, shipped: Path | None) -> None:
         self.shipped = shipped

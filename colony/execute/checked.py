@@ -13,7 +13,7 @@ from colony.ir.frame import Answer, Frame, Outcome
 
 
 class CheckedExecutor(ProgramExecutor):
-    """Executes a program frame by frame, and refuses what is no frame."""
+    """An executor of a program, frame by frame, that refuses invalid frames."""
 
     _last_ns: int | None = None
 

@@ -113,7 +113,7 @@ class Lost:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Values of one kind, to pick from."""
+    """A table of values of one kind, to pick from."""
 
     elements: tuple[int, ...]
 
@@ -180,7 +180,7 @@ def operands(op: Op) -> tuple[int, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """Memory: holds `initial` at first, and takes `value` at the end of frames where `condition` is true.
+    """A memory cell: initially `initial`; takes `value` at the end of frames where `condition` is true.
 
     `name` is for people; it is unique within a Code.
     """
@@ -258,7 +258,7 @@ class ClientCode:
 
     @property
     def conditions(self) -> dict[str, int]:
-        """Its conditions by their names."""
+        """The client's conditions by their names."""
         return {name: getattr(self, name) for name in _CONDITIONS}
 
 
@@ -276,7 +276,7 @@ class ActuatorCode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContractCode:
-    """Broken in a frame in which `present` is true and `value` is not.
+    """A contract, broken in a frame in which `present` is true and `value` is not.
 
     `traversed` is the value by the guards before simplification.
     """

@@ -1,4 +1,4 @@
-"""Executes a compiled program op by op: all of it, some of its clients, or one of its modules in Python.
+"""Executors, op by op, of a compiled program, of some of its clients, or of one module in Python.
 
 Plain and unhurried; what is generated from the same Code (`colony.compile.backends`) is fast.
 """
@@ -25,7 +25,7 @@ class NotExclusive(Exception):
 
 
 class ProgramExecutor:
-    """Executes a program as its clients (an `ir.frame.Executor`). Mutable: it has all of the memory.
+    """An executor of all of a program's clients (see `ir.frame.Executor`). Mutable: it has all memory.
 
     The winner is the first client whose guard holds or, if `exclusive`, the one whose exclusive guard holds.
 
@@ -147,7 +147,7 @@ class ClientMemory(NamedTuple):
 
 
 class ClientsExecutor:
-    """Executes some clients of a program. Mutable: it has their memory.
+    """An executor of some clients of a program. Mutable: it has their memory.
 
     What several of them need is computed once. Frames are in base units. Modules in Python run elsewhere,
     also where a client is one.
@@ -170,7 +170,7 @@ class ClientsExecutor:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """The sensors that they read."""
+        """The sensors that the clients read."""
         return tuple(s.name for s in self.code.sensors)
 
     @property
@@ -258,7 +258,7 @@ def _bid(client: ClientCode, values: list[Any]) -> Bid:
 
 
 class ModuleExecutor:
-    """Executes one module in Python. Mutable: the memory of what it reads, and the module's own.
+    """An executor of one module in Python. Mutable: the memory of what it reads, and the module's own.
 
     Its frames are in base units.
 
@@ -273,7 +273,7 @@ class ModuleExecutor:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """The sensors that the module reads, through whatever."""
+        """The sensors that the module reads, directly or indirectly."""
         return tuple(s.name for s in self._code.sensors)
 
     def step(self, frame: Frame) -> Answer:

@@ -38,11 +38,11 @@ from colony.ir.types import Array, Bool, Enum, ScalarValue
 from colony.text.diagnostics import Failure, error
 
 Step = Callable[[], Any]
-"""Computes the value of one op in the present frame."""
+"""A function that computes the value of one op in the present frame."""
 
 
 class Machine:
-    """Runs the ops of a Code over its memory. Mutable.
+    """A machine that runs the ops of a Code over its memory. Mutable.
 
     A frame is `begin`, `run`, the decisions (`decided`) and `run_on`, where there are some, then `commit`.
     With `answered` the Python modules run elsewhere, and their answers are given with each frame.

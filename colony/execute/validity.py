@@ -38,7 +38,7 @@ from colony.ir.program import ActuatorField, Sensor
 from colony.ir.types import Array, Bool, ScalarValue, Type, element_type
 
 LARGEST_ARRAY = 100_000
-"""Elements of the largest array that a sensor may have."""
+"""Maximum number of elements of a sensor's array."""
 
 LATEST_NS = 2**62
 """Bound of times in a program, before and after the beginning: their sums fit into 64 bits."""

@@ -34,7 +34,7 @@ class Unary(Enum):
 
 @unique
 class Binary(Enum):
-    """Two operands; the value is the operator's spelling."""
+    """An operator with two operands; the value is the operator's spelling."""
 
     ADD = "+"
     SUBTRACT = "-"
@@ -53,7 +53,7 @@ class Binary(Enum):
 
 @unique
 class Function(Enum):
-    """Pure functions; the value is the spelling.
+    """A pure function; the value is the spelling.
 
     MIN MAX SUM MEAN COUNT ANY ALL take one array, or one or more scalars, and give one value.
     INDEX_OF_MIN and INDEX_OF_MAX take one array. The rest work element by element.
@@ -90,7 +90,7 @@ INDEX_FUNCTIONS = frozenset({Function.INDEX_OF_MIN, Function.INDEX_OF_MAX})
 
 @unique
 class Memory(Enum):
-    """Functions with memory of their own; the value is the spelling."""
+    """A function with memory of its own; the value is the spelling."""
 
     PREVIOUS = "previous"
     CHANGED = "changed"

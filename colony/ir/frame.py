@@ -62,7 +62,7 @@ RecordKind = Literal[
 
 
 class Record(NamedTuple):
-    """Something worth writing down; `subject` is a sensor, a module, or `actuator.field`."""
+    """A noteworthy event; `subject` is a sensor, a module, or `actuator.field`."""
 
     kind: RecordKind
     subject: str
@@ -82,7 +82,7 @@ class Decision(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """All of one frame: a decision an actuator (in the order declared), what was recorded, contracts broken.
+    """The result of a frame: a decision per actuator (in the order declared), records, broken contracts.
 
     Records are in this order: sensors as declared; Python modules as declared; then for each actuator as
     declared, the winner's fault or, field by field, limited before clamped.

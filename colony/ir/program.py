@@ -101,7 +101,7 @@ DEFAULT_FRAME_NS = 50_000_000
 
 @record
 class Robot(Declared):
-    """Sensors and actuators in the order declared, and the frame period."""
+    """A robot: sensors and actuators in the order declared, and the frame period."""
 
     frame_ns: int = DEFAULT_FRAME_NS
     sensors: tuple[Sensor, ...] = ()
@@ -149,7 +149,7 @@ class State(Declared):
 
 @record
 class Transition(Record):
-    """Taken when the machine is in one of `sources` and `condition` is true."""
+    """A transition, taken when the machine is in one of `sources` and `condition` is true."""
 
     sources: frozenset[float]
     target: float
@@ -285,7 +285,7 @@ class Limit(Record):
 
 @record
 class Contract(Declared):
-    """Must be true in every frame in which nothing that it reads is missing."""
+    """A contract: must be true in every frame in which nothing that it reads is missing."""
 
     expression: Expression
 
@@ -305,7 +305,7 @@ class Given(Record):
 
 @record
 class Step(Record):
-    """Frames at `times_ns` (one for `at`, several for `from`), each with all `expectations`."""
+    """A step of a test: frames at `times_ns` (one for `at`, several for `from`), with `expectations`."""
 
     times_ns: tuple[int, ...]
     given: tuple[Given, ...]
@@ -322,7 +322,7 @@ class Example(Declared):
 
 @record
 class Program(Record):
-    """Everything, in an order in which each thing stands after what it is computed from.
+    """A typed program; each part stands after the parts that it is computed from.
 
     `derived` and `wires` are sorted so; `modules`, `limits` and `contracts` are in the order written. `files`
     are the texts that it was made of, its own last, each by its place: a relative path with `/` between its

@@ -13,7 +13,7 @@ from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
 
 @dataclass(frozen=True, slots=True)
 class Bool:
-    """True or false."""
+    """The type of true and false."""
 
     def __str__(self) -> str:
         """Return the type's name."""
@@ -50,7 +50,7 @@ Scalar = Bool | Quantity | Enum
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """`size` elements, at least one, of a scalar type."""
+    """The type of `size` elements, at least one, of a scalar type."""
 
     element: Scalar
     size: int

@@ -77,7 +77,7 @@ def joints_of(program: Program) -> Joints:
 
 
 class _Reader:
-    """Mutable: the joints and wires so far. Only parentheses nest, so it may recurse; chains are flat."""
+    """A reader of wiring. Mutable: the joints and wires so far. Recursive: only parentheses nest."""
 
     def __init__(self) -> None:
         self.joints: list[Joint] = []

@@ -36,7 +36,7 @@ class Diagnostic:
 
 
 class Failure(Exception):
-    """A stage could not give its result; `diagnostics` holds everything that it found, at least one."""
+    """A stage that failed; `diagnostics` holds everything that it found, at least one."""
 
     def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)

@@ -46,7 +46,7 @@ class Source:
 
 
 class Span(NamedTuple):
-    """Characters `start` up to, and not including, `end` of `source`."""
+    """The characters from `start` up to, and not including, `end` of `source`."""
 
     source: Source
     start: int

@@ -1,4 +1,4 @@
-"""The known names that are closest to one that is unknown."""
+"""The known names that are closest to an unknown name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contract expressions that proofs make themselves: about modules, wires and commands."""
+"""Contract expressions that proofs create: about modules, wires and commands."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ OWN = "P"
 
 
 class GuardText:
-    """Writes guards of one table, and remembers which parts it named; total text is linear in the table."""
+    """A writer of one table's guards that records the parts it named; total text is linear in the table."""
 
     def __init__(self, guards: Sequence[Guard]) -> None:
         self._guards = guards

@@ -10,7 +10,7 @@ from colony.compile.clients import ActuatorClients
 from colony.compile.pipeline import Compilation
 
 GUARD_WIDTH = 48
-"""Guards that are longer go on in the next line."""
+"""Width in characters beyond which guards continue in the next line."""
 
 _HEADER = ("priority", "module", "guard", "exclusive guard")
 _GAP = "  "

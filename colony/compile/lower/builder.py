@@ -1,4 +1,4 @@
-"""Builds `Code`: gives equal ops one number, and folds constants."""
+"""Construction of `Code`: equal ops have one number, and constants are folded."""
 
 from __future__ import annotations
 

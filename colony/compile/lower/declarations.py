@@ -1,4 +1,4 @@
-"""Lets, states, machines and modules in terms of ops, each when it is first asked for.
+"""Lets, states, machines and modules in terms of ops, each lowered on first use.
 
 Lets are lowered before what reads them, so that nothing recurses over chains of lets.
 """

@@ -94,7 +94,7 @@ _FUNCTIONS: dict[Function, Operator] = {
 
 
 class ExpressionLowering:
-    """Lowers expressions into one builder."""
+    """A lowering of expressions into one builder."""
 
     def __init__(self, builder: Builder, names: Names) -> None:
         self.builder = builder

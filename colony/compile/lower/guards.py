@@ -13,7 +13,7 @@ from colony.compile.lower.memory import MemorySite, until
 
 
 class GuardLowering:
-    """Lowers those guards of a client list that are asked for.
+    """A lowering of a client list's guards, on first use.
 
     `name` begins the names of their cells; `active` gives the value of a module's activity.
     """

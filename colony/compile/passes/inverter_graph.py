@@ -151,7 +151,7 @@ class InverterGraph:
         return facts, clauses
 
     def _factored(self, clauses: dict[int, Conjunction]) -> int:
-        """Return (a or b), (a or c) = a or (b, c), where all parts are short clauses with a literal in common."""
+        """Factor short clauses that share literals: (a or b), (a or c) = a or (b, c)."""
         common = set.intersection(*map(set, clauses.values()))
         if not common:
             return self._conjunction(set(clauses))

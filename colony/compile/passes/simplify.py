@@ -22,7 +22,7 @@ from colony.compile.guards import (
 from colony.compile.passes.inverter_graph import FALSE, TRUE, InverterGraph, rewrite, size_in_use, zeros
 
 WORTHWHILE = 0.01
-"""One round of rewriting can open the way for another. They end with one that saves less than this share."""
+"""Share of a size that a round of rewriting must save for another round to follow."""
 
 
 def simplify(clients: ClientList) -> ClientList:

@@ -22,7 +22,7 @@ from colony.text.source import Span
 from colony.text.units import TIME, BadUnit, nanoseconds
 
 MAX_DURATION_NS = 10**18
-"""So that sums of times fit 64 bits in every executor."""
+"""Maximum duration in nanoseconds, so that sums of times fit 64 bits in every executor."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

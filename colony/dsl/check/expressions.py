@@ -28,7 +28,7 @@ from colony.ir.types import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpressionChecker(Checker):
-    """Checks every kind of expression."""
+    """A checker of every kind of expression."""
 
     def visit(self, node: ast.Expression) -> ir.Expression | None:
         """Check an expression by its kind of node; `check` has checked its depth."""

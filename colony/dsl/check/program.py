@@ -53,7 +53,7 @@ def check_program(tree: SourceTree) -> tuple[ir.Program | None, tuple[Diagnostic
 
 
 class _Check:
-    """One run over one program."""
+    """A check of one program in progress."""
 
     def __init__(self, tree: SourceTree, report: Report) -> None:
         self.report = report

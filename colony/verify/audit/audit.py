@@ -176,7 +176,7 @@ _COUNTED = (
 
 
 class Auditor:
-    """Takes the frames of a run one after another. Mutable: interpreters, and what was counted."""
+    """An audit in progress, frame by frame. Mutable: interpreters, and what was counted."""
 
     def __init__(self, program: Program) -> None:
         self._program = program

@@ -1,4 +1,4 @@
-"""Recorded frames decided once more, by any executor and beyond damage, as far as memory is known."""
+"""Repeated decisions of recorded frames, by any executor and beyond damage, as far as memory is known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One verdict against one decision of the reference interpreter."""
+"""Comparison of one verdict to one decision of the reference interpreter."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ class Proof(NamedTuple):
 
 
 class Attempt:
-    """Mutable: how far the search is, and what it found.
+    """The attempt to prove one contract. Mutable: the length of the search, and its findings.
 
     Without a `refuter` only a proof is looked for: any model that breaks the contract ends the attempt.
     """
@@ -47,7 +47,7 @@ class Attempt:
 
     @property
     def searched(self) -> int:
-        """Up to how many frames a counterexample was searched."""
+        """Number of frames up to which a counterexample was searched."""
         return self._search.length
 
     def run(self) -> Proof | Trace | None:

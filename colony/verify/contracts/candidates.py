@@ -26,7 +26,7 @@ _MOST_BOUNDS = 16
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """Something that may be true of the memory before every frame; `text` says it to people."""
+    """A condition that may hold before every frame; `text` describes it to people."""
 
     text: str
     holds: z3.BoolRef

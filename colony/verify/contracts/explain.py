@@ -1,4 +1,4 @@
-"""Why a contract is neither proved nor refuted, in words, and what to do about it."""
+"""Explanations of unknown results: the reasons in words, and what to do about them."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def invariants(
 
 
 class _Greatest:
-    """Drops guesses and claims until none can be broken. Mutable.
+    """The greatest inductive subset: drops guesses and claims until none can be broken. Mutable.
 
     `before` are the guesses not dropped yet, about the memory before a frame, `during` the claims about it.
     """

@@ -1,4 +1,4 @@
-"""Makes a counterexample easy to read: fewer frames, fewer values given, rounder numbers.
+"""Minimization of counterexamples: fewer frames, fewer values given, rounder numbers.
 
 Each change is kept only where the contract still breaks in the reference interpreter.
 """
@@ -55,7 +55,7 @@ def _needed_missing(replay: Replay, snapshots: tuple[Snapshot, ...]) -> Iterator
 
 
 class _Quieter:
-    """Readings in base units: none, that of the frame before, those that say little, those that are short."""
+    """Simpler readings in base units: none, that of the frame before, plain values, short numbers."""
 
     def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterator[Reading]:
         """Yield none, one of those that are given, and simple ones; nothing for a sensor never given."""

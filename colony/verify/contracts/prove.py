@@ -67,7 +67,7 @@ def results(
 
 
 class Prover:
-    """Proves the contracts of one program, one after the other. Mutable: what was proved, and how many."""
+    """A prover of one program's contracts, one after the other. Mutable: what was proved, and how many."""
 
     def __init__(self, program: Program, options: Options, clock: Clock | None = None) -> None:
         self._program = program

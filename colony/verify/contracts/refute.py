@@ -24,7 +24,7 @@ _MODELS = 16
 
 
 class Refuter:
-    """Replays models of one contract. Mutable: how many did not break it.
+    """A replayer of models of one contract. Mutable: how many did not break it.
 
     `imagined` is the number of models that break the contract on paper only.
     """

@@ -31,7 +31,7 @@ _SMALL = 60
 
 
 class Replay:
-    """Replays traces of `program` for one of its contracts.
+    """A replayer of traces of `program` for one of its contracts.
 
     With `unasked`, a trace breaks the contract only if no module in Python is asked in any of its frames.
     """

@@ -74,7 +74,7 @@ class Proved:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refuted:
-    """`trace` breaks the contract."""
+    """A refutation: `trace` breaks the contract."""
 
     contract: Contract
     trace: Trace
@@ -82,7 +82,7 @@ class Refuted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unknown:
-    """Neither proved nor refuted; `because` says why, a reason a line, and `hint` what to do.
+    """Neither proof nor refutation; `because` gives the reasons, one a line, and `hint` advice.
 
     `trace`, where there is one, breaks the contract if the modules in Python answer as it says.
     """

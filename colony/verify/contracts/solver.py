@@ -10,7 +10,7 @@ import z3
 from colony.verify.contracts.results import Options
 
 Clock = Callable[[], float]
-"""Seconds, from anywhere."""
+"""A clock in seconds, with any origin."""
 
 
 @unique

@@ -30,7 +30,7 @@ Loop = tuple[str, ...]
 
 
 class Table:
-    """Gives every different content a number. Mutable; shared by all programs that are compared."""
+    """The numbers of different contents. Mutable; shared by all programs that are compared."""
 
     def __init__(self) -> None:
         self._numbers: dict[Hashable, int] = {}
@@ -41,7 +41,7 @@ class Table:
 
 
 class Contents:
-    """The contents of one program's declarations. Mutable: what states count as, as far as is known."""
+    """The contents of one program's declarations. Mutable: the colors of states, as far as known."""
 
     def __init__(self, program: Program, table: Table) -> None:
         self._table = table

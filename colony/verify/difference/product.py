@@ -56,7 +56,7 @@ def product(a: Program, b: Program) -> Product:
 
 
 class _Merger:
-    """Mutable: what the product consists of so far."""
+    """A product in progress. Mutable: its parts so far."""
 
     def __init__(self, a: Program, b: Program) -> None:
         self._a, self._b = a, b

@@ -1,4 +1,4 @@
-"""Looks for a shorter run than one that is known to break a claim."""
+"""A search for a shorter run than one that is known to break a claim."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reads `colony-clients/1`."""
+"""Reader of the form `colony-clients/1`."""
 
 from __future__ import annotations
 

@@ -185,7 +185,7 @@ def _listed(numbers: Sequence[int]) -> str:
 
 @dataclass(slots=True)
 class _Count:
-    """Obligations met so far. Mutable."""
+    """The number of obligations met so far. Mutable."""
 
     structure: int = 0
     solver: int = 0
@@ -225,7 +225,7 @@ def _active(circuit: Circuit, modules: Sequence[str]) -> list[int]:
 
 
 class _Proof:
-    """One program and one list of clients. Mutable: its circuit grows."""
+    """The proof for one program and one list of clients. Mutable: its circuit grows."""
 
     def __init__(self, program: Program, clients: ClientList, form: str, timeout_ms: int) -> None:
         self.form = form

@@ -119,7 +119,7 @@ class _Run:
 
     @property
     def deciders(self) -> Collection[str]:
-        """The names that say who commands."""
+        """The variables that name the winners."""
         return self.decided_by.values()
 
     # --- statements ------------------------------------------------------------------------------

@@ -27,7 +27,7 @@ TOGETHER = 100
 
 @unique
 class Unsettled(Enum):
-    """There may be a way: not looked far enough, or the solver gave up."""
+    """No answer: the search was too near, or the solver gave up."""
 
     TOO_NEAR = "too near"
     GAVE_UP = "gave up"
@@ -35,12 +35,12 @@ class Unsettled(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Refuted:
-    """There is no way."""
+    """The answer that the clauses cannot all be true."""
 
 
 @dataclass(frozen=True, slots=True)
 class Satisfied:
-    """There is one: the inputs that are true in it, of those that matter. All others may be false."""
+    """A solution: the relevant inputs that are true in it. All others may be false."""
 
     inputs: frozenset[int]
 

@@ -20,7 +20,7 @@ class Fault(Exception):
 
 
 FUTURE = math.nan
-"""Stands for a reading that was taken after its frame: of every sensor it is a fault."""
+"""A reading that was taken after its frame: a fault for every sensor."""
 
 
 def aged(sensor: Sensor, reading: Reading, frame: Frame) -> Reading:

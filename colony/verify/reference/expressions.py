@@ -25,7 +25,7 @@ Loop = tuple[tuple[str, int], ...]
 
 @dataclass(slots=True, kw_only=True)
 class Moment:
-    """All that is known in one frame, in base units. What a mapping does not hold is missing.
+    """Everything known in one frame, in base units. What a mapping does not hold is missing.
 
     Mutable: filled in the order in which a frame is computed.
     """

@@ -29,7 +29,7 @@ from colony.verify.reference.memory import recalled
 
 
 class Interpreter:
-    """Executes `program` (an `ir.frame.Executor`). Mutable: it has all of the program's memory.
+    """An executor of `program` (see `ir.frame.Executor`). Mutable: it has all of the program's memory.
 
     If `answered`, Python modules are not run: `step` is given what they answered.
 

@@ -22,7 +22,7 @@ _FUNCTION = re.compile(
 
 
 class Recalled(NamedTuple):
-    """Memory functions, when dominant sides were last active, and states, as an interpreter has them."""
+    """The memory of an interpreter: memory functions, last activities of dominant sides, and states."""
 
     functions: Memory
     dominated: dict[tuple[str | int, ...], int]

@@ -39,7 +39,7 @@ class Shape:
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Builder:
-    """Mutable: collects the parts of a `System`. Terms are kept alive, so that their ids stay theirs."""
+    """A collector of the parts of a `System`. Mutable. Keeps terms alive, so that their ids stay unique."""
 
     precise: bool
     shapes: Mapping[str, Shape]  # of memory, by name, as far as known

@@ -36,7 +36,7 @@ from colony.verify.symbolic.system import (
 )
 
 BEYOND = 2**1023
-"""Only what is at least this large can be rounded to an infinity."""
+"""The least number that can be rounded to an infinity."""
 
 
 def generalized(system: System) -> System:
@@ -51,7 +51,7 @@ def generalized(system: System) -> System:
 
 
 class _Generalization:
-    """`term` replaces the largest inexact terms in one."""
+    """A generalization in progress: `term` replaces the largest inexact terms in one."""
 
     def __init__(self, system: System) -> None:
         self.before = system

@@ -8,7 +8,7 @@ import z3
 
 
 class Graph:
-    """Mutable: remembers what each term is made of as it is first met, and keeps terms alive."""
+    """The structure of terms, recorded when they are first met; keeps terms alive. Mutable."""
 
     def __init__(self) -> None:
         self._operands: dict[int, tuple[int, ...]] = {}

@@ -23,7 +23,7 @@ from colony.verify.symbolic.system import ModuleTerms, Number, PythonInput, Scal
 
 
 class Declarations:
-    """Encodes what a program declares, in the order of a frame. Mutable: fills the moment."""
+    """An encoder of a program's declarations, in the order of a frame. Mutable: fills the moment."""
 
     def __init__(self, program: ir.Program, builder: Builder, moment: Moment) -> None:
         self.program = program

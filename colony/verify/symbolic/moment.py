@@ -14,7 +14,7 @@ from colony.verify.symbolic.system import Scalar, Term
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Moment:
-    """Mutable. What is missing somewhere has a value too, which means nothing there."""
+    """The values of one frame. Mutable. A missing value has a term too, which means nothing there."""
 
     now: z3.ArithRef
     begun: z3.BoolRef

@@ -24,7 +24,7 @@ class Output:
 
 
 class NetworkEncoder:
-    """Encodes the wires, in an order in which each stands after what it is made of. Mutable."""
+    """An encoder of the wires, each after its operands. Mutable."""
 
     def __init__(self, program: ir.Program, builder: Builder, moment: Moment) -> None:
         self.program = program

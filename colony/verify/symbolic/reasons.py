@@ -1,4 +1,4 @@
-"""Why a formula is not bit for bit what the program computes: everything inexact in its cone."""
+"""Reasons for inexactness: why a formula in a cone is not bit for bit what the program computes."""
 
 from __future__ import annotations
 

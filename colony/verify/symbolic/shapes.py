@@ -19,10 +19,10 @@ from colony.verify.symbolic.numbers import bounds_apart
 from colony.verify.symbolic.system import Bounds, System
 
 Attempt = Callable[[Mapping[str, Shape]], tuple[Builder, System]]
-"""Encodes with memory of these shapes, by name, and of its first shape where there is none."""
+"""An encoder with memory of given shapes, by name; other memory keeps its first shape."""
 
 DESCENTS = 3
-"""So often what was written to memory may turn out too narrow by a little."""
+"""Number of times that the values written to memory may turn out slightly too narrow."""
 
 
 def settled(attempt: Attempt) -> System:

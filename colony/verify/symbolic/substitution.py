@@ -1,4 +1,4 @@
-"""Many terms with the same parts replaced."""
+"""Replacement of the same parts in many terms."""
 
 from __future__ import annotations
 

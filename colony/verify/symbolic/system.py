@@ -75,7 +75,7 @@ Term: TypeAlias = Scalar | tuple[Scalar, ...]
 
 @unique
 class Inexact(Enum):
-    """Why a formula is not bit for bit what the program computes."""
+    """The kinds of difference between a formula and what the program computes, bit for bit."""
 
     ROUNDING = auto()  # reals in place of floats: the sum, product or quotient could round, or overflow
     ABSTRACTED = auto()  # sin, cos, atan2, sqrt, a product of variables: only bounds and signs are known
@@ -84,7 +84,7 @@ class Inexact(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """`kind`, where in the program, and what is inexact there, in words."""
+    """A reason for inexactness: `kind`, the place in the program, and a description."""
 
     kind: Inexact
     span: Span
@@ -205,7 +205,7 @@ class Claim:
 
 @unique
 class FactKind(Enum):
-    """Among which formulas of a system a fact stands."""
+    """The group of a system's formulas that a fact belongs to."""
 
     ASSUMPTION = auto()
     DEFINITION = auto()

@@ -1,4 +1,4 @@
-"""Do all executors of a program do the same? The reference interpreter is held against each of the others.
+"""Agreement of all executors of a program: each is compared to the reference interpreter.
 
 Outcomes are compared bit for bit: -0.0 is not 0.0, and NaN is NaN.
 """
@@ -19,7 +19,7 @@ from colony.ir.program import Program, in_declared_units
 from colony.verify.reference.interpreter import Interpreter
 
 Factory = Callable[[Compilation], Executor]
-"""Makes an executor of a compiled program, in its initial memory."""
+"""A maker of an executor of a compiled program, in its initial memory."""
 
 
 def _clients(compilation: Compilation) -> Executor:

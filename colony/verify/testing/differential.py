@@ -1,4 +1,4 @@
-"""Many traces for one program: do all executors do the same, what does each module do, do contracts hold?
+"""Tests of one program over many traces: agreement of executors, coverage of modules, contracts.
 
     for report in try_traces(program, count=1000, seed=1):
         print(report.drawn)
@@ -39,7 +39,7 @@ FRAMES = 12
 """The most frames of a trace."""
 
 Trial = Callable[[Compilation, Sequence[Frame], int], Disagreement | None]
-"""Holds a program to something over a trace, given a seed for what it draws itself, such as faults."""
+"""A check over a trace, given a seed for its own random draws, such as faults."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +66,7 @@ class Breach:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nondeterministic:
-    """A class in Python of which two objects, given the same frames, answered differently in the last one."""
+    """A Python class of which two objects, given the same frames, answered differently in the last one."""
 
     module: PythonModule
     trace: tuple[Frame, ...]
@@ -140,7 +140,7 @@ class _Run(NamedTuple):
 
 
 class _Examination:
-    """Mutable: the report, and executors that are used again."""
+    """An examination in progress. Mutable: the report, and executors that are reused."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""Runs the examples of a program (its `test` blocks) in the reference interpreter.
+"""Execution of a program's examples (its `test` blocks) in the reference interpreter.
 
 An expectation that is false, or that says nothing because it reads something missing, fails; and so does a
 contract that is broken in any frame of an example.

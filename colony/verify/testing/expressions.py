@@ -25,7 +25,7 @@ from colony.verify.testing.scope import (
 
 
 class Expressions:
-    """Writes expressions over one scope. `depth` bounds how many operators nest."""
+    """A writer of expressions over one scope. `depth` bounds the nesting of operators."""
 
     def __init__(self, choices: Choices, scope: Scope) -> None:
         self.choices = choices

@@ -109,4 +109,4 @@ def _times_compared(program: Program) -> list[int]:
 
 
 _LONGEST_S = 86_400.0
-"""Longer ones are no waiting times."""
+"""Longest time, in seconds, that counts as a waiting time."""

@@ -42,7 +42,7 @@ class Port:
 
 
 class Wirings:
-    """Draws wirings over a growing list of ports. Mutable: `add` extends it."""
+    """A drawer of wirings over a growing list of ports. Mutable: `add` extends it."""
 
     def __init__(
         self, choices: Choices, ports: Sequence[Port], windows_ns: Sequence[int] = WINDOWS_NS

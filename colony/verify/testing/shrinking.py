@@ -1,4 +1,4 @@
-"""Shrinks a run that shows something to what it takes: few frames, simple readings, regular times.
+"""Minimization of a run that shows something: few frames, simple readings, regular times.
 
 Delta debugging (Zeller and Hildebrandt, 2002) over frames, then over the readings of one sensor after the
 other, then over times, until nothing more can go. Every step is tried: what is left does show it.
@@ -51,7 +51,7 @@ def shrunk(
 
 
 class Shrinker(Generic[Given]):
-    """Makes a run smaller, step by step. Mutable: the best run so far, and how much patience is left."""
+    """A stepwise minimizer of a run. Mutable: the best run so far, and the patience that is left."""
 
     def __init__(
         self,
@@ -181,7 +181,7 @@ def with_reading(frame: Given, sensor: str, reading: Reading) -> Given:
 
 
 class _Plainer:
-    """Readings in declared units: false, the first enumerator, 0, and what is rounder."""
+    """Plainer readings in declared units: false, the first enumerator, 0, and rounder numbers."""
 
     def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterator[Reading]:
         """Yield a plain reading, the first and the last."""

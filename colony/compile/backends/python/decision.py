@@ -1,4 +1,4 @@
-"""Statements for what an actuator is sent once its winner is known.
+"""Statements that decide what an actuator is sent once its winner is known.
 
 A command that is known or seen to be finite and within limits and range goes out as it is; any other is left
 to `settle`.

@@ -1,4 +1,4 @@
-"""Generated Python as an executor."""
+"""An executor that runs generated Python."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from colony.text.source import NOWHERE
 
 
 class PythonExecutor:
-    """Steps an instance of a generated class (an `ir.frame.Executor`). Mutable: that has all memory."""
+    """An executor of a generated class (see `ir.frame.Executor`). Mutable: the object has all memory."""
 
     def __init__(self, program: Any) -> None:
         self.program = program

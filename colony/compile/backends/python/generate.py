@@ -1,4 +1,4 @@
-"""Generates a program as one readable Python class that needs nothing but the standard `math`.
+"""Generation of a program as one readable Python class that needs nothing but the standard `math`.
 
 Its `step(t_ns, readings)` gives `(decisions, records, breaches)` as plain tuples, in the order and form of
 `colony.ir.frame`. The clients of an actuator are a chain of `if`s in the order of priority, which ends with

@@ -38,7 +38,7 @@ class GroupPlan:
 
 @dataclass(frozen=True, slots=True)
 class ActuatorPlan:
-    """`slot` is before the clients, `after` behind them, `limits` further on, where there is a winner."""
+    """The plan of an actuator: `slot` before the clients, `after` behind, `limits` if there is a winner."""
 
     actuator: ActuatorCode
     slot: int
