@@ -10,7 +10,12 @@ from colony.runtime.recordings.recorded import RunInfo
 from colony.text.wording import counted
 from colony.verify.audit.report import AuditReport, Difference
 
-_PARTS = {"wins": "wins", "active": "active, does not get through", "silent": "not active"}
+_PARTS = {
+    "wins": "wins",
+    "active": "active, does not get through",
+    "inactive": "inactive",
+    "silent": "silent: reads something missing",
+}
 
 
 def render(

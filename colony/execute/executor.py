@@ -124,9 +124,10 @@ class ClientStep(NamedTuple):
     active, and when the command is not finite (`fault`), where the actuator gets its idle command.
 
     `bid` gives the reason if the client is not active. "suppressed": its predicate holds, but another's
-    command takes its place. "inhibited": its gates are closed. "silent": its predicate does not hold or
-    something is missing. A client that is both dominated and gated is "inhibited"; a client whose command has
-    several ways to the actuator, all of them closed in one manner or the other, is "suppressed".
+    command takes its place. "inhibited": its gates are closed. "inactive": its predicate does not hold.
+    "silent": it reads something missing. A client that is both dominated and gated is "inhibited"; a client
+    whose command has several ways to the actuator, all of them closed in one manner or the other, is
+    "suppressed".
     """
 
     active: bool
@@ -253,7 +254,7 @@ def _bid(client: ClientCode, values: list[Any]) -> Bid:
     if values[client.exclusive]:
         return "command"
     if not values[client.active]:
-        return "silent"
+        return "inactive" if values[client.present] else "silent"
     return "suppressed" if values[client.guard] or client.several_ways else "inhibited"
 
 

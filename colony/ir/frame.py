@@ -35,7 +35,8 @@ Bid = Literal[
     "command",  # active: the network lets its command through
     "suppressed",  # its predicate holds, but by the network another one's command takes its place
     "inhibited",  # its predicate holds, but by the network another one gates it
-    "silent",  # its predicate does not hold, or something that it reads is missing
+    "inactive",  # its predicate does not hold
+    "silent",  # something that it reads is missing
 ]
 """A client's action in a frame, decided from its own knowledge."""
 

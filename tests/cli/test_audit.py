@@ -132,8 +132,8 @@ def test_another_winner(colony: Colony, recorded: Callable[..., Ran]) -> None:
     assert lines[4] == "  recorded:    by avoid, velocity = 500.0, turn = 0.0"
     assert lines[5] == "  interpreter: by cruise, velocity = 500.0, turn = 0.0"
     assert [line.split()[:2] for line in lines[6:9]] == [
-        ["avoid", "not"],
-        ["stagger", "not"],
+        ["avoid", "inactive;"],
+        ["stagger", "inactive;"],
         ["cruise", "wins;"],
     ]
     row = json.loads(colony("audit", "run.mcap", "--format", "json").out)

@@ -9,6 +9,7 @@ import pytest
 
 from colony.cli.main import COMMANDS
 from tests.cli.conftest import Colony
+from tests.paths import ROOT
 
 
 def test_help_names_every_command(colony: Colony) -> None:
@@ -107,3 +108,21 @@ def test_names_with_line_breaks_stay_on_one_line(colony: Colony) -> None:
     for command in (("check",), ("compile",), ("check", "--no\npe")):
         code, _, err = colony(*command, "a\nb.colony")
         assert (code, err.count("\n")) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["run figure_4_14 --map nowhere", "run nowhere --map loop", "experiment random --map nowhere"],
+)
+def test_what_is_not_there_is_said_before_anything_slow_is_imported(command: str, tmp_path: Path) -> None:
+    ran = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "colony", *command.split()],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.returncode == 2
+    assert "No such file or directory" in ran.stderr
+    assert "numba.core" not in ran.stderr

@@ -154,14 +154,21 @@ def test_why_a_client_is_not_active() -> None:
     wiring = "top suppresses (gate inhibits low)"
     frames = ("", "c", "ac", "bc", "abc", "a")
     assert _bids(wiring, "low", *frames) == [
-        "silent",
+        "inactive",
         "command",
         "suppressed",
         "inhibited",
         "inhibited",
-        "silent",
+        "inactive",
     ]
-    assert _bids(wiring, "top", *frames) == ["silent", "silent", "command", "silent", "command", "command"]
+    assert _bids(wiring, "top", *frames) == [
+        "inactive",
+        "inactive",
+        "command",
+        "inactive",
+        "command",
+        "command",
+    ]
 
 
 def test_a_missing_sensor_is_silence() -> None:
@@ -176,11 +183,11 @@ def test_a_time_constant_keeps_the_gate_closed() -> None:
 
 def test_a_module_with_several_ways_is_suppressed_whatever_closed_them() -> None:
     wiring = "(gate inhibits low) suppresses (top suppresses low)"
-    assert _bids(wiring, "low", "c", "bc", "abc", "b") == ["command", "command", "suppressed", "silent"]
+    assert _bids(wiring, "low", "c", "bc", "abc", "b") == ["command", "command", "suppressed", "inactive"]
 
 
 def test_a_gate_that_never_opens_inhibits() -> None:
-    assert _bids("top suppresses (low inhibits low)", "low", "c", "") == ["inhibited", "silent"]
+    assert _bids("top suppresses (low inhibits low)", "low", "c", "") == ["inhibited", "inactive"]
 
 
 @given(st.data())
@@ -192,7 +199,8 @@ def test_bids_are_what_the_network_says(data: st.DataObject) -> None:
         for (actuator, module), one in alone.items():
             bid = one.step(frame).bid
             assert (bid == "command") == (winners[actuator] == module)
-            assert (bid == "silent") == (not interpreter.is_active(module))
+            assert (bid in ("inactive", "silent")) == (not interpreter.is_active(module))
+            assert (bid == "silent") == interpreter.is_silent(module)
 
 
 def test_from_the_initial_memory_again() -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -138,6 +139,15 @@ def test_the_overlap_of_outlines() -> None:
 # --- the renderer ------------------------------------------------------------------------------------------
 
 
+@pytest.fixture(scope="module")
+def renderer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Load the renderer, which keeps compiled kernels in the home of who loads it first."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOME", str(tmp_path_factory.mktemp("home")))
+        pytest.importorskip("mitsuba", reason="the extra `renderer` is not installed")
+        yield
+
+
 def test_nothing_is_shared_with_the_simulator() -> None:
     for path in RENDERER.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -165,9 +175,9 @@ def test_plates_have_their_size_and_their_letters() -> None:
         assert (columns[0] + columns[-1]) / 2.0 == pytest.approx(PLATE_WIDTH_MM, abs=8.0)
 
 
+@pytest.mark.usefixtures("renderer")
 def test_a_scene_is_rendered_with_its_truth_where_it_is_seen() -> None:
     """A few paths of light a pixel are enough to see where a plate is."""
-    pytest.importorskip("mitsuba", reason="the extra `renderer` is not installed")
     from tests.vision.second_renderer.render import render
     from tests.vision.second_renderer.scenes import plate_scene
 
@@ -183,8 +193,8 @@ def test_a_scene_is_rendered_with_its_truth_where_it_is_seen() -> None:
         assert np.median(inside) < 0.75 * np.median(above)
 
 
+@pytest.mark.usefixtures("renderer")
 def test_the_corpus_is_of_these_scenes() -> None:
-    pytest.importorskip("mitsuba", reason="the extra `renderer` is not installed")
     from tests.vision.second_renderer.__main__ import scenes
     from tests.vision.second_renderer.render import truth
 
@@ -196,8 +206,8 @@ def test_the_corpus_is_of_these_scenes() -> None:
         assert truth(made[name]()) == images[name]["targets"]
 
 
+@pytest.mark.usefixtures("renderer")
 def test_its_camera_is_a_level_camera() -> None:
-    pytest.importorskip("mitsuba", reason="the extra `renderer` is not installed")
     from tests.vision.second_renderer.render import _seen_at
     from tests.vision.second_renderer.scenes import View
 
@@ -217,6 +227,7 @@ def test_its_camera_is_a_level_camera() -> None:
         (["--seed", "1", "--only", "plate_01"], "no picture begins with `plate_01`"),
     ],
 )
+@pytest.mark.usefixtures("renderer")
 def test_sets_that_cannot_be_are_refused(
     arguments: list[str],
     told: str,
@@ -224,7 +235,6 @@ def test_sets_that_cannot_be_are_refused(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    pytest.importorskip("mitsuba", reason="the extra `renderer` is not installed")
     from tests.vision.second_renderer import __main__ as command
 
     monkeypatch.setattr("sys.argv", ["renderer", *arguments, "-o", str(tmp_path / "set")])

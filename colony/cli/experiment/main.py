@@ -130,6 +130,7 @@ def command(
       colony experiment plates --seeds 10 -o plates.sqlite --write docs/plates.md
     """
     expect_extras("sim", "vision")
+    _check_map(asked_for["map_path"])
     from colony.sim.compiling import told_when_compiling
 
     with told_when_compiling(say):
@@ -146,6 +147,19 @@ def command(
         raise click.exceptions.Exit(EXIT_ERRORS)
     if found.interrupted:
         raise click.exceptions.Exit(EXIT_INTERRUPTED)
+
+
+def _check_map(path: str | None) -> None:
+    """Refuse a bad map before the simulator is imported, which takes long."""
+    from colony.nav.maps.building import load_building
+    from colony.text.diagnostics import Failure
+
+    try:
+        if path is not None:
+            load_building(path)
+    except Failure as failure:
+        report(failure.diagnostics)
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
 
 
 @contextmanager

@@ -128,9 +128,12 @@ def command(**given: Any) -> None:
     picture = None if options.no_picture or options.connect is not None else options.picture or PICTURE
     with _failures_told(), redirect_stdout(sys.stderr):  # for what modules in Python print
         from colony.cli.run.outputs import check_outputs, drawn
+        from colony.nav.maps.stickrep.reader import load_map
 
         request = request_of(compiled.robot, options)
         check_outputs(options.record, picture, [p for p in (options.file, options.map_path) if p is not None])
+        if options.map_path is not None:
+            load_map(options.map_path)  # before the simulator is imported, which takes long
         driven = _driven(compiled, request, options)
         if picture is not None:
             driven = drawn(driven, compiled.name, picture)

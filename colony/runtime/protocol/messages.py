@@ -131,7 +131,8 @@ Fate = Literal[
     "won",
     "suppressed",
     "inhibited",
-    "silent",
+    "inactive",  # its predicate is false
+    "silent",  # it reads something missing
     "overruled",  # it was active although another, with a higher place, was too: a violation
     "overridden",  # it was active, but a client outside the network, with a higher priority, commanded
     "locked out",  # it was active, but somebody else holds the lock

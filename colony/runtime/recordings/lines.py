@@ -105,7 +105,7 @@ def _actuator(actuator: Actuator, verdict: Verdict) -> str:
     return json.dumps({"by": verdict.by, **dict(values), **trouble})
 
 
-_QUIET = frozenset({"won", "silent", "suppressed", "inhibited"})
+_QUIET = frozenset({"won", "inactive", "silent", "suppressed", "inhibited"})
 
 
 def _trouble(verdict: Verdict) -> dict[str, object]:

@@ -135,7 +135,7 @@ def _requests(actuator: Actuator, modules: tuple[str, ...]) -> Schema:
     bid = _object(
         "what a client wanted",
         ("bid",),
-        bid=_of("string", "command, suppressed, inhibited or silent"),
+        bid=_of("string", "command, suppressed, inhibited, inactive or silent"),
         values=_values(actuator, "its command, limited and clamped, in declared units"),
         fault=_of("string", "why its command has no values"),
     )

@@ -45,13 +45,19 @@ class Pilot:
         limits: of the base.
         emergency: whether the base is stopped.
         values: speeds as the values of the actuator.
+        ticking: whether a Clock ticks at a time; without one no frame would carry a command out.
     """
 
     def __init__(
-        self, limits: BaseLimits, emergency: StopFollower, values: Callable[[Speeds], tuple[float, ...]]
+        self,
+        limits: BaseLimits,
+        emergency: StopFollower,
+        values: Callable[[Speeds], tuple[float, ...]],
+        ticking: Callable[[int], bool],
     ) -> None:
         self._emergency = emergency
         self._values = values
+        self._ticking = ticking
         self._settings = orders.first_settings(limits)
         self._proposal: _Proposal | None = None
         self.outsiders = Outsiders()
@@ -221,15 +227,20 @@ class Pilot:
             raise self.lock.refusal()
         return self.outsiders.enter(caller, self.places)
 
+    def _admit_motion(self, caller: Caller, now_ns: int) -> Commander:
+        if not self._ticking(now_ns):
+            raise Refused("clock", "no Clock ticks, so that nothing would move the base (see `colony ps`)")
+        return self._admit(caller)
+
     def _hold(self, commander: Commander, wanted: Motion, until_ns: int) -> None:
         """Command for the time of a lease."""
         self._drop(commander, _REPLACED)
         commander.motion, commander.until_ns = wanted, until_ns
         self.changed = True
 
-    def _begin(self, asked: Asked, wanted: Ending, wait: bool) -> Later | None:
+    def _begin(self, asked: Asked, wanted: Ending, wait: bool, now_ns: int) -> Later | None:
         """Command until it is done."""
-        commander = self._admit(asked.caller)
+        commander = self._admit_motion(asked.caller, now_ns)
         self._drop(commander, _REPLACED)
         commander.motion = wanted
         self.changed = True
@@ -240,12 +251,12 @@ class Pilot:
 
     def _drive(self, asked: Asked, arguments: robot.Drive, now_ns: int) -> None:
         wanted, until_ns = orders.drive(arguments, self.allowed), lease_end(arguments.lease_s, now_ns)
-        self._hold(self._admit(asked.caller), wanted, until_ns)
+        self._hold(self._admit_motion(asked.caller, now_ns), wanted, until_ns)
 
     def _go(self, asked: Asked, arguments: robot.Go, now_ns: int, integrating: bool = True) -> None:
         before, until_ns = self._before(asked.caller), lease_end(arguments.lease_s, now_ns)
         wanted, settings = orders.go(arguments, self._settings, self.allowed, before, integrating=integrating)
-        self._hold(self._admit(asked.caller), wanted, until_ns)
+        self._hold(self._admit_motion(asked.caller, now_ns), wanted, until_ns)
         self._settings = settings
 
     def _proportional_go(self, asked: Asked, arguments: robot.Go, now_ns: int) -> None:
@@ -254,7 +265,7 @@ class Pilot:
     def _jog(self, asked: Asked, arguments: robot.Jog, now_ns: int) -> None:
         before, until_ns = self._before(asked.caller), lease_end(arguments.lease_s, now_ns)
         wanted = orders.jog(arguments, self._settings, self.allowed, before)
-        self._hold(self._admit(asked.caller), wanted, until_ns)
+        self._hold(self._admit_motion(asked.caller, now_ns), wanted, until_ns)
 
     def _halt(self, asked: Asked, arguments: robot.Halt, now_ns: int) -> None:
         until_ns = lease_end(arguments.lease_s, now_ns)
@@ -262,19 +273,19 @@ class Pilot:
 
     def _move(self, asked: Asked, arguments: robot.Move, now_ns: int) -> Later | None:
         wanted, settings = orders.move(arguments, self._settings, self.allowed)
-        answer = self._begin(asked, wanted, arguments.wait)
+        answer = self._begin(asked, wanted, arguments.wait, now_ns)
         self._settings = settings
         return answer
 
     def _turn(self, asked: Asked, arguments: robot.Turn, now_ns: int) -> Later | None:
         wanted, settings = orders.turn(arguments, self._settings, self.allowed)
-        answer = self._begin(asked, wanted, arguments.wait)
+        answer = self._begin(asked, wanted, arguments.wait, now_ns)
         self._settings = settings
         return answer
 
     def _continuous_turn(self, asked: Asked, arguments: robot.ContinuousTurn, now_ns: int) -> Later | None:
         wanted, settings = orders.continuous_turn(arguments, self._settings, self.allowed)
-        answer = self._begin(asked, wanted, arguments.wait)
+        answer = self._begin(asked, wanted, arguments.wait, now_ns)
         self._settings = settings
         return answer
 

@@ -52,6 +52,10 @@ STALE_FRAMES = 2
 since may have been overtaken by a stop that it has not heard of yet."""
 
 
+CLOCK_GRACE_NS = 2_000_000_000
+"""Time without a tick after which calls that command motion are refused."""
+
+
 class RServer:
     """Publishes the state of the base, arbitrates who drives it, and takes calls. Mutable: all of that.
 
@@ -78,7 +82,7 @@ class RServer:
         self._publisher = Publisher(
             self.address, self._read, keep=keep, stopped=lambda: self._emergency.stopped
         )
-        self._pilot = Pilot(self._base.limits, self._emergency, self._values)
+        self._pilot = Pilot(self._base.limits, self._emergency, self._values, self._ticking)
         self._leadership = Leadership(self.address)
         self._leader: str | None = None
         methods = (*self._pilot.methods, *self._base.methods, *self._methods())
@@ -87,6 +91,7 @@ class RServer:
         self._use(deployment)
         self._k = -1
         self._tick_ns = 0
+        self._began_ns = 0
         self._outside_speeds: Speeds | None = None
         self._acting: str | None = None
         self._commanded_at: int | None = None
@@ -100,6 +105,7 @@ class RServer:
         )
 
     def start(self, now_ns: int) -> Iterable[Effect]:
+        self._began_ns = now_ns
         self._halt()
         return ()
 
@@ -186,6 +192,11 @@ class RServer:
         if bumper is not None:
             self._bumped(wanted, bumper, now_ns)
         self._commanded_at = now_ns
+
+    def _ticking(self, now_ns: int) -> bool:
+        """Return True if the Clock ticked lately; in lockstep the times of ticks only count frames."""
+        last_ns = max(self._began_ns, self._tick_ns)
+        return self._actuator.lockstep or now_ns - last_ns <= CLOCK_GRACE_NS
 
     def _stale(self, now_ns: int) -> bool:
         """Return whether the present frame is long over. In lockstep the times of ticks only count frames."""

@@ -29,6 +29,7 @@ from colony.verify.audit.report import (
     ContractCount,
     DamagedSpan,
     Difference,
+    Part,
 )
 from colony.verify.audit.resuming import Resuming
 from colony.verify.audit.verdict import RecordedVerdict, is_excused, objection, same_decision
@@ -327,7 +328,7 @@ class Auditor:
         if strangers:
             message: str | None = f"`{strangers[0]}` is no client of `{name}` in this program"
         else:
-            message = objection(actuator, verdict, due, interpreter.is_active)
+            message = objection(actuator, verdict, due, interpreter)
         if message is None:
             self._counts["idled"] += not same_decision(verdict, due)
             return
@@ -395,9 +396,15 @@ def _accounts(
             fate=fates.get(client),
             part="wins"
             if client == due.by
-            else "active"
-            if client in known and interpreter.is_active(client)
-            else "silent",
+            else _part(client, interpreter)
+            if client in known
+            else "inactive",
         )
         for client in order
     )
+
+
+def _part(client: str, interpreter: Interpreter) -> Part:
+    if interpreter.is_active(client):
+        return "active"
+    return "silent" if interpreter.is_silent(client) else "inactive"

@@ -7,8 +7,8 @@ from typing import Any, Literal
 
 from colony.ir.frame import Decision
 
-Part = Literal["wins", "active", "silent"]
-"""A client's part by the interpreter: it wins, its predicate holds without winning, or it is silent."""
+Part = Literal["wins", "active", "inactive", "silent"]
+"""A client's part by the interpreter. "active": its predicate holds, but it does not win."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

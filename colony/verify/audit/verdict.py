@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 from colony.ir.frame import Decision
 from colony.ir.program import Actuator, in_declared_units
 from colony.ir.types import ScalarValue
+from colony.verify.reference.interpreter import Interpreter
 
 
 class RecordedVerdict(Protocol):
@@ -55,15 +56,15 @@ EXCUSES = frozenset({"late", "lost", "refused"})
 
 _COMMANDED = frozenset({"won", "overruled", "overridden", "locked out", "stopped"})
 _GATED = frozenset({"suppressed", "inhibited"})
+_NOT_ACTIVE = frozenset({"inactive", "silent"})
 
 
 def objection(
-    actuator: Actuator, verdict: RecordedVerdict, due: Decision, is_active: Callable[[str], bool]
+    actuator: Actuator, verdict: RecordedVerdict, due: Decision, interpreter: Interpreter
 ) -> str | None:
     """Return what is wrong with a verdict of the network, or None.
 
-    `due` is the interpreter's decision; `is_active` returns True for modules that are active in the same
-    frame.
+    `due` is the interpreter's decision; `interpreter` has decided the same frame.
     """
     if verdict.violation:
         return "two clients commanded in one frame"
@@ -72,7 +73,7 @@ def objection(
             return "something else was sent than the interpreter decides"
         if not is_idle(actuator, verdict):
             return "a client was missed, and neither the interpreter's command nor the idle command was sent"
-    return next((text for text in (_fate(*one, due, is_active) for one in verdict.fates) if text), None)
+    return next((text for text in (_fate(*one, due, interpreter) for one in verdict.fates) if text), None)
 
 
 def same_decision(verdict: RecordedVerdict, due: Decision) -> bool:
@@ -105,15 +106,17 @@ def is_idle(actuator: Actuator, verdict: RecordedVerdict) -> bool:
     return verdict.by is None and verdict.fault is None and same_values(verdict.values, idle)
 
 
-def _fate(client: str, fate: str, due: Decision, is_active: Callable[[str], bool]) -> str | None:
+def _fate(client: str, fate: str, due: Decision, interpreter: Interpreter) -> str | None:
     """Return what is wrong with the recorded fate of a client, or None."""
     wins = client == due.by
     if fate in _COMMANDED and not wins:
         return f"`{client}` commanded, but does not get through by the interpreter"
-    if (fate in _GATED or fate == "silent") and wins:
+    if (fate in _GATED or fate in _NOT_ACTIVE) and wins:
         return f"`{client}` was {fate}, but gets through by the interpreter"
-    if fate in _GATED and not is_active(client):
+    if fate in _GATED and not interpreter.is_active(client):
         return f"`{client}` was {fate}, but is not active by the interpreter"
-    if fate == "silent" and is_active(client):
-        return f"`{client}` was silent, but is active by the interpreter"
+    if fate in _NOT_ACTIVE and interpreter.is_active(client):
+        return f"`{client}` was {fate}, but is active by the interpreter"
+    if fate == "inactive" and interpreter.is_silent(client):
+        return f"`{client}` was inactive, but by the interpreter it reads something missing"
     return None

@@ -48,7 +48,7 @@ def test_lights_are_counted_kept_and_put_into_a_page(colony: Colony, tmp_path: P
 @pytest.mark.parametrize(
     ("more", "problem"),
     [
-        (("--map", "maps/loop.stickrep"), "leave out --map"),
+        (("--map", "loop"), "leave out --map"),
         (("--plot", "pictures"), "leave out --plot, --audit and --variant"),
         (("--audit", "1"), "leave out --plot, --audit and --variant"),
         (("--variant", "thesis"), "leave out --plot, --audit and --variant"),

@@ -105,7 +105,7 @@ def test_with_their_process_all_clients_are_late_and_then_lost_and_come_back_wit
     assert whole.run(9 * S)
     for client in ("seen", "cruise"):
         fates = fates_of(log, client)
-        assert set(fates[:120]) <= {"won", "suppressed", "silent"}
+        assert set(fates[:120]) <= {"won", "suppressed", "inactive"}
         assert set(fates[120:125]) == {"late"}
         assert set(fates[126:140]) == {"lost"}
         assert set(fates[142:]) == ({"won"} if client == "seen" else {"suppressed"})
@@ -125,7 +125,7 @@ def test_clients_of_one_process_do_not_wait_for_the_servers_of_others(log: Log) 
     whole = session(roam(), remembering(), log, link=slow)
     assert whole.run(4 * S)
     assert set(fates_of(log, "cruise")[20:60]) == set(fates_of(log, "avoid")[20:60]) == {"late"}
-    assert set(fates_of(log, "back_off")) == {"silent", "won"}
+    assert set(fates_of(log, "back_off")) == {"inactive", "won"}
     assert "won" in fates_of(log, "back_off")[60:]
 
 
@@ -316,7 +316,7 @@ def test_rubbish_for_every_topic_changes_nothing(isolate: bool) -> None:
 def test_requests_come_with_the_frames_if_that_is_asked_for(isolate: bool) -> None:
     log = run(roam(), script(), 1 * S, requests=True, isolate=isolate)
     assert all(len(f.requests) == 3 for f in log.frames[:-1])
-    assert {r.bid for f in log.frames for r in f.requests} == {"command", "inhibited", "silent"}
+    assert {r.bid for f in log.frames for r in f.requests} == {"command", "inhibited", "inactive"}
 
 
 # --- modules in Python ---------------------------------------------------------------------------

@@ -83,7 +83,7 @@ def bids(messages: Iterable[Sent]) -> dict[int, str]:
 def test_one_request_a_frame(node: ClientNode) -> None:
     assert list(node.start(0)) == [Send("Clock/ready", Ready(client=ADDRESS, run="run"))]
     got = bids(run(node, range(30)))
-    assert got == {k: "command" if 3 <= k < 23 else "silent" for k in range(30)}
+    assert got == {k: "command" if 3 <= k < 23 else "inactive" for k in range(30)}
 
 
 def test_behind_it_steps_through_what_it_missed_and_asks_for_the_present_only(node: ClientNode) -> None:
@@ -130,7 +130,7 @@ def test_with_its_requests_it_tells_the_clock_that_it_lives_but_not_more_often_t
 
 def test_with_an_epoch_memory_begins_anew(node: ClientNode) -> None:
     assert bids(run(node, range(5)))[4] == "command"
-    assert bids(take(node, tick(5, start=5), base(5))) == {5: "silent"}
+    assert bids(take(node, tick(5, start=5), base(5))) == {5: "inactive"}
     assert node.frontier == (5, 5)
 
 
@@ -168,7 +168,7 @@ def test_one_that_comes_late_asks_for_its_memory_and_steps_through_what_came_sin
     assert take(node, saved()) == []  # the answer comes twice
     messages = [m for k in range(51, 65) for m in (tick(k), base(k))]
     assert bids(take(node, *messages, base(now))) == {now: "command"}
-    assert bids(run(node, range(66, 72))) == {k: "command" if k < 70 else "silent" for k in range(66, 72)}
+    assert bids(run(node, range(66, 72))) == {k: "command" if k < 70 else "inactive" for k in range(66, 72)}
 
 
 def none() -> Checkpoint:
@@ -194,7 +194,7 @@ def test_where_there_is_no_memory_to_be_had_it_asks_for_a_new_epoch_once_a_frame
     for k in (61, 62):
         assert take(node, tick(k)) == [Restart(client=ADDRESS, start=0)]
         assert take(node, base(k)) == []
-    assert bids(take(node, tick(63, start=63), base(63))) == {63: "silent"}
+    assert bids(take(node, tick(63, start=63), base(63))) == {63: "inactive"}
 
 
 def test_dserver_is_not_waited_for_forever(node: ClientNode) -> None:

@@ -64,7 +64,7 @@ def test_each_asks_and_lives_for_itself(both: ClientNode) -> None:
     assert both.address == SEEN
     assert list(both.start(0)) == [Send("Clock/ready", Ready(client=c, run="run")) for c in BOTH]
     got = run(both, range(5))
-    silent, active = ("silent", "command"), ("command", "suppressed")
+    silent, active = ("inactive", "command"), ("command", "suppressed")
     assert bids(got) == [
         (k, client, bid)
         for k, all_bids in enumerate((silent, silent, silent, silent, active))
@@ -118,7 +118,7 @@ def test_from_memories_of_different_frames_it_does_not_go_on_and_asks_for_a_new_
     assert take(both, tick(NOW + 1)) == [Restart(client=SEEN, start=0)]
     assert take(both, saved()[other, 50]) == [], "it is too late for that"
     got = take(both, tick(NOW + 2, start=NOW + 2), base(NOW + 2))
-    assert bids(got) == [(NOW + 2, "seen", "silent"), (NOW + 2, "cruise", "command")]
+    assert bids(got) == [(NOW + 2, "seen", "inactive"), (NOW + 2, "cruise", "command")]
 
 
 def test_memory_of_another_epoch_is_none(both: ClientNode) -> None:

@@ -260,7 +260,7 @@ class Stage:
             "server": lambda random: random.choice(("Clock", self.node.address, "RServer", "Runtime")),
             "actuator": lambda random: "drive",
             "client": lambda random: random.choice(CLIENTS)[0],
-            "bid": lambda random: random.choice(("command", "command", "silent", "inhibited")),
+            "bid": lambda random: random.choice(("command", "command", "inactive", "silent", "inhibited")),
             "values": lambda random: random.choice(([random.uniform(-400, 600), 20.0], [1.0], None)),
             "fault": lambda random: random.choice((None, None, None, "not finite")),
             "run": lambda random: random.choice(("", "r1", "r2")),

@@ -11,6 +11,7 @@ import pytest
 from colony.runtime.library import emergency, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.servers.drivers import BaseState
+from colony.runtime.servers.rserver import CLOCK_GRACE_NS
 from tests.runtime.servers.base_stage import FRAME, RollingBase, Stage, deployed, silent
 
 
@@ -337,3 +338,17 @@ def test_nobody_waits_longer_for_the_lock_than_they_would(stage: Stage) -> None:
     assert reply.problem is not None
     assert reply.problem.code == "locked"
     assert stage.now_ns < 9 * FRAME + 1
+
+
+def test_motion_is_refused_where_no_clock_ticks(stage: Stage) -> None:
+    stage.frame()
+    stage.wait(CLOCK_GRACE_NS)
+    stage.open("bea/1")
+    stage.do("bea/1", robot.go(200.0))
+    stage.wait(CLOCK_GRACE_NS + FRAME)
+    motions = (robot.go(200.0), robot.drive(200.0, 0.0), robot.move(500.0), robot.turn(90.0), robot.jog(10.0))
+    for ask in motions:
+        problem = stage.problem("bea/1", ask)
+        assert (problem.code, "no Clock ticks" in problem.message) == ("clock", True)
+    assert stage.base.velocity == 0.0
+    stage.do("bea/1", robot.stop())

@@ -119,7 +119,7 @@ class Crowd:
             msgspec.structs.replace(request, k=stage.k + chance.choice((0, 0, 0, 0, 1, -1)))
             for client, _ in CLIENTS
             for request in (
-                bid(client, bid=chance.choice(("silent", "inhibited", "suppressed", "command"))),
+                bid(client, bid=chance.choice(("inactive", "silent", "inhibited", "suppressed", "command"))),
                 bid(client, chance.choice((100.0, -200.0, 1e6)), chance.uniform(-60.0, 60.0)),
             )
             if chance.random() < 0.6

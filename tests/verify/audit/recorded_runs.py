@@ -95,7 +95,9 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
 def _fate(client: str, by: str | None, interpreter: Interpreter) -> Fate:
     if client == by:
         return "won"
-    return "suppressed" if interpreter.is_active(client) else "silent"
+    if interpreter.is_active(client):
+        return "suppressed"
+    return "silent" if interpreter.is_silent(client) else "inactive"
 
 
 def run_info(program: Program, *sources: SourceFile) -> RunInfo:

@@ -138,7 +138,7 @@ def test_the_difference_tells_what_each_client_does() -> None:
     )
     assert report.first is not None
     parts = [(c.client, c.fate, c.part) for c in report.first.clients]
-    assert parts == [("back", "silent", "wins"), ("cruise", "won", "active"), ("stop", None, "silent")]
+    assert parts == [("back", "silent", "wins"), ("cruise", "won", "active"), ("stop", None, "inactive")]
 
 
 @pytest.mark.parametrize("through", ["logs", "mcap", "lines"])

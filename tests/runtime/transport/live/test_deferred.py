@@ -132,6 +132,7 @@ def test_of_more_the_oldest_are_dropped_and_asked_for_again(
         until(lambda: len(outside.heard) == len(reader.asked), "and this is heard")
         put(outside, *(frame(k) for k in range(more)), tick(RING + more + 1))
         until(lambda: len(reader.got) == RING + more, "all frames are put together")
+        until(lambda: len(outside.heard) == len(reader.asked), "and all that was asked for is heard")
     assert outside.heard == [Fetch(server="PServer", k=k) for k in reader.asked]
     assert reader.got == [(k, float(k)) for k in range(RING + more)]
 
