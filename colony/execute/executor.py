@@ -49,7 +49,7 @@ class ProgramExecutor:
         self.restart()
 
     def step(self, frame: Frame, answers: Mapping[str, Answer] | None = None) -> Outcome:
-        """Return one frame: every actuator's decision, what was recorded, contracts that were broken."""
+        """Execute one frame; return the decision on every actuator, the records and the broken contracts."""
         machine, code = self._machine, self.code
         machine.begin(frame, answers)
         machine.run()

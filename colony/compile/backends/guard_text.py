@@ -45,7 +45,7 @@ class GuardText:
         return self._written(ref, own)
 
     def take_definitions(self, limit: int | None = None) -> list[tuple[str, str]]:
-        """Return names that were used since the last call, those in their texts included, with their texts.
+        """Return the names used since the last call, names in their texts included, with their texts.
 
         With `limit`, no more than that; the others are left for the next call.
         """

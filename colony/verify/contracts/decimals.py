@@ -60,7 +60,7 @@ def _means(written: Written, value: float) -> bool:
 
 
 def rounded(value: float, sensor: Sensor, digits: int) -> float:
-    """Return `value` rounded to so many significant digits in the unit of `sensor`, in base units."""
+    """Return `value`, in base units, rounded to a number of significant digits in the unit of `sensor`."""
     candidate = _rounded(value, sensor.unit or None, digits) if math.isfinite(value) else None
     try:
         return value if candidate is None else value_of(candidate)

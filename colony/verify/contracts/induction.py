@@ -1,4 +1,4 @@
-"""k-induction (Sheeran, Singh and Stalmarck, 2000): what held in k frames in a row holds in the next one.
+"""k-induction (Sheeran, Singh and Stalmarck, 2000): a condition of k frames in a row holds in the next.
 
 The memory before the first of these frames is any that the invariants allow.
 """

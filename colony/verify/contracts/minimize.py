@@ -58,13 +58,13 @@ class _Quieter:
     """Simpler readings in base units: none, that of the frame before, plain values, short numbers."""
 
     def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterator[Reading]:
-        """Yield none, one of those that are given, and simple ones; nothing for a sensor never given."""
+        """Yield no value, one of the given values, and simple values; nothing for a sensor never given."""
         if all(reading is None for reading in readings):
             return
         yield from dict.fromkeys((None, *_values(reversed(readings)), *_simple(sensor)))
 
     def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterator[Reading]:
-        """Yield what is as it was before, none, simple ones, and those of fewer numbers and digits."""
+        """Yield the value before, no value, simple values, and values with fewer numbers and digits."""
         if reading == before:
             return
         yield before

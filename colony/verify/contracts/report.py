@@ -141,7 +141,7 @@ def row(program: Program, result: Result) -> dict[str, object]:
 
 
 def steps(program: Program, trace: Trace) -> list[dict[str, object]]:
-    """Return an object a frame: what is given, as `colony trace --input` takes it, and what is sent."""
+    """Return an object per frame: the inputs, as `colony trace --input` takes them, and the commands sent."""
     return [
         {
             "frame": frame_row(program.robot.sensors, snapshot),

@@ -70,7 +70,7 @@ def _names(names: tuple[str, ...]) -> str:
 
 
 def _table(a: Program, b: Program, result: Different) -> Iterator[str]:
-    """Yield a line a frame: the time, what is given, and who won and what was sent in A and in B."""
+    """Yield a line per frame: the time, the inputs, and the winner and its command in A and in B."""
     sensors = {s.name: s for p in (b, a) for s in p.robot.sensors}
     given = [n for n in sensors if any(n in x.readings for x in result.snapshots)]
     answers = list(dict.fromkeys(m for x in result.snapshots for m in x.answers))

@@ -316,7 +316,7 @@ class _Proof:
         return decided(self.solver, clauses, self.undecided(name), shown)
 
     def undecided(self, subject: str) -> Undecided:
-        """Return what is said where z3 gives up."""
+        """Return the result where z3 gives up."""
         return Undecided(subjects=((self.form, subject),), timeout_ms=self.solver.timeout_ms)
 
 

@@ -80,7 +80,7 @@ _MOST_WAYS = 16
 
 
 def candidates(case: Case, module: str) -> tuple[str, ...]:
-    """Return the modules that can dominate a module, those nearest to it first."""
+    """Return the modules that can dominate a module, the nearest first."""
     found: dict[str, None] = {}
     for node in case.network.above(module):
         found |= dict.fromkeys(x for x in case.network.under(node.dominant) if x != module)

@@ -34,7 +34,7 @@ def aged(sensor: Sensor, reading: Reading, frame: Frame) -> Reading:
 
 
 def sense(sensor: Sensor, reading: Reading, factor: float) -> tuple[Value | None, RecordKind | None]:
-    """Return the value of `sensor` in base units, None where it is missing, and what has to be recorded.
+    """Return the value of `sensor` in base units, None where it is missing, and the record to make, if any.
 
     `factor` is base units per unit of `reading`. One bad element spoils an array.
     """

@@ -51,5 +51,5 @@ class Unrolling:
         return tuple(cast(z3.BoolRef, self.at(0, c.old) == c.initial) for c in self.cone.cells)
 
     def invariants(self, i: int) -> tuple[z3.BoolRef, ...]:
-        """Return what is true of the cells before frame i in every run."""
+        """Return the invariants of the cells before frame i."""
         return tuple(self.at(i, x) for x in self.cone.invariants)

@@ -188,7 +188,7 @@ class _Plainer:
         yield from (_plain(sensor), readings[0], readings[-1])
 
     def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterator[Reading]:
-        """Yield what is plainer; what is no reading of the sensor may be missing as well."""
+        """Yield plainer readings; an invalid reading of the sensor may be missing as well."""
         plain = _plain(sensor)
         if repr(reading) in (repr(plain), "None"):
             return
