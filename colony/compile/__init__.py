@@ -1,0 +1,1 @@
+"""The compiler: from the typed program to clients with guards and to code."""

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Always:
-    """True."""
+    """The guard that is always true."""
 
 
 @dataclass(frozen=True, slots=True)
 class Never:
-    """False."""
+    """The guard that is never true."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +29,8 @@ class ModuleActive:
 
 @dataclass(frozen=True, slots=True)
 class Not:
+    """The negation of a guard."""
+
     operand: int
 
 
@@ -41,7 +43,7 @@ class And:
 
 @dataclass(frozen=True, slots=True)
 class Or:
-    """Any of two or more operands."""
+    """The disjunction of two or more operands."""
 
     operands: tuple[int, ...]
 
@@ -61,7 +63,7 @@ Guard = Always | Never | ModuleActive | Not | And | Or | Recently
 
 
 def operands(guard: Guard) -> tuple[int, ...]:
-    """The guards that this one is made of, in order."""
+    """Return the guards that this one is made of, in order."""
     match guard:
         case And(operands=several) | Or(operands=several):
             return several
@@ -85,7 +87,7 @@ class GuardTable:
         self._always = self._index.get(Always(), -1)
 
     def add(self, node: Guard) -> int:
-        """The reference of `node`, added if it is new; its operands must be in the table."""
+        """Return the reference of `node`, added if it is new; its operands must be in the table."""
         at = self._index.get(node)
         if at is None:
             at = self._index[node] = len(self.nodes)
@@ -95,11 +97,11 @@ class GuardTable:
         return at
 
     def negation(self, operand: int) -> int:
-        """`not operand`."""
+        """Return `not operand`."""
         return self.add(Not(operand))
 
     def conjunction(self, parts: tuple[int, ...]) -> int:
-        """All of `parts`, leaving out those that are `Always`."""
+        """Return the conjunction of `parts`, without those that are `Always`."""
         always = self._always
         kept = tuple([part for part in parts if part != always])
         if len(kept) > 1:
@@ -107,14 +109,15 @@ class GuardTable:
         return kept[0] if kept else self.add(Always())
 
     def disjunction(self, parts: tuple[int, ...]) -> int:
-        """Any of `parts`."""
+        """Return the disjunction of `parts`."""
         if len(parts) > 1:
             return self.add(Or(parts))
         return parts[0] if parts else self.add(Never())
 
     def recently(self, operand: int, window_ns: int) -> int:
-        """Whether `operand` held within the window; without a window, whether it holds."""
+        """Return the guard "`operand` held within the window"; without a window, `operand` itself."""
         return self.add(Recently(operand, window_ns)) if window_ns > 0 else operand
 
     def freeze(self) -> tuple[Guard, ...]:
+        """Return the guards of the table so far."""
         return tuple(self.nodes)

@@ -34,7 +34,7 @@ class Suppressor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inhibitor:
-    """Nothing where the dominant is active, else the inferior's output. Time constants as in `Suppressor`."""
+    """A gate: no output where the dominant is active, else the inferior's. `window_ns` as in `Suppressor`."""
 
     dominant: int
     inferior: int

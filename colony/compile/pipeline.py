@@ -25,7 +25,7 @@ PASSES: tuple[Callable[[Any], Any], ...] = (
     forward_traversal,  # SuppressionNetwork -> ClientList     definitions 4.1, 4.2, Table 4.2
     simplify,  # ClientList -> ClientList
 )
-"""The passes in order: each takes what the one before it gives. Then `lower` makes what is executed."""
+"""The passes in order: each takes the result of the one before it. Then `lower` makes the code."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class Compilation:
 
     @cached_property
     def compiled(self) -> Compiled:
-        """What is executed, saved and sent; lowered once, when it is first asked for."""
+        """The compiled program, which is executed, saved and sent; lowered once, on first access."""
         with gc_paused():
             lowered = lower(self.program, self.clients, self.traversal)
         files = self.program.files

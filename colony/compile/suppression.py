@@ -28,7 +28,7 @@ class Link:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GatedSuppressor:
-    """What the dominant link carries, if anything; else what the inferior one does. It has no memory."""
+    """A memoryless suppressor: the dominant link's output if there is one, else the inferior's."""
 
     dominant: Link
     inferior: Link

@@ -30,7 +30,7 @@ class Name(SyntaxNode):
 
 @record
 class Named(SyntaxNode):
-    """What has a name: its first identifier, or the one behind its keyword."""
+    """A declaration with a name: its first identifier, or the one behind its keyword."""
 
     name: Name
 
@@ -68,6 +68,7 @@ class Reference(ExpressionNode):
 
     @property
     def text(self) -> str:
+        """Return the dotted name as written."""
         return ".".join(self.path)
 
 
@@ -181,7 +182,7 @@ Expression = (
 
 @record
 class NamedValue(Named):
-    """What gives a name a value."""
+    """A declaration that gives a name a value."""
 
     value: Expression
 
@@ -308,7 +309,7 @@ class NextDecl(NamedValue):
 
 @record
 class TransitionDecl(SyntaxNode):
-    """`source` is None for `any`."""
+    """A transition; `source` is None for `any`."""
 
     source: Name | None
     target: Name

@@ -45,18 +45,22 @@ class Builder:
     """One method a rule, named after it."""
 
     def file(self, c: Children) -> ast.File:
+        """Build a file from its declarations."""
         return ast.File(declarations=tuple(c), start=0, end=_end(c) if c else 0)
 
     # --- robot
 
     def robot(self, c: Children) -> ast.RobotDecl:
+        """Build a robot from its frame, sensors and actuators."""
         items = _of((ast.FrameDecl, ast.SensorDecl, ast.ActuatorDecl), c)
         return ast.RobotDecl(name=_name(c[1]), items=items, **_extent(c))
 
     def frame(self, c: Children) -> ast.FrameDecl:
+        """Build the declaration of the frame period."""
         return ast.FrameDecl(period=c[1], **_extent(c))
 
     def sensor(self, c: Children) -> ast.SensorDecl:
+        """Build a sensor declaration."""
         _, name, size, _, type_, range_, default, _, server, _, field, within = c
         return ast.SensorDecl(
             name=_name(name),
@@ -71,18 +75,21 @@ class Builder:
         )
 
     def second(self, c: Children) -> Any:
-        """The part that follows the word or bracket."""
+        """Return the part that follows the word or bracket."""
         return c[1]
 
     size = default = within = window = limit_when = condition = state_type = parenthesized = second
 
     def alias(self, c: Children) -> ast.Name:
+        """Return the name behind `as`."""
         return _name(c[1])
 
     def on_loss(self, c: Children) -> str:
+        """Return the reaction to a lost client, as written."""
         return cast("str", c[1].text)
 
     def actuator(self, c: Children) -> ast.ActuatorDecl:
+        """Build an actuator declaration."""
         server, _, command, _, idle, on_loss = c[-6:]
         return ast.ActuatorDecl(
             name=_name(c[1]),
@@ -96,91 +103,116 @@ class Builder:
         )
 
     def field(self, c: Children) -> ast.FieldDecl:
+        """Build a field of an actuator."""
         return ast.FieldDecl(name=_name(c[0]), type=c[2], range=c[3], **_extent(c))
 
     def idle(self, c: Children) -> ast.IdleDecl:
+        """Build the idle command of an actuator."""
         return ast.IdleDecl(name=_name(c[0]), arguments=None if c[1] is None else c[1][0], **_extent(c[:1]))
 
     def range(self, c: Children) -> ast.Range:
+        """Build a range."""
         return ast.Range(low=c[1], high=c[3], **_extent(c))
 
     def type(self, c: Children) -> ast.TypeName:
+        """Build the name of a type."""
         return ast.TypeName(path=tuple(t.text for t in c[::2]), **_extent(c))
 
     def arguments(self, c: Children) -> tuple[tuple[ast.Argument, ...], int]:
+        """Return the arguments and the offset at which they end."""
         return _of(ast.Argument, c), _end(c)
 
     def argument(self, c: Children) -> ast.Argument:
+        """Build a named argument."""
         return ast.Argument(name=_name(c[0]), value=c[2], **_extent(c))
 
     def enum(self, c: Children) -> ast.EnumDecl:
+        """Build an enum declaration."""
         return ast.EnumDecl(name=_name(c[1]), members=_of(ast.Argument, c), **_extent(c))
 
     def importing(self, c: Children) -> ast.ImportDecl:
+        """Build an import."""
         return ast.ImportDecl(path=_unquoted(c[1]), alias=c[2], **_extent(c))
 
     # --- derived values
 
     def param(self, c: Children) -> ast.ParamDecl:
+        """Build a param declaration."""
         return ast.ParamDecl(name=_name(c[1]), value=c[3], **_extent(c))
 
     def let(self, c: Children) -> ast.LetDecl:
+        """Build a let declaration."""
         return ast.LetDecl(name=_name(c[1]), value=c[3], **_extent(c))
 
     def state(self, c: Children) -> ast.StateDecl:
+        """Build a state declaration."""
         return ast.StateDecl(name=_name(c[1]), type=c[2], initial=c[4], **_extent(c))
 
     def next(self, c: Children) -> ast.NextDecl:
+        """Build the declaration of a state's next value."""
         return ast.NextDecl(name=_name(c[1]), value=c[3], **_extent(c))
 
     def machine(self, c: Children) -> ast.MachineDecl:
+        """Build a state machine."""
         transitions = _of(ast.TransitionDecl, c)
         return ast.MachineDecl(name=_name(c[1]), initial=_name(c[4]), transitions=transitions, **_extent(c))
 
     def transition(self, c: Children) -> ast.TransitionDecl:
+        """Build a transition of a state machine; its source is None for `any`."""
         source = None if c[0].type == "ANY" else _name(c[0])
         return ast.TransitionDecl(source=source, target=_name(c[2]), condition=c[4], **_extent(c))
 
     # --- modules
 
     def module(self, c: Children) -> ast.ModuleDecl:
+        """Build a module."""
         clauses, (when, do) = tuple(c[3:-4]), c[-3:-1]
         return ast.ModuleDecl(name=_name(c[1]), clauses=clauses, when=when, do=do, **_extent(c))
 
     def do(self, c: Children) -> ast.DoDecl:
+        """Build the command of a module."""
         arguments, end = c[2]
         return ast.DoDecl(actuator=_name(c[1]), arguments=arguments, start=c[0].start, end=end)
 
     def derived_module(self, c: Children) -> ast.DerivedModuleDecl:
+        """Build a module derived from another one."""
         arguments, end = ((), c[3].end) if c[4] is None else c[4]
         name = _name(c[1])
         return ast.DerivedModuleDecl(name=name, base=c[3], arguments=arguments, start=c[0].start, end=end)
 
     def python_module(self, c: Children) -> ast.PythonModuleDecl:
+        """Build the declaration of a module in Python."""
         clauses, path = tuple(c[6:-1]), _unquoted(c[4])
         return ast.PythonModuleDecl(name=_name(c[1]), path=path, clauses=clauses, **_extent(c))
 
     def reads(self, c: Children) -> ast.ReadsDecl:
+        """Build the names that a module in Python reads."""
         return ast.ReadsDecl(names=_of(ast.Reference, c), **_extent(c))
 
     def commands(self, c: Children) -> ast.CommandsDecl:
+        """Build the declaration of the actuator that a module in Python commands."""
         return ast.CommandsDecl(actuator=_name(c[1]), **_extent(c))
 
     def rate(self, c: Children) -> ast.RateDecl:
+        """Build the rate of a module in Python."""
         return ast.RateDecl(period=c[1], **_extent(c))
 
     # --- network
 
     def network(self, c: Children) -> ast.NetworkDecl:
+        """Build a network from its wires."""
         return ast.NetworkDecl(wires=tuple(c[2:-1]), **_extent(c))
 
     def wire(self, c: Children) -> ast.WireDecl:
+        """Build a wire."""
         return ast.WireDecl(name=_name(c[0]), wiring=c[2], **_extent(c))
 
     def chain(self, c: Children) -> ast.Chain:
+        """Build a chain from its operands and the links between them."""
         return ast.Chain(operands=tuple(c[::2]), links=tuple(c[1::2]), **_extent(c))
 
     def link(self, c: Children) -> ast.Link:
+        """Build a link of a chain: `suppresses` or `inhibits`, with its time constant."""
         relation: Literal["suppresses", "inhibits"] = (
             "suppresses" if c[0].type == "SUPPRESSES" else "inhibits"
         )
@@ -189,6 +221,7 @@ class Builder:
     # --- limits, contracts, tests
 
     def limit(self, c: Children) -> ast.LimitDecl:
+        """Build a limit."""
         _, actuator, _, field, relation, bound, condition = c
         return ast.LimitDecl(
             actuator=_name(actuator),
@@ -200,18 +233,23 @@ class Builder:
         )
 
     def contract(self, c: Children) -> ast.ContractDecl:
+        """Build a contract."""
         return ast.ContractDecl(name=_name(c[1]), expression=c[3], **_extent(c))
 
     def test(self, c: Children) -> ast.TestDecl:
+        """Build a test from its steps."""
         return ast.TestDecl(title=_unquoted(c[1]), steps=_of(ast.StepDecl, c), **_extent(c))
 
     def at(self, c: Children) -> tuple[int, int, tuple[Any, Any, Any]]:
+        """Return the start, end and (first, None, None) of a step at a single time."""
         return c[0].start, _end(c), (c[1], None, None)
 
     def span(self, c: Children) -> tuple[int, int, tuple[Any, Any, Any]]:
+        """Return the start, end and (first, last, period) of a step that is repeated."""
         return c[0].start, _end(c), (c[1], c[3], c[5])
 
     def step(self, c: Children) -> ast.StepDecl:
+        """Build a step of a test."""
         start, end, (first, last, period) = c[0]
         given, expect = c[1] or (), c[2] or ()
         end = expect[-1].end if expect else given[-1].end if given else end
@@ -220,28 +258,35 @@ class Builder:
         )
 
     def given(self, c: Children) -> tuple[ast.GivenDecl, ...]:
+        """Return the values that a step gives to sensors."""
         return _of(ast.GivenDecl, c)
 
     def assignment(self, c: Children) -> ast.GivenDecl:
+        """Build the value that a step gives to a sensor or to an element of it."""
         return ast.GivenDecl(sensor=_name(c[0]), index=c[1], value=c[3], **_extent(c))
 
     def missing(self, c: Children) -> ast.Missing:
+        """Build the value `missing`."""
         return ast.Missing(**_extent(c))
 
     def elements(self, c: Children) -> ast.Elements:
+        """Build a list of elements."""
         return ast.Elements(values=_of(EXPRESSIONS, c), **_extent(c))
 
     def expect(self, c: Children) -> tuple[ast.Expression, ...]:
+        """Return the expectations of a step."""
         return _of(EXPRESSIONS, c)
 
     # --- expressions
 
     def conditional(self, c: Children) -> ast.If:
+        """Build a conditional expression."""
         _, condition, _, yes, _, no = c
         depth = 1 + max(condition.depth, yes.depth, no.depth)
         return ast.If(condition=condition, yes=yes, no=no, depth=depth, start=c[0].start, end=no.end)
 
     def infix(self, c: Children) -> ast.Infix:
+        """Build an infix expression."""
         left, operator, right = c
         return ast.Infix(
             operator=operator.text,
@@ -253,42 +298,52 @@ class Builder:
         )
 
     def prefix(self, c: Children) -> ast.Prefix:
+        """Build a negation."""
         operator: Literal["-", "not"] = "-" if c[0].type == "MINUS" else "not"
         return ast.Prefix(operator=operator, operand=c[1], depth=1 + c[1].depth, **_extent(c))
 
     def in_range(self, c: Children) -> ast.InRange:
+        """Build a range test."""
         operand, _, low, _, high = c
         depth = 1 + max(operand.depth, low.depth, high.depth)
         return ast.InRange(operand=operand, low=low, high=high, depth=depth, **_extent(c))
 
     def by(self, c: Children) -> ast.By:
+        """Build a test for the winner of an actuator."""
         return ast.By(actuator=c[0], module=c[2], depth=2, **_extent(c))
 
     def is_status(self, c: Children) -> ast.Is:
+        """Build a test of a status."""
         status = cast("ast.Status", c[2].text)
         return ast.Is(subject=c[0], status=status, depth=2, **_extent(c))
 
     def index(self, c: Children) -> ast.Index:
+        """Build an element access."""
         return ast.Index(array=c[0], index=c[2], depth=1 + max(c[0].depth, c[2].depth), **_extent(c))
 
     def slice(self, c: Children) -> ast.SliceOf:
+        """Build a slice."""
         array, _, first, _, last, _ = c
         depth = 1 + max(array.depth, first.depth, last.depth)
         return ast.SliceOf(array=array, first=first, last=last, depth=depth, **_extent(c))
 
     def number(self, c: Children) -> ast.Number:
+        """Build a number from its digits and unit."""
         digits, unit = split_number(c[0].text)
         return ast.Number(digits=digits, unit=unit, start=c[0].start, end=_end(c))
 
     def boolean(self, c: Children) -> ast.Boolean:
+        """Build a boolean constant."""
         return ast.Boolean(value=c[0].type == "TRUE", **_extent(c))
 
     def call(self, c: Children) -> ast.Call:
+        """Build a function call."""
         arguments = _of(EXPRESSIONS, c)
         depth = 1 + max((a.depth for a in arguments), default=0)
         return ast.Call(function=_name(c[0]), arguments=arguments, depth=depth, **_extent(c))
 
     def comprehension(self, c: Children) -> ast.Comprehension:
+        """Build a comprehension."""
         function, _, body, _, variable, _, low, _, high, condition, _ = c
         parts = [body, low, high] + ([] if condition is None else [condition])
         return ast.Comprehension(
@@ -303,11 +358,12 @@ class Builder:
         )
 
     def reference(self, c: Children) -> ast.Reference:
+        """Build a reference from its dotted path."""
         return ast.Reference(path=tuple([t.text for t in c[::2]]), **_extent(c))
 
 
 def split_number(text: str) -> tuple[str, str | None]:
-    """`600 mm` to `600` and `mm`: the digits end where the unit begins (an exponent is part of them)."""
+    """Split `600 mm` into `600` and `mm`: the digits, with any exponent, end where the unit begins."""
     for i, character in enumerate(text):
         if character.isspace() or (character.isalpha() and not _is_exponent(text, i)):
             return text[:i], text[i:].strip() or None

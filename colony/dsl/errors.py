@@ -1,9 +1,9 @@
-"""The codes of everything that the front end reports, each with what it is about.
+"""The codes of everything that the front end reports, each with its subject.
 
-Codes are stable: a code keeps its meaning, and one that is given up is not used again. `docs/errors.md`
-tells of each when it occurs and how to mend it. E0xx is about text and files, E1xx about names, E2xx about
-types and constants, E3xx about the robot, E4xx about modules, E5xx about the network, E6xx about limits and
-tests; W0xx are warnings.
+Codes are stable: a code keeps its meaning, and a retired code is not reused. `docs/errors.md` describes
+when each occurs and how to fix it. E0xx is about text and files, E1xx about names, E2xx about types and
+constants, E3xx about the robot, E4xx about modules, E5xx about the network, E6xx about limits and tests;
+W0xx are warnings.
 """
 
 from __future__ import annotations

@@ -50,6 +50,7 @@ class ParsedFile(Record):
 
     @property
     def stem(self) -> str:
+        """Return the file's name without directory and suffix."""
         return Path(self.source.name).stem
 
 
@@ -72,12 +73,12 @@ class Unreadable(Exception):
         self.code, self.message, self.hint, self.span = code, message, hint, span
 
     def diagnostic(self, at: Span) -> Diagnostic:
-        """What to report; `at` is where the file was asked for."""
+        """Return the diagnostic to report; `at` is the place that asked for the file."""
         return error(self.code, self.span or at, self.message, self.hint)
 
 
 def read_source(path: Path, name: str) -> Source:
-    """The text of a regular file in UTF-8.
+    """Return the text of a regular file in UTF-8.
 
     Raises:
         Unreadable: there is no such file, it is not a regular one, too large, or not text.
@@ -99,7 +100,7 @@ def read_source(path: Path, name: str) -> Source:
 
 
 def decode(data: bytes, name: str) -> Source:
-    """The source of these bytes.
+    """Return the source of these bytes.
 
     Raises:
         Unreadable: they are not UTF-8 text; its span is the first byte that is none.
@@ -118,7 +119,7 @@ def decode(data: bytes, name: str) -> Source:
 
 
 def resolved(path: Path) -> str:
-    """The one absolute name of a file, links followed; of a name that is none, the name itself."""
+    """Return the absolute name of a file with links resolved; an invalid name is returned as it is."""
     try:
         return os.path.realpath(path)
     except (OSError, ValueError):
@@ -126,7 +127,7 @@ def resolved(path: Path) -> str:
 
 
 def load_tree(path: Path, name: str, text: str | None = None, *, shipped: Path | None = None) -> SourceTree:
-    """The file at `path` (or `text` in its place) and everything that it imports, however far.
+    """Load the file at `path` (or `text` in its place) and everything that it imports, transitively.
 
     Imports by name are looked for in `shipped`, where that is given, in place of what comes with colony.
     Nothing is raised: what cannot be read, and cycles, are among the diagnostics.
@@ -163,7 +164,7 @@ def placed(tree: SourceTree, path: Path) -> tuple[tuple[str, Source], ...]:
 
 
 class _Loader:
-    """Files found so far. Iterative, so that a long chain of imports is no deep recursion."""
+    """A loader of files. Mutable: the files so far. Iterative, so that import chains do not recurse."""
 
     def __init__(self, shipped: Path | None) -> None:
         self.shipped = shipped
@@ -214,7 +215,7 @@ class _Loader:
     def _read(
         self, source: Source, path: Path, shown: str, declaration: ast.ImportDecl, count: int
     ) -> Source | None:
-        """The text of an imported file; None after reporting, at the import, why there is none."""
+        """Return the text of an imported file, or None after reporting the reason at the import."""
         span = Span(source, declaration.start, declaration.end)
         if count > MAX_FILES:
             message = f"more than {MAX_FILES} files are imported"
@@ -229,7 +230,7 @@ class _Loader:
             return None
 
     def in_order(self, root: str) -> tuple[ParsedFile, ...]:
-        """Depth first, imports before importers; a cycle is reported where it closes, and cut there."""
+        """Return the files depth first, imports before importers; report and cut cycles where they close."""
         order: list[str] = []
         done: set[str] = set()
         trail: dict[str, None] = {root: None}
@@ -260,7 +261,7 @@ class _Loader:
         self.diagnostics.append(error("E104", span, f"imports go round in a cycle: {names}", hint))
 
     def _prefixes(self, root: str) -> dict[str, str]:
-        """What each file's names are called by: over the way with the fewest aliases, the first of equals."""
+        """Return the prefix of each file's names: the path with the fewest aliases, the first of equals."""
         prefixes = {root: ""}
         layer = [root]
         while layer:

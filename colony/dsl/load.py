@@ -13,7 +13,7 @@ from colony.text.diagnostics import Diagnostic, Failure
 
 
 class Checked(NamedTuple):
-    """What checking gives: the program if there are no errors, everything that was found, and the files."""
+    """The result of a check: the program if there are no errors, all findings, and the files."""
 
     program: Program | None
     diagnostics: tuple[Diagnostic, ...]
@@ -39,7 +39,7 @@ def check_text(text: str, name: str = "<text>", directory: str | Path = ".") -> 
 
 
 def load_file(path: str | Path) -> Program:
-    """The program of a file.
+    """Return the program of a file.
 
     Raises:
         Failure: with all errors and warnings, when there is an error.
@@ -48,7 +48,7 @@ def load_file(path: str | Path) -> Program:
 
 
 def load_text(text: str, name: str = "<text>", directory: str | Path = ".") -> Program:
-    """The program of a text; imports are relative to `directory`.
+    """Return the program of a text; imports are relative to `directory`.
 
     Raises:
         Failure: with all errors and warnings, when there is an error.

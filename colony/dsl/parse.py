@@ -1,8 +1,8 @@
 """Text to syntax tree, reporting every syntax error of a file in one go.
 
-Panic-mode recovery: after an error the parser starts anew at the next line that begins a declaration and is
-indented no deeper than the one that failed. What was read before the error is kept; the names that the
-skipped text declares are remembered, so that nobody calls them unknown.
+Panic-mode recovery: after an error the parser restarts at the next line that begins a declaration and is
+indented no deeper than the one that failed. What was read before the error is kept. The names that the
+skipped text declares are recorded, so that they are not reported as unknown.
 """
 
 from __future__ import annotations

@@ -23,12 +23,12 @@ _LEVELS = {
 
 
 def print_file(file: ast.File) -> str:
-    """The text of a file."""
+    """Return the text of a file."""
     return "\n".join(_declaration(d) for d in file.declarations)
 
 
 def print_expression(node: ast.Expression) -> str:
-    """The text of an expression, with only the parentheses that it needs."""
+    """Return the text of an expression, with only the parentheses that it needs."""
     return _expression(node, _IF)
 
 
@@ -36,7 +36,7 @@ def print_expression(node: ast.Expression) -> str:
 
 
 def _expression(node: ast.Expression, level: int) -> str:
-    """The text, in parentheses where the place binds tighter (`level`) than the expression."""
+    """Return the text, in parentheses where the place (`level`) binds tighter than the expression."""
     text, own = _bare(node)
     return text if own >= level else f"({text})"
 
@@ -216,7 +216,7 @@ def _python_clause(node: ast.PythonClause) -> str:
 
 
 def _wiring(node: ast.Wiring) -> str:
-    """Only parentheses nest, and the parser limits those."""
+    """Return the text of wiring. Only parentheses nest, and the parser limits those."""
     if isinstance(node, ast.Reference):
         return node.text
     parts = [_operand(node.operands[0])]

@@ -1,4 +1,4 @@
-"""After a syntax error: what was read before it, what the unreadable text declares, and where to read on.
+"""Recovery from a syntax error: what was read before it, the names lost in it, and where to resume.
 
 Imported only where there is an error: compiling its patterns is a part of the start-up time of a command.
 """
@@ -32,7 +32,7 @@ WORDS = frozenset(
 
 
 def lost_names(text: str) -> set[str]:
-    """The names that a piece of text seems to declare."""
+    """Return the names that a piece of text seems to declare."""
     return {a or b for a, b in _DECLARED.findall(text)}
 
 
@@ -43,7 +43,7 @@ def expected(problem: UnexpectedInput) -> frozenset[str]:
 
 
 def complete_declarations(problem: UnexpectedInput) -> list[ast.Declaration]:
-    """The declarations that were read before the error: they stand on the parser's stack."""
+    """Return the declarations that were read before the error: they stand on the parser's stack."""
     first: object = problem.values[0] if problem.values else None
     if isinstance(first, list):
         return first
@@ -54,7 +54,7 @@ DECLARATIONS: tuple[type, ...] = ast.Declaration.__args__
 
 
 def next_declaration(text: str, failed: int, at: int) -> int:
-    """Where to read on: the offset of a line, at or after the error, that begins a declaration."""
+    """Return the offset at which to resume: a line, at or after the error, that begins a declaration."""
     begin, indent = _begin_and_indent(text, failed)
     line = text.rfind("\n", 0, at) + 1
     search_from = line if line > begin else text.find("\n", max(at, begin))
@@ -69,7 +69,7 @@ def next_declaration(text: str, failed: int, at: int) -> int:
 
 
 def declaration_begun(text: str, failed: int, at: int) -> int | None:
-    """Where, in the line of the error, another declaration than the one that failed seems to begin."""
+    """Return the offset, in the line of the error, at which a new declaration seems to begin, if any."""
     begin, indent = _begin_and_indent(text, failed)
     line = text.rfind("\n", 0, at) + 1
     match = _DECLARATION.match(text, line)
@@ -79,7 +79,7 @@ def declaration_begun(text: str, failed: int, at: int) -> int | None:
 
 
 def _begin_and_indent(text: str, failed: int) -> tuple[int, int]:
-    """Where the word is that the declaration begins with, and how far it is indented."""
+    """Return the offset of the word that begins the declaration, and the declaration's indentation."""
     blanks = re.compile(r"(?:[ \t\r\n\f]|#[^\r\n]*)*").match(text, failed)
     begin = blanks.end() if blanks else failed
     return begin, begin - (text.rfind("\n", 0, begin) + 1)

@@ -1,4 +1,4 @@
-"""What a syntax error says: what was found, what was expected there, and the usual slip behind it."""
+"""Messages of syntax errors: what was found, what was expected, and the usual slip behind it."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ _SPLIT = ("==", "**", "=>", "->", "..", "<=", ">=", "//", "/*")
 
 
 def describe(source: Source, problem: UnexpectedInput, declaration: int) -> Diagnostic:
-    """The diagnostic of one syntax error; `declaration` is where the declaration that failed begins."""
+    """Return the diagnostic of a syntax error; `declaration` is the start of the failed declaration."""
     text, at, at_end = source.text, problem.offset, problem.at_end
     accepted = expected(problem)
     if text[max(at - 1, 0) : at + 1] in _SPLIT and not at_end:
@@ -83,7 +83,7 @@ def describe(source: Source, problem: UnexpectedInput, declaration: int) -> Diag
 
 
 def _before_sign(read: str, accepted: frozenset[str]) -> frozenset[str]:
-    """What could have stood before the character `read`, which was taken for a sign of its own."""
+    """Return the tokens that may stand before the character `read`, which was taken for an operator."""
     signs = {"=": {"ASSIGN"}, "*": _OPERATORS, "/": _OPERATORS, "<": _OPERATORS, ">": _OPERATORS}
     return frozenset(signs.get(read, accepted))
 
@@ -129,7 +129,7 @@ _BRACKET = re.compile(r'"[^"\r\n]*"|#[^\r\n]*|[(){}\[\]]')
 
 
 def _open_bracket(text: str, start: int, end: int) -> int | None:
-    """The innermost bracket opened in `text[start:end]` and not closed there."""
+    """Return the innermost bracket opened in `text[start:end]` and not closed there."""
     opened: list[int] = []
     for match in _BRACKET.finditer(text, start, end):
         if match[0] in "([{":
@@ -147,7 +147,7 @@ def _closes_another(bracket: str, found: str) -> bool:
 
 
 def _unclosed(source: Source, span: Span, bracket: int, found: str, begun: int | None) -> Diagnostic:
-    """A bracket that is open where the file ends, another is closed, or a declaration has `begun`."""
+    """Report a bracket still open where the file ends, another closes, or a declaration has `begun`."""
     closing = _CLOSING[source.text[bracket]]
     where = f"`{found}` stands" if found else "the file ends"
     if begun is not None:

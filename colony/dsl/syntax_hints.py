@@ -59,7 +59,7 @@ _PLACES = {
 
 
 def hint_for(text: str, at: int, found: str, accepted: frozenset[str]) -> str | None:
-    """What the person probably meant to write."""
+    """Return a hint at what the author probably meant to write, or None."""
     before = text[max(at - 40, 0) : at]
     if found == "%" and re.search(r"\d[ \t]*$", before) and not re.match(r"[ \t]*[\w(]", text[at + 1 :]):
         return "there are no percentages: write `0.2` for 20 %"

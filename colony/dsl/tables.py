@@ -1,6 +1,6 @@
 """The parser's tables, built from the grammar by lark and kept beside it as JSON.
 
-`python -m colony.dsl.tables` writes the file anew, which alone needs lark. A test compares it to the grammar.
+`python -m colony.dsl.tables` regenerates the file; only this needs lark. A test compares it to the grammar.
 """
 
 from __future__ import annotations

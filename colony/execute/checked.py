@@ -13,12 +13,12 @@ from colony.ir.frame import Answer, Frame, Outcome
 
 
 class CheckedExecutor(ProgramExecutor):
-    """Executes a program frame by frame, and refuses what is no frame."""
+    """An executor of a program, frame by frame, that refuses invalid frames."""
 
     _last_ns: int | None = None
 
     def step(self, frame: Frame, answers: Mapping[str, Answer] | None = None) -> Outcome:
-        """Return what is decided in one frame.
+        """Execute one frame and return its outcome.
 
         Raises:
             TypeError: it is no frame, its readings are no mapping, or a time is no whole number.
@@ -49,7 +49,7 @@ def checked_trace(frames: Iterable[Frame]) -> tuple[Frame, ...]:
 
 
 def checked_frame(frame: Frame, after_ns: int | None = None) -> Frame:
-    """Return a frame with numbers of Python where it has those of numpy.
+    """Return a frame with Python numbers in place of numpy numbers.
 
     Raises:
         TypeError: it is no frame, its readings are no mapping, or a time is no whole number.
@@ -79,7 +79,7 @@ def _time(name: str, given: Any) -> int:
 
 
 def _of_python(reading: Any) -> Any:
-    """Return a reading with numbers and lists of Python in place of those of numpy, which is not imported."""
+    """Return a reading with Python numbers and lists in place of numpy's; numpy is not imported."""
     if isinstance(reading, list | tuple):
         return tuple([_of_python(element) for element in reading])
     return reading.tolist() if hasattr(reading, "tolist") else reading

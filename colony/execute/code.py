@@ -40,7 +40,7 @@ from colony.text.source import Span
 
 @unique
 class Kind(Enum):
-    """What a value is: a double, a bool, an integer of nanoseconds, or a table of numbers or bools."""
+    """The kind of a value: a double, a bool, an integer of nanoseconds, or a table of numbers or bools."""
 
     NUMBER = "number"
     BOOL = "bool"
@@ -65,7 +65,7 @@ class FrameTime:
 
 @dataclass(frozen=True, slots=True)
 class SensorFresh:
-    """Whether the sensor itself gave a value in this frame (false where its default stands in)."""
+    """True if the sensor itself gave a value in this frame (false where its default stands in)."""
 
     sensor: str
 
@@ -80,7 +80,7 @@ class SensorElement:
 
 @dataclass(frozen=True, slots=True)
 class OldCell:
-    """What the cell of this index held before the frame."""
+    """The value that the cell of this index held before the frame."""
 
     cell: int
 
@@ -106,14 +106,14 @@ class PythonField:
 
 @dataclass(frozen=True, slots=True)
 class Lost:
-    """Whether the client of this module is lost: given with the frame (clients of `on_loss degrade` only)."""
+    """True if the client of this module is lost; an input of the frame (only under `on_loss degrade`)."""
 
     module: str
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Values of one kind, to pick from."""
+    """A table of values of one kind, to pick from."""
 
     elements: tuple[int, ...]
 
@@ -128,7 +128,7 @@ class Apply:
 
 @dataclass(frozen=True, slots=True)
 class Winner:
-    """Whether the module is the actuator's winner (also where its command is not finite)."""
+    """True if the module is the actuator's winner (also where its command is not finite)."""
 
     actuator: str
     module: str
@@ -136,14 +136,14 @@ class Winner:
 
 @dataclass(frozen=True, slots=True)
 class Commanded:
-    """Whether the winner's command was sent."""
+    """True if the winner's command was sent."""
 
     actuator: str
 
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """What was sent in a field, in base units; a placeholder where nothing was."""
+    """The value sent in a field, in base units; a placeholder where nothing was sent."""
 
     actuator: str
     index: int
@@ -167,7 +167,7 @@ Op = (
 
 
 def operands(op: Op) -> tuple[int, ...]:
-    """The values that this op is computed from."""
+    """Return the operands of an op."""
     match op:
         case Apply(arguments=several) | Table(elements=several):
             return several
@@ -180,7 +180,7 @@ def operands(op: Op) -> tuple[int, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """Memory: holds `initial` at first, and takes `value` at the end of frames where `condition` is true.
+    """A memory cell: initially `initial`; takes `value` at the end of frames where `condition` is true.
 
     `name` is for people; it is unique within a Code.
     """
@@ -194,7 +194,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PythonRead:
-    """What a Python module is given under `name`: a scalar, or (`array`) a tuple."""
+    """The input of a Python module called `name`: a scalar, or (`array`) a tuple."""
 
     name: str
     elements: tuple[int, ...]
@@ -228,8 +228,10 @@ class LimitCode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClientCode:
-    """A client. All guards include `present`, that nothing which the module reads is missing, and `active`,
-    the module's own activity.
+    """A client: its command, its guards and its place in the priorities.
+
+    All guards include `present` (nothing that the module reads is missing) and `active` (the module's own
+    activity).
 
     Attributes:
         guard, exclusive: its guards (see `colony.compile.clients`), simplified.
@@ -256,7 +258,7 @@ class ClientCode:
 
     @property
     def conditions(self) -> dict[str, int]:
-        """Its conditions by their names."""
+        """The client's conditions by their names."""
         return {name: getattr(self, name) for name in _CONDITIONS}
 
 
@@ -274,7 +276,7 @@ class ActuatorCode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContractCode:
-    """Broken in a frame in which `present` is true and `value` is not.
+    """A contract, broken in a frame in which `present` is true and `value` is not.
 
     `traversed` is the value by the guards before simplification.
     """
@@ -308,7 +310,7 @@ class Code:
 
 
 def roots(code: Code, *, exclusive: bool = True) -> list[int]:
-    """The values that a frame's outcome is made from, memory aside; `exclusive`: and what clients tell."""
+    """Return the values that decide a frame's outcome, memory aside; `exclusive`: and the clients' bids."""
     found: list[int] = []
     for call in code.python:
         found.append(call.present)
@@ -327,7 +329,7 @@ def roots(code: Code, *, exclusive: bool = True) -> list[int]:
 
 
 def live(ops: Iterable[Op], cells: Iterable[Cell], wanted: Iterable[int]) -> tuple[bytearray, set[int]]:
-    """What `wanted` is computed from: a flag for each op, and the cells, theirs included. Linear."""
+    """Return a flag for each op that `wanted` depends on, and the cells, with their own inputs. Linear."""
     all_ops, all_cells = tuple(ops), tuple(cells)
     flags, found = bytearray(len(all_ops)), set[int]()
     work = list(wanted)
@@ -349,7 +351,7 @@ def live(ops: Iterable[Op], cells: Iterable[Cell], wanted: Iterable[int]) -> tup
 
 
 def remapped(op: Op, ops: Mapping[int, int], cells: Mapping[int, int]) -> Op:
-    """`op` with its operands and cells renumbered."""
+    """Return `op` with its operands and cells renumbered."""
     match op:
         case Apply(operator=operator, arguments=arguments):
             return Apply(operator, tuple([ops[i] for i in arguments]))

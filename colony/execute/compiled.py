@@ -44,7 +44,7 @@ class Compiled:
 
     @property
     def robot(self) -> Robot:
-        """Its sensors and actuators in the order declared, and the period."""
+        """The program's sensors and actuators in the order declared, and the period."""
         actuators = tuple(one.actuator for one in self.code.actuators)
         return Robot(name=self.name, frame_ns=self.frame_ns, sensors=self.code.sensors, actuators=actuators)
 

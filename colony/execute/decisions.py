@@ -1,4 +1,4 @@
-"""What an actuator is sent once its winner is known."""
+"""Decision of an actuator's command once its winner is known."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Decided(NamedTuple):
 
 
 def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any]) -> Decided:
-    """What an actuator is sent when `winner` has won: its command, bounded, or the idle one."""
+    """Decide what the actuator is sent when `winner` has won: its command, bounded, or the idle one."""
     idle, fields = actuator.actuator.idle, field_bounds(actuator.actuator)
     if winner is None:
         return Decided(None, idle, None, ())
@@ -36,5 +36,5 @@ def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any])
 
 
 def field_bounds(actuator: Actuator) -> tuple[tuple[str, float, float | None, float | None], ...]:
-    """The fields as `settle` takes them."""
+    """Return the fields as `settle` expects them."""
     return tuple((f.name, f.factor, f.low, f.high) for f in actuator.fields)

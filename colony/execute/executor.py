@@ -1,4 +1,4 @@
-"""Executes a compiled program op by op: all of it, some of its clients, or one of its modules in Python.
+"""Executors, op by op, of a compiled program, of some of its clients, or of one module in Python.
 
 Plain and unhurried; what is generated from the same Code (`colony.compile.backends`) is fast.
 """
@@ -25,7 +25,7 @@ class NotExclusive(Exception):
 
 
 class ProgramExecutor:
-    """Executes a program as its clients (an `ir.frame.Executor`). Mutable: it has all of the memory.
+    """An executor of all of a program's clients (see `ir.frame.Executor`). Mutable: it has all memory.
 
     The winner is the first client whose guard holds or, if `exclusive`, the one whose exclusive guard holds.
 
@@ -49,7 +49,7 @@ class ProgramExecutor:
         self.restart()
 
     def step(self, frame: Frame, answers: Mapping[str, Answer] | None = None) -> Outcome:
-        """Return one frame: every actuator's decision, what was recorded, contracts that were broken."""
+        """Execute one frame; return the decision on every actuator, the records and the broken contracts."""
         machine, code = self._machine, self.code
         machine.begin(frame, answers)
         machine.run()
@@ -61,7 +61,7 @@ class ProgramExecutor:
         return Outcome(decisions, machine.records(), breaches)
 
     def restart(self) -> None:
-        """Go on from the initial memory, with Python modules built anew.
+        """Restart from the initial memory, with new instances of the Python modules.
 
         Raises:
             Failure: one of them cannot be built.
@@ -70,8 +70,10 @@ class ProgramExecutor:
 
     @property
     def memory(self) -> ProgramMemory | None:
-        """The memory, by guards that are not simplified; None where it runs modules in Python: they have
-        theirs."""
+        """Return the memory, by guards that are not simplified.
+
+        None if the program runs modules in Python, which keep their own memory.
+        """
         machine = self._machine
         if machine.python:
             return None
@@ -115,15 +117,17 @@ class ProgramExecutor:
 
 
 class ClientStep(NamedTuple):
-    """What a client has for its server in a frame.
+    """A client's message to its server in a frame.
 
     `active`: it asks for its command to be sent. `records` are those of all sensors that the executor reads,
     and of this client's command. `values` are the command in base units within limits and range; None unless
-    active, and when the command is not finite (`fault`), where the actuator gets its idle command. `bid`
-    tells why it is not active: its predicate holds, but another's command takes its place ("suppressed") or
-    its gates are closed ("inhibited"), or its predicate does not hold ("inactive"), or it reads something
-    missing ("silent"). One that is both dominated and gated is "inhibited"; one whose command has several
-    ways to the actuator, all of them closed in one manner or the other, is "suppressed".
+    active, and when the command is not finite (`fault`), where the actuator gets its idle command.
+
+    `bid` gives the reason if the client is not active. "suppressed": its predicate holds, but another's
+    command takes its place. "inhibited": its gates are closed. "inactive": its predicate does not hold.
+    "silent": it reads something missing. A client that is both dominated and gated is "inhibited"; a client
+    whose command has several ways to the actuator, all of them closed in one manner or the other, is
+    "suppressed".
     """
 
     active: bool
@@ -144,7 +148,7 @@ class ClientMemory(NamedTuple):
 
 
 class ClientsExecutor:
-    """Executes some clients of a program. Mutable: it has their memory.
+    """An executor of some clients of a program. Mutable: it has their memory.
 
     What several of them need is computed once. Frames are in base units. Modules in Python run elsewhere,
     also where a client is one.
@@ -167,7 +171,7 @@ class ClientsExecutor:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """The sensors that they read."""
+        """The sensors that the clients read."""
         return tuple(s.name for s in self.code.sensors)
 
     @property
@@ -198,11 +202,11 @@ class ClientsExecutor:
         self._machine = Machine(self.code)
 
     def memory(self, client: ClientKey) -> ClientMemory:
-        """Return a copy of the memory cells that belong to a client: those it needs, without those that
-        already belong to an earlier client of `clients`.
+        """Return a copy of the memory cells that belong to a client.
 
-        The memories of all clients together are the memory of the executor; one alone may not be enough for
-        its client.
+        These are the cells that the client needs, without those that already belong to an earlier client of
+        `clients`. The memories of all clients together are the memory of the executor; one alone may not be
+        enough for its client.
         """
         machine, cells = self._machine, self.code.cells
         return ClientMemory(machine.first_ns, {cells[i].name: machine.cells[i] for i in self._cells[client]})
@@ -255,7 +259,7 @@ def _bid(client: ClientCode, values: list[Any]) -> Bid:
 
 
 class ModuleExecutor:
-    """Executes one module in Python. Mutable: the memory of what it reads, and the module's own.
+    """An executor of one module in Python. Mutable: the memory of what it reads, and the module's own.
 
     Its frames are in base units.
 
@@ -270,7 +274,7 @@ class ModuleExecutor:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """The sensors that the module reads, through whatever."""
+        """The sensors that the module reads, directly or indirectly."""
         return tuple(s.name for s in self._code.sensors)
 
     def step(self, frame: Frame) -> Answer:
@@ -283,7 +287,7 @@ class ModuleExecutor:
         return answer
 
     def restart(self) -> None:
-        """Go on from the initial memory, with the module built anew.
+        """Restart from the initial memory, with a new instance of the module.
 
         Raises:
             Failure: it cannot be built.

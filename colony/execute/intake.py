@@ -1,8 +1,8 @@
-"""What happens to a reading on its way into an executor: checked, converted, clamped, recorded.
+"""Intake of a reading into an executor: checked, converted, clamped, recorded.
 
 Like the functions of `arithmetic` these stand on their own, on `math` alone: the Python backend copies them
-into what it generates. Each gives the value (`otherwise` where the reading is missing or faulty), whether
-the sensor is fresh, and the records, which it may add one to.
+into what it generates. Each returns the value (`otherwise` where the reading is missing or faulty), whether
+the sensor is fresh, and the records, to which it may add one.
 """
 
 from __future__ import annotations

@@ -38,11 +38,11 @@ from colony.ir.types import Array, Bool, Enum, ScalarValue
 from colony.text.diagnostics import Failure, error
 
 Step = Callable[[], Any]
-"""Computes the value of one op in the present frame."""
+"""A function that computes the value of one op in the present frame."""
 
 
 class Machine:
-    """Runs the ops of a Code over its memory. Mutable.
+    """A machine that runs the ops of a Code over its memory. Mutable.
 
     A frame is `begin`, `run`, the decisions (`decided`) and `run_on`, where there are some, then `commit`.
     With `answered` the Python modules run elsewhere, and their answers are given with each frame.
@@ -116,10 +116,11 @@ class Machine:
             self.cells[i] = value
 
     def records(self) -> tuple[Record, ...]:
+        """Return the records of the frame so far."""
         return tuple(Record(kind, subject) for kind, subject in self._records)  # type: ignore[arg-type]
 
     def _step(self, op: Op) -> Step:
-        """What computes the value of an op, from the values before it and from what the frame brought."""
+        """Return the function that computes an op from the values before it and the frame's input."""
         values = self.values
         match op:
             case Apply(operator=operator, arguments=arguments):
@@ -174,7 +175,7 @@ class Machine:
                 self._records = (*self._records, ("python error", call.module))
 
     def _given(self, call: PythonCall) -> dict[str, object] | None:
-        """What a Python module reads in this frame, None where something is missing."""
+        """Return the input of a Python module in this frame, None where something is missing."""
         values = self.values
         if not values[call.present]:
             return None
@@ -184,7 +185,7 @@ class Machine:
         }
 
     def _answer(self, module: str) -> tuple[ScalarValue, ...] | None:
-        """The Python module's command in this frame."""
+        """Return the Python module's command in this frame."""
         self._call_python()
         return self.answers[module].values
 
@@ -246,7 +247,7 @@ def build(call: PythonCall) -> PythonStep:
 
 
 def field_types(call: PythonCall) -> tuple[tuple[str, object], ...]:
-    """The fields of a Python module's command, as `PythonStep` takes them."""
+    """Return the fields of a Python module's command, as `PythonStep` expects them."""
     return tuple(
         (
             f.name,

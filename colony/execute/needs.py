@@ -1,4 +1,4 @@
-"""What each client of a program needs of its table: sensors, modules in Python, memory.
+"""Dependencies of each client of a program on its table: sensors, modules in Python, memory.
 
 The answers for all clients are computed together. Sets are bit masks in one int each; with thousands of
 clients, sets of objects would be too slow.
@@ -27,7 +27,7 @@ ClientKey = tuple[str, str]
 
 
 class Needs(NamedTuple):
-    """What a client needs: names of sensors and of modules in Python, numbers of cells."""
+    """The dependencies of a client: names of sensors and of modules in Python, numbers of cells."""
 
     sensors: tuple[str, ...]
     python_modules: tuple[str, ...]

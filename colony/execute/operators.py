@@ -108,4 +108,4 @@ FUNCTIONS: Mapping[Operator, Callable[..., Any]] = MappingProxyType(
         Operator.SECONDS: lambda t: t / 1e9,
     }
 )
-"""What each operator computes, on Python's floats, bools and ints."""
+"""Implementation of each operator on Python's floats, bools and ints."""

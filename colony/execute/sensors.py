@@ -9,7 +9,7 @@ from colony.ir.types import Array, Bool, Enum, Value, element_type
 
 
 def stand_in(sensor: Sensor) -> Value:
-    """What an executor computes with where the sensor is missing: its default, or a placeholder.
+    """Return the value computed with where the sensor is missing: its default, or a placeholder.
 
     A placeholder lies within the sensor's range, so that what is known of the range holds of it, too.
     """
@@ -33,13 +33,13 @@ def age_limits(sensors: tuple[Sensor, ...]) -> dict[str, int]:
 
 
 def members(sensor: Sensor) -> tuple[float, ...] | None:
-    """The numbers that a sensor of an enum type may have; None where it is of another type."""
+    """Return the numbers that a sensor of an enum type may have; None for other types."""
     kind = element_type(sensor.type)
     return tuple(number for _, number in kind.members) if isinstance(kind, Enum) else None
 
 
 def take(sensor: Sensor, reading: Reading, records: Records) -> tuple[Value, bool, Records]:
-    """The sensor's value in base units or what stands in for it, whether it is fresh, and the records."""
+    """Return the sensor's value in base units or its stand-in, True if it is fresh, and the records."""
     name, otherwise = sensor.name, stand_in(sensor)
     factor, low, high = sensor.factor, sensor.low, sensor.high
     if isinstance(sensor.type, Array):

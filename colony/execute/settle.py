@@ -1,4 +1,4 @@
-"""What an actuator is sent, given its winner's command: limits, range, and the idle command instead.
+"""The command that an actuator is sent for its winner's command: limits, range, or the idle command.
 
 Stands on its own, on `math` alone, like `arithmetic`: the Python backend copies it into what it generates.
 """

@@ -19,7 +19,7 @@ from msgspec import Meta
 from colony.text.source import Span
 
 MOST = 500_000
-"""The largest number of things of one kind, checked before any of them is read."""
+"""Maximum number of items of one kind, checked before any of them is read."""
 
 
 class SpanShape(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):

@@ -38,7 +38,7 @@ from colony.ir.program import ActuatorField, Sensor
 from colony.ir.types import Array, Bool, ScalarValue, Type, element_type
 
 LARGEST_ARRAY = 100_000
-"""Elements of the largest array that a sensor may have."""
+"""Maximum number of elements of a sensor's array."""
 
 LATEST_NS = 2**62
 """Bound of times in a program, before and after the beginning: their sums fit into 64 bits."""
@@ -48,7 +48,7 @@ _SIMPLE_NAME = re.compile(r"[A-Za-z_]\w{0,254}")
 
 
 class Invalid(ValueError):
-    """A compiled program that cannot be run; the text tells what is wrong with it."""
+    """A compiled program that cannot be run; the text describes what is wrong with it."""
 
 
 def check(compiled: Compiled) -> None:
@@ -122,7 +122,7 @@ class _Check:
         _expect(len({c.name for c in code.cells}) == len(code.cells), "a name twice among the cells")
 
     def _sources(self) -> None:
-        """Each source has a place of its own, inside the folder into which a recording is unpacked."""
+        """Check that each source has its own place inside the folder into which a recording is unpacked."""
         compiled = self.compiled
         places = [(source.kind, source.place) for source in compiled.sources]
         _expect(len(set(places)) == len(places), "a source twice")
@@ -141,7 +141,7 @@ class _Check:
     # --- operations ------------------------------------------------------------------------------
 
     def _gives(self, at: int, op: Op) -> Kind | None:
-        """The kind of what an operation gives; None if it is malformed."""
+        """Return the kind of an operation's result; None if it is malformed."""
         code = self.code
         match op:
             case Apply(operator=operator, arguments=arguments):
@@ -202,7 +202,7 @@ class _Check:
     # --- what is around them ---------------------------------------------------------------------
 
     def _python_calls(self) -> None:
-        """All that modules in Python read stands before the first operation that needs one of them."""
+        """Check that the inputs of modules in Python stand before the first operation that needs any."""
         answers = (i for i, op in enumerate(self.code.ops) if isinstance(op, PythonActive | PythonField))
         first = next(answers, self.code.decided)
         for call in self.code.python:

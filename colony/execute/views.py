@@ -42,9 +42,9 @@ def unsimplified(code: Code) -> Code:
 
 
 def of_clients(code: Code, clients: Collection[tuple[str, str]]) -> Code:
-    """Return the view of some clients, by actuator and module: their guards as their own process evaluates
-    them, their commands, the limits of these.
+    """Return the view of some clients, by actuator and module.
 
+    The view has their guards as their own process evaluates them, their commands, and the limits of these.
     Sensors are in base units. Modules in Python run elsewhere, also those of the clients.
 
     Raises:

@@ -1,8 +1,8 @@
 """Typed expressions: names resolved, units gone (all quantities in mm, s, deg), overloads chosen.
 
-A tree of frozen nodes, each with its `type` and its `span`. What a node means is told beside it; the
-language reference (docs/language.md) is the whole story. Operators and most functions work element by
-element where an operand is an array; a scalar beside an array stands for all of its elements.
+A tree of frozen nodes, each with its `type` and its `span`. Each node's docstring gives its meaning; the
+language reference (docs/language.md) is complete. Operators and most functions work element by element
+where an operand is an array; a scalar beside an array stands for all of its elements.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from colony.text.source import NOWHERE, Span
 
 @record
 class TypedNode(Record):
-    """What every typed expression has."""
+    """A typed expression: the base class of all nodes."""
 
     type: Type
     span: Span = field(default=NOWHERE, compare=False, repr=False)
@@ -26,13 +26,15 @@ class TypedNode(Record):
 
 @unique
 class Unary(Enum):
+    """An operator with one operand."""
+
     NEGATE = "-"
     NOT = "not"
 
 
 @unique
 class Binary(Enum):
-    """Two operands; the value is the operator's spelling."""
+    """An operator with two operands; the value is the operator's spelling."""
 
     ADD = "+"
     SUBTRACT = "-"
@@ -51,7 +53,7 @@ class Binary(Enum):
 
 @unique
 class Function(Enum):
-    """Pure functions; the value is the spelling.
+    """A pure function; the value is the spelling.
 
     MIN MAX SUM MEAN COUNT ANY ALL take one array, or one or more scalars, and give one value.
     INDEX_OF_MIN and INDEX_OF_MAX take one array. The rest work element by element.
@@ -88,7 +90,7 @@ INDEX_FUNCTIONS = frozenset({Function.INDEX_OF_MIN, Function.INDEX_OF_MAX})
 
 @unique
 class Memory(Enum):
-    """Functions with memory of their own; the value is the spelling."""
+    """A function with memory of its own; the value is the spelling."""
 
     PREVIOUS = "previous"
     CHANGED = "changed"
@@ -150,7 +152,7 @@ class Now(TypedNode):
 
 @record
 class Fresh(TypedNode):
-    """Whether a sensor is there itself (not by default), or a file-level `let` is not missing."""
+    """True if a sensor itself gave a value (not its default), or a file-level `let` is not missing."""
 
     name: str
     derived: bool
@@ -285,7 +287,7 @@ class SentField(TypedNode):
 
 @record
 class WonBy(TypedNode):
-    """Whether `module` is the actuator's winner in this frame."""
+    """True if `module` is the actuator's winner in this frame."""
 
     actuator: str
     module: str
@@ -293,21 +295,21 @@ class WonBy(TypedNode):
 
 @record
 class IsCommanded(TypedNode):
-    """Whether a module's command was sent (a winner whose command is not finite sends the idle one)."""
+    """True if a module's command was sent (a winner whose command is not finite sends the idle one)."""
 
     actuator: str
 
 
 @record
 class IsIdle(TypedNode):
-    """Not commanded."""
+    """True if no module commands the actuator in this frame."""
 
     actuator: str
 
 
 @record
 class IsActive(TypedNode):
-    """Whether a module or wire puts a command on its output in this frame."""
+    """True if a module or wire puts a command on its output in this frame."""
 
     name: str
 
@@ -340,11 +342,11 @@ Expression = (
 )
 
 NESTING_LIMIT = 100
-"""How deep expressions may nest; the front end refuses what is deeper, so that stages may recurse."""
+"""Maximum depth of an expression; the front end refuses deeper ones, so that stages may recurse."""
 
 
 def children(node: Expression) -> tuple[Expression, ...]:
-    """The direct subexpressions, in the order written."""
+    """Return the direct subexpressions, in the order written."""
     match node:
         case ValueOr(expression=e, other=o):
             return (e, o)

@@ -1,4 +1,4 @@
-"""What goes into an executor in one frame, and what comes out. Every executor speaks this.
+"""Input and output of an executor for one frame. Every executor uses these types.
 
 Values are in the units that the executed program declares: an executor multiplies by a sensor's factor on the
 way in and divides by a field's factor on the way out. Views of one client or module, and the programs of the
@@ -38,7 +38,7 @@ Bid = Literal[
     "inactive",  # its predicate does not hold
     "silent",  # something that it reads is missing
 ]
-"""What a client does in a frame, by its own knowledge."""
+"""A client's action in a frame, decided from its own knowledge."""
 
 
 class Answer(NamedTuple):
@@ -63,14 +63,14 @@ RecordKind = Literal[
 
 
 class Record(NamedTuple):
-    """Something worth writing down; `subject` is a sensor, a module, or `actuator.field`."""
+    """A noteworthy event; `subject` is a sensor, a module, or `actuator.field`."""
 
     kind: RecordKind
     subject: str
 
 
 class Decision(NamedTuple):
-    """Who commands an actuator in a frame, and what is sent.
+    """The winner of an actuator in a frame, and the command that is sent.
 
     `by` is the winning module or None; `values` are the fields in the program's units, None when nothing
     is sent (`idle hold`); `fault` is "not finite" when the winner's command could not be sent.
@@ -83,7 +83,7 @@ class Decision(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """All of one frame: a decision an actuator (in the order declared), what was recorded, contracts broken.
+    """The result of a frame: a decision per actuator (in the order declared), records, broken contracts.
 
     Records are in this order: sensors as declared; Python modules as declared; then for each actuator as
     declared, the winner's fault or, field by field, limited before clamped.
@@ -102,4 +102,6 @@ class Outcome(NamedTuple):
 class Executor(Protocol):
     """A program being executed; it has all memory, and one frame follows another."""
 
-    def step(self, frame: Frame) -> Outcome: ...
+    def step(self, frame: Frame) -> Outcome:
+        """Execute one frame."""
+        ...

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramMemory:
-    """What a program remembers, modules in Python aside, which have memory of their own.
+    """A program's memory, except that of modules in Python, which keep their own.
 
     `first_ns` is the time of the first frame since all memory was initial, None if there was none. `cells`
     are named by their places (see `state_cell`, `function_cell` and `window_cell`). A cell that is absent

@@ -19,7 +19,7 @@ from colony.text.source import NOWHERE, Source, Span
 
 @record
 class Declared(Record):
-    """What every declaration has: a unique name and its place in the text."""
+    """A declaration: a unique name and its place in the text."""
 
     name: str
     span: Span = field(default=NOWHERE, compare=False, repr=False)
@@ -64,7 +64,7 @@ class ActuatorField(Declared):
 
 @record
 class Actuator(Declared):
-    """What a robot can be told. `idle` holds the idle command in base units, or None for `idle hold`."""
+    """A command interface of a robot. `idle` is the idle command in base units, or None for `idle hold`."""
 
     fields: tuple[ActuatorField, ...]
     server: str
@@ -77,7 +77,9 @@ class InUnit(Protocol):
     """A field of a command; `factor` is its declared unit in base units."""
 
     @property
-    def factor(self) -> float: ...
+    def factor(self) -> float:
+        """The factor from the declared unit to the base unit."""
+        ...
 
 
 def in_declared_units(
@@ -99,7 +101,7 @@ DEFAULT_FRAME_NS = 50_000_000
 
 @record
 class Robot(Declared):
-    """Sensors and actuators in the order declared, and the frame period."""
+    """A robot: sensors and actuators in the order declared, and the frame period."""
 
     frame_ns: int = DEFAULT_FRAME_NS
     sensors: tuple[Sensor, ...] = ()
@@ -147,7 +149,7 @@ class State(Declared):
 
 @record
 class Transition(Record):
-    """Taken when the machine is in one of `sources` and `condition` is true."""
+    """A transition, taken when the machine is in one of `sources` and `condition` is true."""
 
     sources: frozenset[float]
     target: float
@@ -157,8 +159,10 @@ class Transition(Record):
 
 @record
 class Machine(Declared):
-    """A state with named phases. The first transition that applies is seen in the next frame; one whose
-    condition reads something missing does not apply (and its memory stays); memory moves on in any phase.
+    """A state with named phases.
+
+    The first transition that applies takes effect in the next frame. A transition whose condition reads a
+    missing value does not apply, and its memory stays. Memory moves on in any phase.
     """
 
     type: Enum
@@ -195,12 +199,13 @@ class Module(Declared):
 
     @property
     def actuator(self) -> str | None:
+        """Return the name of the actuator that the module commands, if any."""
         return self.command.actuator if self.command else None
 
 
 @record
 class PythonReading(Record):
-    """What a Python module is given each frame under `name`, as written in its file.
+    """A value that a Python module is given each frame under `name`, as written in its file.
 
     `expression` is a sensor, a file-level let, a state or a machine.
     """
@@ -280,16 +285,16 @@ class Limit(Record):
 
 @record
 class Contract(Declared):
-    """Must be true in every frame in which nothing that it reads is missing."""
+    """A contract: must be true in every frame in which nothing that it reads is missing."""
 
     expression: Expression
 
 
 @record
 class Given(Record):
-    """From this step on `sensor` (or its element `index`) has `value`, in base units; None: missing.
+    """A sensor's value in a test, from this step on, in base units; None: missing.
 
-    A scalar fills an array.
+    `index` selects one element. A scalar fills an array.
     """
 
     sensor: str
@@ -300,7 +305,7 @@ class Given(Record):
 
 @record
 class Step(Record):
-    """Frames at `times_ns` (one for `at`, several for `from`), each with all `expectations`."""
+    """A step of a test: frames at `times_ns` (one for `at`, several for `from`), with `expectations`."""
 
     times_ns: tuple[int, ...]
     given: tuple[Given, ...]
@@ -317,7 +322,7 @@ class Example(Declared):
 
 @record
 class Program(Record):
-    """Everything, in an order in which each thing stands after what it is computed from.
+    """A typed program; each part stands after the parts that it is computed from.
 
     `derived` and `wires` are sorted so; `modules`, `limits` and `contracts` are in the order written. `files`
     are the texts that it was made of, its own last, each by its place: a relative path with `/` between its

@@ -13,9 +13,10 @@ from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
 
 @dataclass(frozen=True, slots=True)
 class Bool:
-    """True or false."""
+    """The type of true and false."""
 
     def __str__(self) -> str:
+        """Return the type's name."""
         return "bool"
 
 
@@ -27,6 +28,7 @@ class Quantity:
     wild: bool = False
 
     def __str__(self) -> str:
+        """Return the dimension as a unit in base units."""
         return str(self.dimension)
 
 
@@ -39,6 +41,7 @@ class Enum:
     kind: Literal["enum", "machine"] = "enum"
 
     def __str__(self) -> str:
+        """Return the enum's name."""
         return self.name
 
 
@@ -47,12 +50,13 @@ Scalar = Bool | Quantity | Enum
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """`size` elements, at least one, of a scalar type."""
+    """The type of `size` elements, at least one, of a scalar type."""
 
     element: Scalar
     size: int
 
     def __str__(self) -> str:
+        """Return the type as written: `element[size]`."""
         return f"{self.element}[{self.size}]"
 
 
@@ -70,12 +74,12 @@ Value = ScalarValue | tuple[ScalarValue, ...]
 
 
 def element_type(of: Type) -> Scalar:
-    """The type of one element of an array, or the scalar type itself."""
+    """Return the type of one element of an array, or the scalar type itself."""
     return of.element if isinstance(of, Array) else of
 
 
 def shaped(element: Scalar, like: Type) -> Type:
-    """`element`, or an array of it where `like` is an array."""
+    """Return `element`, or an array of it where `like` is an array."""
     return Array(element, like.size) if isinstance(like, Array) else element
 
 

@@ -34,7 +34,7 @@ class Joint:
 
     @property
     def relation(self) -> Literal["suppresses", "inhibits"]:
-        """What the dominant output does to the inferior one."""
+        """Return the dominant output's effect on the inferior one."""
         return self.chain.relation
 
     @property
@@ -77,7 +77,7 @@ def joints_of(program: Program) -> Joints:
 
 
 class _Reader:
-    """Mutable: the joints and wires so far. Only parentheses nest, so it may recurse; chains are flat."""
+    """A reader of wiring. Mutable: the joints and wires so far. Recursive: only parentheses nest."""
 
     def __init__(self) -> None:
         self.joints: list[Joint] = []
@@ -98,7 +98,7 @@ class _Reader:
                 assert_never(wiring)
 
     def _joint(self, chain: Chain, place: tuple[str, *tuple[int, ...]], dominant: str, inferior: str) -> str:
-        """`a op[w0] b op[w1] c` is `a op[w0] (b op[w1] c)`."""
+        """Add a joint and return its name; `a op[w0] b op[w1] c` is `a op[w0] (b op[w1] c)`."""
         name = f"joint {len(self.joints)}"
         self.joints.append(Joint(name=name, place=place, chain=chain, dominant=dominant, inferior=inferior))
         return name

@@ -29,10 +29,12 @@ class Shipped(Enum):
 
     @property
     def folder(self) -> Path:
+        """The folder of the files of this kind."""
         return _FOLDER / self.value[0]
 
     @property
     def suffix(self) -> str:
+        """The suffix of the files of this kind."""
         return self.value[1]
 
     def names(self) -> list[str]:

@@ -1,0 +1,1 @@
+"""Source texts, diagnostics, units and the wording of messages."""

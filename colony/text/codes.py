@@ -1,10 +1,9 @@
-"""The codes of everything that is reported outside of the front end, each with what it is about.
+"""The codes of everything that is reported outside of the front end, each with its subject.
 
-Codes are stable: a code keeps its meaning, and one that is given up is not used again. `docs/errors.md`
-tells of each when it occurs and how to mend it. M is about maps, F about the frames of a trace, R about
-binding a program to a robot, P about modules written in Python, T about what tests found, C about compiled
-programs, A about recordings to be audited, V about what proofs found. The front end's own are in
-`colony.dsl.errors`.
+Codes are stable: a code keeps its meaning, and a retired code is not reused. `docs/errors.md` describes
+when each occurs and how to fix it. M is about maps, F about the frames of a trace, R about binding a program
+to a robot, P about modules written in Python, T about what tests found, C about compiled programs, A about
+recordings to be audited, V about what proofs found. The front end's own are in `colony.dsl.errors`.
 """
 
 from __future__ import annotations

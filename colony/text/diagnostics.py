@@ -36,7 +36,7 @@ class Diagnostic:
 
 
 class Failure(Exception):
-    """A stage could not give its result; `diagnostics` holds everything that it found, at least one."""
+    """A stage that failed; `diagnostics` holds everything that it found, at least one."""
 
     def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
@@ -44,17 +44,17 @@ class Failure(Exception):
 
 
 def error(code: str, span: Span, message: str, hint: str | None = None, *labels: Label) -> Diagnostic:
-    """An error at `span`."""
+    """Return an error at `span`."""
     return Diagnostic(code=code, span=span, message=message, hint=hint, labels=labels)
 
 
 def warning(code: str, span: Span, message: str, hint: str | None = None) -> Diagnostic:
-    """A warning at `span`."""
+    """Return a warning at `span`."""
     return Diagnostic(code=code, span=span, message=message, hint=hint, severity="warning")
 
 
 def headline(diagnostic: Diagnostic) -> str:
-    """`file:line:col: error[E012]: message`, on one line."""
+    """Return `file:line:col: error[E012]: message`, on one line."""
     return f"{_place(diagnostic.span)}: {diagnostic.severity}[{diagnostic.code}]: {diagnostic.message}"
 
 
@@ -67,7 +67,7 @@ _WIDEST_LINE = 160
 
 
 def render(diagnostic: Diagnostic) -> str:
-    """The headline, the source line with a caret below it, other places in the same way, and the hint."""
+    """Return the headline, the source line with a caret below it, other places likewise, and the hint."""
     out = [headline(diagnostic), *_excerpt(diagnostic.span)]
     for label in diagnostic.labels:
         out += [f"{_place(label.span)}: note: {label.text}", *_excerpt(label.span)]
@@ -77,7 +77,7 @@ def render(diagnostic: Diagnostic) -> str:
 
 
 def _excerpt(span: Span) -> list[str]:
-    """The line of a place, with carets below it; nothing where the line is empty."""
+    """Return the line of a place, with carets below it; nothing for an empty line."""
     line, column = span.source.position(span.start)
     text = span.source.line(line)
     width = min(max(span.end - span.start, 1), max(len(text) - column + 1, 1))
@@ -94,7 +94,7 @@ def _excerpt(span: Span) -> list[str]:
 
 
 def to_rows(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
-    """An object a diagnostic, for JSON, with 1-based lines and columns."""
+    """Return an object per diagnostic, for JSON, with 1-based lines and columns."""
     rows: list[dict[str, object]] = []
     for d in diagnostics:
         row = _row(d.span)
@@ -112,19 +112,19 @@ def _row(span: Span) -> dict[str, object]:
 
 
 def to_json(diagnostics: Sequence[Diagnostic]) -> str:
-    """A JSON array of `to_rows`."""
+    """Return a JSON array of `to_rows`."""
     import json
 
     return json.dumps(to_rows(diagnostics), indent=2)
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
-    """Whether any of them is an error."""
+    """Return True if any diagnostic is an error."""
     return any(d.severity == "error" for d in diagnostics)
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """By file (as first met) and place, each said once."""
+    """Sort by file (as first met) and place, and drop duplicates."""
     files: dict[int, int] = {}
     unique: dict[tuple[int, int, str, str], Diagnostic] = {}
     for d in diagnostics:

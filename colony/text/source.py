@@ -1,7 +1,7 @@
 """Source texts and places in them.
 
 A `Span` is a half-open range of character offsets in one `Source`; lines and columns are computed only
-when a person has to be told where something is.
+when a place is shown to a person.
 """
 
 from __future__ import annotations
@@ -29,37 +29,40 @@ class Source:
         return starts
 
     def position(self, offset: int) -> tuple[int, int]:
-        """The 1-based line and column of a character offset (one past the end is allowed)."""
+        """Return the 1-based line and column of a character offset (one past the end is allowed)."""
         offset = min(max(offset, 0), len(self.text))
         line = bisect_right(self._line_starts, offset)
         return line, offset - self._line_starts[line - 1] + 1
 
     def line(self, number: int) -> str:
-        """The text of 1-based line `number`, without its line break."""
+        """Return the text of 1-based line `number`, without its line break."""
         start = self._line_starts[number - 1]
         end = self.text.find("\n", start)
         return self.text[start : end if end >= 0 else len(self.text)].rstrip("\r")
 
     def __repr__(self) -> str:
+        """Return the class and the file name."""
         return f"Source({self.name!r})"
 
 
 class Span(NamedTuple):
-    """Characters `start` up to, and not including, `end` of `source`."""
+    """The characters from `start` up to, and not including, `end` of `source`."""
 
     source: Source
     start: int
     end: int
 
     def to(self, other: Span) -> Span:
-        """The span from the start of this one to the end of `other`."""
+        """Return the span from the start of this one to the end of `other`."""
         return Span(self.source, self.start, max(self.end, other.end))
 
     @property
     def text(self) -> str:
+        """Return the text within the span."""
         return self.source.text[self.start : self.end]
 
     def __repr__(self) -> str:
+        """Return the place as `file:line:column`."""
         line, column = self.source.position(self.start)
         return f"{self.source.name}:{line}:{column}"
 

@@ -1,11 +1,11 @@
-"""The known names that are closest to one that is unknown."""
+"""The known names that are closest to an unknown name."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 _LONGEST_NAME = 64
-"""How many characters of a name are compared: what comes from outside may be of any length."""
+"""Maximum number of characters of a name that are compared: external input may be of any length."""
 
 
 def did_you_mean(name: str, known: Iterable[str], *, most: int = 1, cutoff: float = 0.6) -> str | None:

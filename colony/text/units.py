@@ -20,16 +20,19 @@ class Dimension(NamedTuple):
     angle: int = 0
 
     def times(self, other: Dimension) -> Dimension:
+        """Return the dimension of a product."""
         return Dimension(self.length + other.length, self.time + other.time, self.angle + other.angle)
 
     def over(self, other: Dimension) -> Dimension:
+        """Return the dimension of a quotient."""
         return Dimension(self.length - other.length, self.time - other.time, self.angle - other.angle)
 
     def power(self, exponent: int) -> Dimension:
+        """Return the dimension of a power."""
         return Dimension(self.length * exponent, self.time * exponent, self.angle * exponent)
 
     def __str__(self) -> str:
-        """As a unit of the language in base units: `mm/s`, or `number` when dimensionless."""
+        """Return the unit in base units: `mm/s`, or `number` when dimensionless."""
         up = [_factor(n, e) for n, e in zip(_BASE, self, strict=True) if e > 0]
         down = [_factor(n, -e) for n, e in zip(_BASE, self, strict=True) if e < 0]
         if up:
@@ -109,5 +112,5 @@ def parse_unit(text: str) -> Unit:
 
 
 def nanoseconds(seconds: float) -> int:
-    """A time in seconds as whole nanoseconds, rounded once (half to even); `seconds` must be finite."""
+    """Return a time in seconds as whole nanoseconds, rounded once (half to even); it must be finite."""
     return round(Fraction(seconds) * 1_000_000_000)

@@ -1,4 +1,4 @@
-"""Numbers, times and lists as sentences have them."""
+"""The wording of numbers, times and lists in sentences."""
 
 from __future__ import annotations
 

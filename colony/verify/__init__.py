@@ -1,0 +1,1 @@
+"""Verification: the reference interpreter, proofs, lints, comparisons and audits."""

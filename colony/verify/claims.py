@@ -1,4 +1,4 @@
-"""Contract expressions that proofs make themselves: about modules, wires and commands."""
+"""Contract expressions that proofs create: about modules, wires and commands."""
 
 from __future__ import annotations
 
@@ -14,40 +14,47 @@ TRUE = ir.Constant(type=BOOL, value=True)
 
 
 def active(name: str) -> ir.Expression:
-    """A module or wire puts a command on its output."""
+    """Return the claim that a module or wire puts a command on its output."""
     return ir.IsActive(type=BOOL, name=name)
 
 
 def won(actuator: str, module: str) -> ir.Expression:
+    """Return the expression "`module` wins `actuator`"."""
     return ir.WonBy(type=BOOL, actuator=actuator, module=module)
 
 
 def fresh(sensor: str) -> ir.Expression:
+    """Return the expression "`sensor` is fresh"."""
     return ir.Fresh(type=BOOL, name=sensor, derived=False)
 
 
 def constant(value: ScalarValue, of: Scalar) -> ir.Expression:
+    """Return a constant expression."""
     return ir.Constant(type=of, value=value)
 
 
 def negation(e: ir.Expression) -> ir.Expression:
+    """Return the negation of an expression."""
     return ir.UnaryOperation(type=BOOL, operator=ir.Unary.NOT, operand=e)
 
 
 def binary(operator: Binary, left: ir.Expression, right: ir.Expression) -> ir.Expression:
-    """An operation that gives a bool."""
+    """Return an operation that gives a bool."""
     return ir.BinaryOperation(type=BOOL, operator=operator, left=left, right=right)
 
 
 def implies(left: ir.Expression, right: ir.Expression) -> ir.Expression:
+    """Return an implication."""
     return binary(Binary.IMPLIES, left, right)
 
 
 def all_of(some: Iterable[ir.Expression]) -> ir.Expression:
+    """Return the conjunction of expressions."""
     return _joined(Binary.AND, list(some), TRUE)
 
 
 def any_of(some: Iterable[ir.Expression]) -> ir.Expression:
+    """Return the disjunction of expressions."""
     return _joined(Binary.OR, list(some), FALSE)
 
 

@@ -1,4 +1,4 @@
-"""Ctrl-C while z3 is at work."""
+"""Handling of Ctrl-C while z3 runs."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     from types import FrameType
 
 _AGAIN_S = 0.01
-"""Delay before a lost Ctrl-C is sent once more: Python has left by then what swallowed it."""
+"""Seconds before a lost Ctrl-C is sent again: by then Python has left the code that swallowed it."""
 
 _INTERRUPT_INTERVAL_S = 0.05
-"""Seconds between two requests to z3 to give up: one that comes before z3 has begun is lost."""
+"""Seconds between two requests to z3 to give up: a request before z3 has begun is lost."""
 
 
 class _Resent:
-    """Ctrl-C, once more where it was lost. Mutable.
+    """Ctrl-C, sent again where it was lost. Mutable.
 
-    A KeyboardInterrupt in a callback of C, or while an object is deleted, has nobody to go to: Python prints
-    and forgets it.
+    No code can catch a KeyboardInterrupt in a callback of C, or while an object is deleted: Python prints it
+    and drops it.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""What the reference interpreter is given in one frame of a proof: readings in base units, bit for bit."""
+"""The input of the reference interpreter in one frame of a proof: readings in base units, bit for bit."""
 
 from __future__ import annotations
 

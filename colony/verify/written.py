@@ -10,7 +10,7 @@ _COMMENT = re.compile(r"#[^\r\n]*")
 
 
 def written(expression: Expression) -> str:
-    """The text of an expression on one line, without comments.
+    """Return the text of an expression on one line, without comments.
 
     The place of `a and (b)` ends with `b`: the parentheses around its first and last parts are put back.
     """

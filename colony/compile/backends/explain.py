@@ -19,17 +19,17 @@ from colony.ir.program import Program, Use, Wiring
 from colony.text.wording import duration_text
 
 MOST_LINES = 200
-"""How many wires, modules or nodes a section shows."""
+"""Maximum number of wires, modules or nodes that a section shows."""
 
 DEEPEST = 25
-"""How deep a tree is printed."""
+"""Maximum depth of a printed tree."""
 
 _WIDTH = 100
 _INDENT = "  "
 
 
 def explain(compilation: Compilation) -> str:
-    """What the compiler does with this program, step by step, for `colony compile --explain`.
+    """Explain step by step how the compiler treats this program, for `colony compile --explain`.
 
     Plain text without a line break at its end.
     """
@@ -67,7 +67,7 @@ def _section(title: str, lines: Iterable[str]) -> str:
 
 
 def _wires(program: Program) -> list[str]:
-    """One line a wire, long ones on several."""
+    """Return one line per wire, and several for a long wire."""
     wires = program.wires[:MOST_LINES]
     width = max((len(wire.name) for wire in wires), default=0)
     lines: list[str] = []
@@ -78,7 +78,7 @@ def _wires(program: Program) -> list[str]:
 
 
 def wiring_text(wiring: Wiring, most: int = MOST_LINES) -> str:
-    """Wiring as in the language, of each chain the first `most` operands. Only parentheses nest."""
+    """Return wiring in the language, with the first `most` operands per chain. Only parentheses nest."""
     match wiring:
         case Use(name=name):
             return name
@@ -94,7 +94,7 @@ def wiring_text(wiring: Wiring, most: int = MOST_LINES) -> str:
 
 
 def _hanging(head: str, text: str) -> list[str]:
-    """`head` and `text`, with further lines under the beginning of the text."""
+    """Return `head` and `text`, with further lines under the beginning of the text."""
     first, *more = wrapped(text, max(_WIDTH - len(head), 40))
     return [head + first, *(" " * len(head) + line for line in more)]
 
@@ -103,7 +103,7 @@ def _hanging(head: str, text: str) -> list[str]:
 
 
 def _without_inhibitors(compilation: Compilation, guards: GuardText) -> list[str]:
-    """Each module that can command, with the guard that the gates on its way leave it."""
+    """Return each module that can command, with the guard that the gates on its way leave it."""
     clients = [client for one in compilation.clients.actuators for client in one.clients]
     width = max((len(client.module) for client in clients[:MOST_LINES]), default=0)
     lines: list[str] = []
@@ -129,7 +129,7 @@ def _listed(head: str, names: list[str]) -> list[str]:
 
 
 def _tree(suppression: SuppressionNetwork, root: Link, one: ActuatorClients) -> list[str]:
-    """The tree, left child first, so that its leaves stand in the order of visit.
+    """Return the tree, left child first, so that its leaves stand in the order of visit.
 
     A shared node is drawn at its last visit; where it is met before that, a line says so.
     """
@@ -181,7 +181,7 @@ class _Branch:
 
 
 def _branches(branch: _Branch, node: GatedSuppressor) -> tuple[_Branch, _Branch]:
-    """The children, the left one on top of a stack."""
+    """Return the children, the left one on top of a stack."""
     user, below = branch.link.node, branch.below
     right = _Branch(link=node.dominant, user=user, side=_RIGHT, before=below + _LAST, below=below + _BLANK)
     left = _Branch(link=node.inferior, user=user, side=_LEFT, before=below + _FORK, below=below + _TRUNK)
@@ -189,7 +189,7 @@ def _branches(branch: _Branch, node: GatedSuppressor) -> tuple[_Branch, _Branch]
 
 
 def _last_users(suppression: SuppressionNetwork, root: Link) -> dict[int, tuple[int, str]]:
-    """For each node the suppressor and the side by which a forward traversal visits it last."""
+    """Return, for each node, the suppressor and the side by which a forward traversal visits it last."""
     users: dict[int, tuple[int, str]] = {}
     stack = [(root.node, -1, "")]
     while stack:
@@ -205,7 +205,7 @@ def _last_users(suppression: SuppressionNetwork, root: Link) -> dict[int, tuple[
 
 
 def _visits(one: ActuatorClients) -> list[str]:
-    """The order of visit, first (lowest priority) to last."""
+    """Return the order of visit, first (lowest priority) to last."""
     order = [client.module for client in reversed(one.clients)]
     lines = wrapped(" ".join(order[:MOST_LINES]), _WIDTH)
     if len(order) > MOST_LINES:

@@ -12,11 +12,11 @@ INLINE = 8
 """A part of a guard with more terms than this gets a name (`$1`, `$2`, ...) and is written out once."""
 
 OWN = "P"
-"""How a client's own activity is written in its guards: its applicability predicate (thesis Figure 4.11)."""
+"""Symbol of a client's own activity in its guards: its applicability predicate (thesis Figure 4.11)."""
 
 
 class GuardText:
-    """Writes guards of one table, and remembers which parts it named; total text is linear in the table."""
+    """A writer of one table's guards that records the parts it named; total text is linear in the table."""
 
     def __init__(self, guards: Sequence[Guard]) -> None:
         self._guards = guards
@@ -41,11 +41,11 @@ class GuardText:
                 assert_never(guard)
 
     def text(self, ref: int, own: str | None = None) -> str:
-        """The guard written out, with the module `own` as `P`, and first."""
+        """Return the guard written out, with the module `own` as `P`, and first."""
         return self._written(ref, own)
 
     def take_definitions(self, limit: int | None = None) -> list[tuple[str, str]]:
-        """Names that were used since the last call, those in their texts included, with their texts.
+        """Return the names used since the last call, names in their texts included, with their texts.
 
         With `limit`, no more than that; the others are left for the next call.
         """
@@ -57,7 +57,7 @@ class GuardText:
         return taken
 
     def _written(self, ref: int, own: str | None) -> str:
-        """Nesting is bounded by the number of terms: this recursion ends after `INLINE` levels."""
+        """Return a guard written out. The recursion ends after `INLINE` levels: terms bound the nesting."""
         joined = self._joined(ref)
         if joined is not None:
             joint, parts, negated = joined
@@ -82,7 +82,7 @@ class GuardText:
                 assert_never(guard)
 
     def _part(self, ref: int, own: str | None) -> str:
-        """A term of another guard: its name, or its text, in parentheses where it is joined of several."""
+        """Return a term of another guard: its name, or its text, in parentheses where it is joined."""
         if not self._terms[ref]:
             return self._name(ref)
         text = self._written(ref, own)
@@ -100,7 +100,7 @@ class GuardText:
         return name
 
     def _joined(self, ref: int) -> tuple[str, list[int], bool] | None:
-        """What joins it, its parts, and whether those are to be negated; None if it is no such guard.
+        """Return (connective, parts, True if the parts are negated), or None if the guard is not joined.
 
         `not (not a and not b)` is written `a or b`: a negation of mostly negations the other way round.
         """
@@ -122,7 +122,7 @@ class GuardText:
                 return None
 
     def _flat(self, guard: And | Or) -> list[int]:
-        """The operands of a conjunction (disjunction), with those of written-out ones among them in place."""
+        """Return the operands of a conjunction (disjunction), with those of written-out operands in place."""
         flat: list[int] = []
         stack = list(reversed(guard.operands))
         while stack:
@@ -135,6 +135,6 @@ class GuardText:
         return list(dict.fromkeys(flat))
 
     def _rank(self, ref: int, own: str | None) -> tuple[bool, int]:
-        """Where a term stands: the module `own`, then all by the table, negations with what they negate."""
+        """Return the sort key of a term: the module `own` first, then table order, `not a` with `a`."""
         guard = self._guards[ref]
         return guard != ModuleActive(own or ""), guard.operand if isinstance(guard, Not) else ref

@@ -10,14 +10,14 @@ from colony.compile.clients import ActuatorClients
 from colony.compile.pipeline import Compilation
 
 GUARD_WIDTH = 48
-"""Guards that are longer go on in the next line."""
+"""Width in characters beyond which guards continue in the next line."""
 
 _HEADER = ("priority", "module", "guard", "exclusive guard")
 _GAP = "  "
 
 
 def client_table(compilation: Compilation) -> str:
-    """For each actuator its clients, highest priority first, with both guards; then the parts with names.
+    """Return the clients of each actuator, highest priority first, with both guards; then the named parts.
 
     Plain text without a line break at its end. Its size is linear in the clients and their guards.
     """
@@ -32,7 +32,7 @@ def client_table(compilation: Compilation) -> str:
 
 
 def rows(one: ActuatorClients, guards: GuardText, limit: int | None = None) -> str:
-    """The table of one actuator, down to `limit` clients."""
+    """Return the table of one actuator, down to `limit` clients."""
     shown = one.clients[:limit]
     cells: list[tuple[list[str], ...]] = [tuple([name] for name in _HEADER)]
     for client in shown:
@@ -44,13 +44,13 @@ def rows(one: ActuatorClients, guards: GuardText, limit: int | None = None) -> s
 
 
 def legend(guards: GuardText, limit: int | None = None) -> str:
-    """What `P` is, and the parts of guards that were named so far, up to `limit` of them."""
+    """Return the meaning of `P`, and up to `limit` of the parts of guards that were named so far."""
     lines = [f"{OWN}: the client's own activity. Both guards give the same winner."]
     return "\n".join(lines + definitions(guards, limit))
 
 
 def definitions(guards: GuardText, limit: int | None = None) -> list[str]:
-    """Lines for the parts of guards that were named since the last time."""
+    """Return lines for the parts of guards that were named since the last call."""
     lines = []
     taken = guards.take_definitions(limit)
     for name, text in taken:
@@ -63,12 +63,12 @@ def definitions(guards: GuardText, limit: int | None = None) -> list[str]:
 
 
 def wrapped(text: str, width: int = GUARD_WIDTH) -> list[str]:
-    """The text in lines of this width, but with every word whole."""
+    """Return the text in lines of this width, but with every word whole."""
     return wrap(text, width, break_long_words=False)
 
 
 def _aligned(cells: Sequence[Sequence[list[str]]]) -> str:
-    """Columns under one another, the first one to the right; a cell is a list of lines."""
+    """Return aligned columns, the first one to the right; a cell is a list of lines."""
     widths = [max(len(line) for row in cells for line in row[i]) for i in range(len(_HEADER))]
     lines = []
     for row in cells:

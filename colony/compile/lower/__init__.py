@@ -1,0 +1,1 @@
+"""Lowering of the typed program and its clients to code."""

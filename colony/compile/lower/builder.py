@@ -1,4 +1,4 @@
-"""Builds `Code`: gives equal ops one number, and folds constants."""
+"""Construction of `Code`: equal ops have one number, and constants are folded."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Builder:
     # --- ops -------------------------------------------------------------------------------------
 
     def add(self, op: Op, kind: Kind, key: Hashable = None) -> int:
-        """The number of `op`, added if it is new. `key` stands for it where `==` is too coarse."""
+        """Return the number of `op`, added if it is new. `key` replaces `op` where `==` is too coarse."""
         key = op if key is None else key
         at = self._index.get(key)
         if at is None:
@@ -46,20 +46,21 @@ class Builder:
         return at
 
     def literal(self, value: ScalarValue) -> int:
-        """A number or bool; 0.0 and -0.0 are two."""
+        """Return a number or bool; 0.0 and -0.0 differ."""
         if isinstance(value, bool):
             return self.add(Literal(value), Kind.BOOL, ("bool", value))
         return self.add(Literal(float(value)), Kind.NUMBER, ("number", pack("<d", value)))
 
     def time(self, nanoseconds: int) -> int:
-        """A time or duration."""
+        """Return a time or duration."""
         return self.add(Literal(nanoseconds), Kind.TIME, ("time", nanoseconds))
 
     def table(self, elements: tuple[int, ...]) -> int:
+        """Return a table of the given elements."""
         return self.add(Table(elements), Kind.TABLE)
 
     def apply(self, operator: Operator, *arguments: int) -> int:
-        """An operator of values; of constants, the constant."""
+        """Apply an operator to values; for constants, return the constant result."""
         if operator is Operator.SELECT:
             return self._select(*arguments)
         ops = self.ops
@@ -88,11 +89,11 @@ class Builder:
         return self.add(Apply(Operator.SELECT, (condition, yes, no)), self.kinds[yes])
 
     def both(self, *conditions: int) -> int:
-        """All of them; true of none."""
+        """Return the conjunction; true without conditions."""
         return self._joined(Operator.AND, conditions, neutral=True)
 
     def either(self, *conditions: int) -> int:
-        """Any of them; false of none."""
+        """Return the disjunction; false without conditions."""
         return self._joined(Operator.OR, conditions, neutral=False)
 
     def _joined(self, operator: Operator, conditions: Sequence[int], neutral: bool) -> int:
@@ -108,19 +109,21 @@ class Builder:
         return kept[0] if kept else self.literal(neutral)
 
     def negation(self, condition: int) -> int:
+        """Return the negation of a condition."""
         op = self.ops[condition]
         if isinstance(op, Apply) and op.operator is Operator.NOT:
             return op.arguments[0]
         return self.apply(Operator.NOT, condition)
 
     def is_true(self, value: int) -> bool:
+        """Return True if the value is the constant `true`."""
         op = self.ops[value]
         return isinstance(op, Literal) and op.value is True
 
     # --- memory ----------------------------------------------------------------------------------
 
     def cell(self, name: str, kind: Kind, initial: ScalarValue | int, *places: str) -> int:
-        """The old value of the cell called `name`, which is made if it is new; it has to be `kept` once.
+        """Return the old value of the cell called `name`, made if it is new; it must be `kept` once.
 
         `places` are what `ir.memory` calls it.
         """
@@ -133,13 +136,14 @@ class Builder:
         return self.add(OldCell(at), kind)
 
     def keep(self, old: int, condition: int, value: int) -> None:
-        """At the end of a frame in which `condition` is true the cell read by `old` takes `value`."""
+        """Write `value` to the cell read by `old`, at the end of a frame in which `condition` is true."""
         op = self.ops[old]
         assert isinstance(op, OldCell)
         cell = self._cells[op.cell]
         cell.condition, cell.value = condition, value
 
     def cells(self) -> tuple[Cell, ...]:
+        """Return all memory cells."""
         return tuple(
             Cell(name=c.name, kind=c.kind, initial=c.initial, condition=c.condition, value=c.value)
             for c in self._cells

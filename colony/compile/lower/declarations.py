@@ -1,4 +1,4 @@
-"""Lets, states, machines and modules in terms of ops, each when it is first asked for.
+"""Lets, states, machines and modules in terms of ops, each lowered on first use.
 
 Lets are lowered before what reads them, so that nothing recurses over chains of lets.
 """
@@ -85,32 +85,39 @@ class Declarations:
     # --- what names stand for --------------------------------------------------------------------
 
     def sensor_kind(self, sensor: str) -> Kind:
+        """Return the kind of a sensor's value or elements."""
         return kind_of(self._sensors[sensor].type)
 
     def sensor_present(self, sensor: str) -> int:
+        """Return the condition that a sensor has a value, its default included."""
         if self._sensors[sensor].default is not None:
             return self.builder.literal(True)
         return self.builder.add(SensorFresh(sensor), Kind.BOOL)
 
     def let(self, name: str) -> Values:
+        """Return the values of a let."""
         return self._lets[name]
 
     def let_present(self, name: str) -> int:
+        """Return the condition that a file-level let is not missing."""
         return self._let_present[name]
 
     def module_of_let(self, name: str) -> str:
+        """Return the name of the module that a let belongs to."""
         module = self._all_lets[name].module
         assert module is not None
         return module.name
 
     def has_idle_command(self, actuator: str) -> bool:
+        """Return True if the actuator has an idle command, False for `idle hold`."""
         return self.actuators[actuator].idle is not None
 
     def field_kind(self, actuator: str, index: int) -> Kind:
+        """Return the kind of a field of an actuator."""
         return kind_of(self.actuators[actuator].fields[index].type)
 
     def state(self, name: str) -> int:
-        """The old value of a state or machine, which is noted as one to move on."""
+        """Return the old value of a state or machine, and record that it moves on."""
         if name not in self._states:
             place = self._all_states[name]
             if isinstance(place, ir.Machine):
@@ -126,7 +133,7 @@ class Declarations:
         return self._states[name]
 
     def active(self, name: str) -> int:
-        """Whether a module, or a wire that a contract names, is active."""
+        """Return the condition that a module, or a wire that a contract names, is active."""
         if name in self.modules:
             return self.module_active(name)
         return self.guards.guard(self.guards.observed[name])
@@ -180,7 +187,7 @@ class Declarations:
         self.builder.keep(self._states[state.name], scope.ready, self.expressions.scalar(following, scope))
 
     def _machine(self, machine: ir.Machine) -> None:
-        """The first transition from the present phase whose condition is there and true."""
+        """Take the first transition from the present phase whose condition is present and true."""
         builder, old = self.builder, self._states[machine.name]
         phases = frozenset(number for _, number in machine.type.members)
         taken: list[tuple[int, int]] = []
@@ -204,12 +211,13 @@ class Declarations:
         return builder.either(*tests)
 
     def file_scope(self, place: str, expressions: tuple[e.Expression, ...]) -> Scope:
+        """Return the scope of file-level expressions at `place`."""
         return Scope(owner=None, place=place, ready=self.expressions.present(expressions, None))
 
     # --- modules ---------------------------------------------------------------------------------
 
     def module_present(self, module: str) -> int:
-        """Whether nothing that the module reads is missing."""
+        """Return the condition that nothing which the module reads is missing."""
         if module not in self._present:
             expressions = _everything(self.modules[module])
             if self._all_lets:
@@ -218,10 +226,11 @@ class Declarations:
         return self._present[module]
 
     def module_scope(self, module: ir.Module, place: str) -> Scope:
+        """Return the scope of a module's expressions at `place`."""
         return Scope(owner=module.name, place=place, ready=self.module_present(module.name))
 
     def module_active(self, name: str) -> int:
-        """Whether the module puts a command on its output."""
+        """Return the condition that the module puts a command on its output."""
         if name not in self._active:
             module = self.modules[name]
             match module:
@@ -245,7 +254,7 @@ class Declarations:
         )
 
     def heard_active(self, module: str) -> int:
-        """The module's activity under `on_loss degrade`: that of a lost client is none."""
+        """Return the module's activity under `on_loss degrade`: a lost client is not active."""
         active = self.module_active(module)
         if self.modules[module].actuator is None:
             return active
@@ -256,7 +265,7 @@ class Declarations:
 
 
 def _everything(module: ir.AnyModule) -> tuple[e.Expression, ...]:
-    """All expressions of a module: what any of them reads, the module needs."""
+    """Return all expressions of a module: it needs everything that any of them reads."""
     match module:
         case ir.Module():
             return (
@@ -280,7 +289,7 @@ def _walk(expression: e.Expression) -> Iterator[e.Expression]:
 
 
 def _lets_read(expression: e.Expression) -> list[str]:
-    """The lets, of the file and of modules, that an expression mentions in any way."""
+    """Return all lets, of the file and of modules, that an expression mentions."""
     return [
         node.name
         for node in _walk(expression)

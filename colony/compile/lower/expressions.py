@@ -27,7 +27,7 @@ Values = tuple[int, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scope:
-    """Where an expression stands: in which module, in frames in which its memory moves on, in which loops."""
+    """The context of an expression: its module, the frames in which its memory moves on, and its loops."""
 
     owner: str | None
     place: str
@@ -36,18 +36,47 @@ class Scope:
 
 
 class Names(Protocol):
-    """What names in expressions stand for."""
+    """The meanings of names in expressions."""
 
-    def sensor_kind(self, sensor: str) -> Kind: ...
-    def sensor_present(self, sensor: str) -> int: ...
-    def let(self, name: str) -> Values: ...
-    def let_present(self, name: str) -> int: ...
-    def module_of_let(self, name: str) -> str: ...
-    def module_present(self, module: str) -> int: ...
-    def state(self, name: str) -> int: ...
-    def active(self, name: str) -> int: ...
-    def has_idle_command(self, actuator: str) -> bool: ...
-    def field_kind(self, actuator: str, index: int) -> Kind: ...
+    def sensor_kind(self, sensor: str) -> Kind:
+        """Return the kind of a sensor's value or elements."""
+        ...
+
+    def sensor_present(self, sensor: str) -> int:
+        """Return the condition that a sensor has a value."""
+        ...
+
+    def let(self, name: str) -> Values:
+        """Return the values of a let."""
+        ...
+
+    def let_present(self, name: str) -> int:
+        """Return the condition that a file-level let is not missing."""
+        ...
+
+    def module_of_let(self, name: str) -> str:
+        """Return the name of the module that a let belongs to."""
+        ...
+
+    def module_present(self, module: str) -> int:
+        """Return the condition that the module misses nothing."""
+        ...
+
+    def state(self, name: str) -> int:
+        """Return the value of a state."""
+        ...
+
+    def active(self, name: str) -> int:
+        """Return the condition that a module or wire is active."""
+        ...
+
+    def has_idle_command(self, actuator: str) -> bool:
+        """Return True unless the actuator is `idle hold`."""
+        ...
+
+    def field_kind(self, actuator: str, index: int) -> Kind:
+        """Return the kind of a field of an actuator."""
+        ...
 
 
 _FUNCTIONS: dict[Function, Operator] = {
@@ -65,7 +94,7 @@ _FUNCTIONS: dict[Function, Operator] = {
 
 
 class ExpressionLowering:
-    """Lowers expressions into one builder."""
+    """A lowering of expressions into one builder."""
 
     def __init__(self, builder: Builder, names: Names) -> None:
         self.builder = builder
@@ -75,7 +104,7 @@ class ExpressionLowering:
     # --- presence --------------------------------------------------------------------------------
 
     def present(self, expressions: tuple[ir.Expression, ...], owner: str | None) -> int:
-        """Whether nothing that any of them needs is missing; `owner`'s own lets count as there."""
+        """Return the condition that `expressions` miss nothing; `owner`'s own lets count as present."""
         found: dict[int, None] = {}
         for expression in expressions:
             self._needs(expression, owner, found)
@@ -103,12 +132,12 @@ class ExpressionLowering:
     # --- values ----------------------------------------------------------------------------------
 
     def scalar(self, e: ir.Expression, scope: Scope) -> int:
-        """The number of a scalar expression's value."""
+        """Return the number of a scalar expression's value."""
         (value,) = self.lower(e, scope)
         return value
 
     def lower(self, e: ir.Expression, scope: Scope) -> Values:
-        """The numbers of an expression's values."""
+        """Return the numbers of an expression's values."""
         apply = self.builder.apply
         match e:
             case ir.Constant(value=value):
@@ -151,7 +180,7 @@ class ExpressionLowering:
                 return self._leaf(e, scope)
 
     def _each(self, of: Callable[..., int], *operands: Values) -> Values:
-        """`of` the operands, element by element; a scalar stands for all elements."""
+        """Apply `of` to the operands, element by element; a scalar stands for all elements."""
         size = max([len(x) for x in operands])
         if size == 1:
             return (of(*[x[0] for x in operands]),)
@@ -218,7 +247,7 @@ class ExpressionLowering:
         return self._sensors[name]
 
     def _decision(self, e: ir.Expression) -> int:
-        """What only contracts may read."""
+        """Lower a property of the decision, which only contracts may read."""
         builder = self.builder
         match e:
             case ir.SentField(actuator=actuator, field_index=i):
@@ -255,7 +284,7 @@ class ExpressionLowering:
         return self.builder.apply(operator, self.builder.table(array), index)
 
     def _window_indices(self, size: int, center: int, reach: int) -> Values:
-        """The indices as numbers, exactly: reduced modulo the size before the offset is added."""
+        """Return the indices as numbers, exactly: reduced modulo the size before the offset is added."""
         apply, literal = self.builder.apply, self.builder.literal
         whole = apply(Operator.MODULO, apply(Operator.ROUND, center), literal(float(size)))
         return tuple(apply(Operator.ADD, whole, literal(float(j))) for j in range(-reach, reach + 1))
@@ -264,7 +293,7 @@ class ExpressionLowering:
         return tuple(self._pick(array, i) for i in self._window_indices(len(array), center, reach))
 
     def _index_function(self, function: Function, e: ir.Expression, scope: Scope) -> int:
-        """Where the least or greatest stands: of a slice or window, its index in the whole array."""
+        """Return the index of the least or greatest element, for a slice or window within the whole array."""
         apply = self.builder.apply
         operator = Operator.INDEX_OF_MIN if function is Function.INDEX_OF_MIN else Operator.INDEX_OF_MAX
         match e:
@@ -304,7 +333,7 @@ class ExpressionLowering:
                 return apply(_FUNCTIONS[function], *x)
 
     def _reduction(self, function: Function, x: Values) -> int:
-        """A reduction of one or more values."""
+        """Return a reduction of one or more values."""
         apply = self.builder.apply
         match function:
             case Function.MIN:
@@ -337,7 +366,7 @@ class ExpressionLowering:
         return self._conditional_reduction(e.function, bodies, conditions)
 
     def _conditional_reduction(self, function: Function, bodies: list[int], conditions: list[int]) -> int:
-        """The reduction of those bodies whose condition is true, which may be none."""
+        """Return the reduction of the bodies whose conditions are true; there may be none."""
         builder = self.builder
         pairs = list(zip(conditions, bodies, strict=True))
         match function:
@@ -360,7 +389,7 @@ class ExpressionLowering:
                 raise AssertionError(f"{function} is no reduction")
 
     def _fold(self, operator: Operator, pairs: list[tuple[int, int]], of_none: float) -> int:
-        """From the left, begun with the first that is taken, so that it alone stays as it is."""
+        """Fold the taken bodies from the left. The first one taken is the initial value."""
         builder = self.builder
         result, any_yet = builder.literal(of_none), builder.literal(False)
         for condition, body in pairs:
@@ -386,5 +415,5 @@ class ExpressionLowering:
 
 
 def kind_of(of: Type) -> Kind:
-    """What a value, or an element, of this type is."""
+    """Return the kind of a value, or of an element, of this type."""
     return Kind.BOOL if isinstance(element_type(of), Bool) else Kind.NUMBER

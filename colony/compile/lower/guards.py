@@ -13,7 +13,7 @@ from colony.compile.lower.memory import MemorySite, until
 
 
 class GuardLowering:
-    """Lowers those guards of a client list that are asked for.
+    """A lowering of a client list's guards, on first use.
 
     `name` begins the names of their cells; `active` gives the value of a module's activity.
     """
@@ -32,7 +32,7 @@ class GuardLowering:
         self._values: dict[int, int] = {}
 
     def guard(self, root: int) -> int:
-        """The value of a guard, lowered with those that it is made of, from the front of the table."""
+        """Return the value of a guard, lowered with its operands, from the front of the table."""
         if root not in self._values:
             needed, work = {root}, [root]
             while work:

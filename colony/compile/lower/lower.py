@@ -1,6 +1,6 @@
-"""From the typed program and its clients to the compiled program, with all of its code.
+"""Lowering: from the typed program and its clients to the compiled program, with all of its code.
 
-Everything is lowered when it is first asked for, beginning with what is decided; so the code of one client
+Everything is lowered when it is first needed, beginning with the decisions; so the code of one client
 holds only what that client needs. Nothing recurses over chains of lets, wires or guards.
 """
 

@@ -29,12 +29,12 @@ class MemorySite:
     ready: int
 
     def called(self, part: str) -> tuple[str, ...]:
-        """What `ir.memory` calls a part of what is remembered."""
+        """Return the names that `ir.memory` gives a part of this memory."""
         return tuple([f"{cell} {part}" for cell in self.cells])
 
 
 def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], place: MemorySite) -> int:
-    """The value of one scalar memory function in this frame."""
+    """Return the value of one scalar memory function in this frame."""
     match call.function:
         case Memory.PREVIOUS:
             return _previous(builder, arguments[0], arguments[1], place)
@@ -63,14 +63,14 @@ def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], pla
 
 
 def started(builder: Builder, place: MemorySite) -> int:
-    """Whether there was a frame before this one in which `place` was ready; one cell a condition."""
+    """Return the condition that an earlier frame had `place` ready; each condition has one cell."""
     old = builder.cell(f"started {place.ready}", Kind.BOOL, False, *place.called("started"))
     builder.keep(old, place.ready, builder.literal(True))
     return old
 
 
 def until(builder: Builder, holds: int, window_ns: int, place: MemorySite) -> int:
-    """True from a frame with `holds` until, and not including, `window_ns` after the last such frame."""
+    """Return a condition true from a frame with `holds` until `window_ns` after the last one, exclusive."""
     now = builder.add(FrameTime(), Kind.TIME)
     end = builder.cell(f"{place.name} until", Kind.TIME, 0, *place.called("until"))
     later = builder.apply(Operator.TIME_ADD, now, builder.time(window_ns))
@@ -79,7 +79,7 @@ def until(builder: Builder, holds: int, window_ns: int, place: MemorySite) -> in
 
 
 def _last(builder: Builder, value: int, place: MemorySite) -> int:
-    """The argument in the last frame; false or 0 at first."""
+    """Return the argument in the last frame; false or 0 at first."""
     kind = builder.kinds[value]
     old = builder.cell(f"{place.name} last", kind, False if kind is Kind.BOOL else 0.0, *place.called("last"))
     builder.keep(old, place.ready, value)

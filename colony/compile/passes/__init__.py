@@ -1,0 +1,1 @@
+"""Passes of the compiler, from the network to clients with guards."""

@@ -1,4 +1,4 @@
-"""From the typed program to its network: names become references, chains become nodes."""
+"""Elaboration of the typed program to its network: names become references, chains become nodes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from colony.ir.program import Chain, Program, Use, Wiring
 
 
 def elaborate(program: Program) -> Network:
-    """The network that the program's wires describe.
+    """Return the network that the program's wires describe.
 
     A chain `a op[w0] b op[w1] c` becomes the nodes of `a op[w0] (b op[w1] c)`. Wires that reach no actuator
     are in the network as well; modules that stand in no wire are not, unless they are observed.
@@ -84,7 +84,7 @@ class _Elaboration:
 
 
 def _observed_names(program: Program) -> list[str]:
-    """What contracts and examples name by `is active`, each once, in order."""
+    """Return the names that contracts and examples use in `is active`, each once, in order."""
     names = dict.fromkeys(
         node.name
         for root in _conditions(program)

@@ -1,9 +1,9 @@
 """Inhibition elimination: Lemma 4.1 of thesis section 4.8.2, for networks with sharing and memory.
 
-`A inhibits B` is B through a gate `not active(A)`. What makes that hold beyond the lemma's two modules:
+`A inhibits B` is B through a gate `not active(A)`. Beyond the lemma's two modules, this holds because:
 
 - Where B is a network, the gate distributes over its suppressors, so that gating the link to B gates all
-  modules in B; and B itself stays one, whoever else uses it.
+  modules in B; and B itself stays shared with its other users.
 - Where A is a network, its activity is a guard over its modules. Activities are computed once a node,
   from those of its inputs, in a hash-consed table: linear in the network.
 - A time constant is activity with memory: the gate is `not recently(active(A), T)`; and a suppressor with
@@ -59,7 +59,7 @@ class _Elimination:
         return self.add(leaf, self.table.add(ModuleActive(leaf.module)))
 
     def inhibited(self, dominant: Link, inferior: Link, node: Inhibitor | Suppressor) -> Link:
-        """The inferior link, open only where the dominant one does not dominate."""
+        """Return the inferior link, closed while the dominant one dominates."""
         table = self.table
         dominating = table.recently(dominant.active, node.window_ns)
         if node.window_ns > 0:

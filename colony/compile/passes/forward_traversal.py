@@ -26,7 +26,7 @@ from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
 
 
 def forward_traversal(suppression: SuppressionNetwork) -> ClientList:
-    """One client a module and actuator, numbered by the order of visit, with both guards.
+    """Return one client per module and actuator, numbered by the order of visit, with both guards.
 
     A module reached by one way only has the thesis's guard (its own activity and the gates on that way), one
     reached by several the exclusive guard.
@@ -45,7 +45,7 @@ def forward_traversal(suppression: SuppressionNetwork) -> ClientList:
 
 
 def _clients(nodes: tuple[SuppressionNode, ...], root: Link, table: GuardTable) -> tuple[Client, ...]:
-    """The clients of one output, highest priority first."""
+    """Return the clients of one output, highest priority first."""
     visits = backward_visits(nodes, root)
     reach = _Reach(root)
     for at in sorted(visits, reverse=True):  # users have higher references than what they use
@@ -71,7 +71,7 @@ def _clients(nodes: tuple[SuppressionNode, ...], root: Link, table: GuardTable) 
 
 
 def backward_visits(nodes: tuple[SuppressionNode, ...], root: Link) -> list[int]:
-    """The nodes under `root` in the reverse of a forward traversal, each at its last visit there.
+    """Return the nodes under `root` in the reverse of a forward traversal, each at its last visit there.
 
     Nodes before their children, dominant before inferior.
     """
@@ -89,7 +89,7 @@ def backward_visits(nodes: tuple[SuppressionNode, ...], root: Link) -> list[int]
 
 
 class _Reach:
-    """How nodes are reached from the root, known of a node when all its users have passed on theirs.
+    """The conditions under which nodes are reached from the root. A node's is complete after all its users'.
 
     `gates` are those on the way to a node from the root, None where there are several ways.
     """
@@ -104,7 +104,7 @@ class _Reach:
         return self.first[at] if further is None else table.disjunction((self.first[at], *further))
 
     def pass_on(self, at: int, node: GatedSuppressor, table: GuardTable) -> None:
-        """From a suppressor to the nodes that its links use."""
+        """Pass the conditions of a suppressor on to the nodes that its links use."""
         through, gates = self.through(at, table), self.gates[at]
         undominated = table.negation(node.dominant.active)
         for link, passing in ((node.dominant, (through,)), (node.inferior, (through, undominated))):

@@ -26,7 +26,7 @@ TRUE = 0
 FALSE = 1
 
 REACH = 8
-"""How many parts of a part a rule looks at; longer ones are taken as they are."""
+"""Maximum number of parts of a part that a rule inspects; longer ones are taken as they are."""
 
 Conjunction = tuple[int, ...]
 
@@ -45,11 +45,11 @@ class InverterGraph:
         self._atoms: dict[str | tuple[int, int], int] = {}
 
     def __len__(self) -> int:
-        """How many nodes there are."""
+        """Return the number of nodes."""
         return len(self.parts)
 
     def module(self, name: str) -> int:
-        """The literal of a module's activity."""
+        """Return the literal of a module's activity."""
         node = self._atoms.get(name)
         if node is None:
             node = self._atoms[name] = self._add((), _MODULE)
@@ -57,7 +57,7 @@ class InverterGraph:
         return 2 * node
 
     def recently_literal(self, literal: int, window_ns: int) -> int:
-        """The literal of `recently`: of a constant, or without a window, it is its operand."""
+        """Return the literal of `recently`; for a constant, or without a window, that of its operand."""
         if literal <= FALSE or window_ns == 0:
             return literal
         node = self._atoms.get((literal, window_ns))
@@ -67,11 +67,11 @@ class InverterGraph:
         return 2 * node
 
     def raw_conjunction(self, literals: Conjunction) -> int:
-        """The literal of a new node, whatever it is made of: at least one literal, in any order."""
+        """Return the literal of a new node of any parts: at least one literal, in any order."""
         return 2 * self._add(literals, _LONG)
 
     def conjunction(self, literals: Iterable[int]) -> int:
-        """The literal of the conjunction, with nothing but constants, doubles and complements reduced."""
+        """Return the literal of the conjunction, with only constants, duplicates and complements reduced."""
         present = set(literals)
         present.discard(TRUE)
         if FALSE in present:
@@ -82,7 +82,7 @@ class InverterGraph:
         return self._conjunction(present)
 
     def simpler_conjunction(self, literals: Iterable[int]) -> int:
-        """The literal of the conjunction, with all rules applied once."""
+        """Return the literal of the conjunction, with all rules applied once."""
         present = set(literals)
         present.discard(TRUE)
         facts, clauses = self._facts(present)
@@ -128,7 +128,7 @@ class InverterGraph:
         return len(self.parts) - 1
 
     def _facts(self, literals: set[int]) -> tuple[set[int], list[int]]:
-        """What single literals imply besides themselves (or others of them imply), and the short clauses."""
+        """Return the parts that single literals imply besides the literals, and the short clauses."""
         facts: set[int] = set()
         clauses: list[int] = []
         kinds = self._kinds
@@ -151,7 +151,7 @@ class InverterGraph:
         return facts, clauses
 
     def _factored(self, clauses: dict[int, Conjunction]) -> int:
-        """(a or b), (a or c) = a or (b, c), where all parts are short clauses with something in common."""
+        """Factor short clauses that share literals: (a or b), (a or c) = a or (b, c)."""
         common = set.intersection(*map(set, clauses.values()))
         if not common:
             return self._conjunction(set(clauses))
@@ -162,12 +162,12 @@ class InverterGraph:
 
 
 def zeros(length: int) -> array[int]:
-    """An integer for each node; an array, not a list, since large networks do not fit a processor's cache."""
+    """Return an integer for each node; in an array, since large networks do not fit a processor's cache."""
     return array("q", bytes(8 * length))
 
 
 def _count_uses(graph: InverterGraph, roots: Sequence[int]) -> array[int]:
-    """How much each node is used: 1 for a use as a cube in a conjunction in use, 2 for any other."""
+    """Count the uses of each node: 1 for a use as a cube in a conjunction in use, 2 for any other."""
     uses = zeros(len(graph.parts))
     all_parts = graph.parts
     for literal in roots:
@@ -184,7 +184,7 @@ def _count_uses(graph: InverterGraph, roots: Sequence[int]) -> array[int]:
 
 
 def size_in_use(graph: InverterGraph, roots: Sequence[int]) -> int:
-    """How many nodes and parts of nodes the roots need, and one for the constant."""
+    """Return the number of nodes and parts of nodes that the roots need, plus one for the constant."""
     uses = _count_uses(graph, roots)
     return 1 + sum(1 + len(graph.parts[node]) for node in range(1, len(graph)) if uses[node])
 
@@ -193,7 +193,7 @@ _PENDING = -1  # in place of a literal: the node waits to be merged
 
 
 def rewrite(graph: InverterGraph, roots: Sequence[int]) -> tuple[InverterGraph, list[int]]:
-    """One round of the rules over all that the roots need, from the front, and the roots in the result.
+    """Apply one round of the rules to all that the roots need, from the front; return the new roots, too.
 
     A cube that is only used in one other conjunction is merged into it. It is not built: its literals wait
     in `pending` for their user, which takes over the longest such list and adds the rest to it. A cube that
@@ -228,7 +228,7 @@ def _rewrite_atom(graph: InverterGraph, node: int, simpler: InverterGraph, to: S
 
 
 def _all_in_one(lists: list[list[int]]) -> list[int]:
-    """The longest of the lists, with all others added to it."""
+    """Return the longest of the lists, with all others appended."""
     whole = max(lists, key=len)
     for one in lists:
         if one is not whole:

@@ -22,14 +22,14 @@ from colony.compile.guards import (
 from colony.compile.passes.inverter_graph import FALSE, TRUE, InverterGraph, rewrite, size_in_use, zeros
 
 WORTHWHILE = 0.01
-"""One round of rewriting can open the way for another. They end with one that saves less than this share."""
+"""Share of a size that a round of rewriting must save for another round to follow."""
 
 
 def simplify(clients: ClientList) -> ClientList:
     """Return the same clients with simpler guards, over a table in which everything is used.
 
     Each guard holds in the same frames as before, whatever the modules do. Clients whose guard is never true
-    stay in the list: their priorities are part of the compiled form, and lints tell about them.
+    stay in the list: their priorities are part of the compiled form, and lints report them.
     """
     references = _references(clients)
     graph, literals = rewrite(*_load(clients.guards, references))
@@ -45,7 +45,7 @@ def simplify(clients: ClientList) -> ClientList:
 
 
 def _references(clients: ClientList) -> list[int]:
-    """The references that a client list makes into its table, each once."""
+    """Return the references that a client list makes into its table, each once."""
     found = dict.fromkeys(
         ref for actuator in clients.actuators for c in actuator.clients for ref in (c.guard, c.exclusive)
     )
@@ -54,7 +54,7 @@ def _references(clients: ClientList) -> list[int]:
 
 
 def _moved(clients: ClientList, guards: tuple[Guard, ...], to: dict[int, int]) -> ClientList:
-    """The client list over another table, `to` giving the new reference of each old one."""
+    """Return the client list over another table, `to` giving the new reference of each old one."""
     actuators = []
     for one in clients.actuators:
         moved = [replace(c, guard=to[c.guard], exclusive=to[c.exclusive]) for c in one.clients]
@@ -64,7 +64,7 @@ def _moved(clients: ClientList, guards: tuple[Guard, ...], to: dict[int, int]) -
 
 
 def _load(guards: Sequence[Guard], references: Sequence[int]) -> tuple[InverterGraph, list[int]]:
-    """The graph of all guards that the references need, and their literals."""
+    """Return the graph of all guards that the references need, and their literals."""
     used = bytearray(len(guards))
     for ref in references:
         used[ref] = 1
@@ -101,7 +101,7 @@ def _literal(guard: Guard, graph: InverterGraph, literals: Sequence[int]) -> int
 
 
 def _unload(graph: InverterGraph, literals: Sequence[int]) -> tuple[tuple[Guard, ...], list[int]]:
-    """A table of guards for the graph, and references in place of the literals.
+    """Return a table of guards for the graph, and references in place of the literals.
 
     A conjunction becomes an `And`, or the `Or` of the negated parts, whichever saves more negations.
     """
@@ -138,7 +138,7 @@ def _unload(graph: InverterGraph, literals: Sequence[int]) -> tuple[tuple[Guard,
 
 
 def _turned(graph: InverterGraph, literals: Sequence[int]) -> array[int]:
-    """1 for conjunctions that are used negated more often than plain, as their users will be written; else 0.
+    """Return 1 for conjunctions that are mostly used negated, as their users will be written; else 0.
 
     -1 for nodes that are not used.
     """

@@ -1,1 +1,1 @@
-"""Checking: syntax trees to the typed program. One file a kind of declaration, `program.py` in front."""
+"""Checking of syntax trees to the typed program: a file per kind of declaration, led by `program.py`."""

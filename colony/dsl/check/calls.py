@@ -22,7 +22,7 @@ FUNCTION_NAMES = (*_PURE, *_MEMORY, *_SPECIAL)
 
 
 def check_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
-    """Any call but a reduction over a variable."""
+    """Check any call but a reduction over a variable."""
     name = node.function.text
     if name in _PURE:
         return _pure(checker, node, _PURE[name])
@@ -45,7 +45,7 @@ def check_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
 
 
 def _arguments(checker: Checker, node: ast.Call, low: int, high: int | None) -> list[ir.Expression] | None:
-    """The typed arguments, if their number is right and all of them are."""
+    """Return the typed arguments, if their number and all of them are right."""
     count = len(node.arguments)
     if count < low or (high is not None and count > high):
         wanted = str(low) if low == high else f"{low} or more" if high is None else f"{low} to {high}"
@@ -116,7 +116,7 @@ def _wrong(checker: Checker, argument: ast.Expression, node: ast.Call, wanted: s
 def _elementwise_result(
     checker: Checker, node: ast.Call, function: ir.Function, elements: list[Quantity]
 ) -> Quantity | None:
-    """The element type of a function that works element by element; its dimensions are checked here."""
+    """Return the element type of an elementwise function after checking its dimensions."""
     match function:
         case ir.Function.SIN | ir.Function.COS | ir.Function.ANGLE_DIFFERENCE:
             for argument, element in zip(node.arguments, elements, strict=True):
@@ -173,7 +173,7 @@ def _reduction(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Ex
 def reduction_result(
     checker: Checker, node: ast.SyntaxNode, name: ast.Name, function: ir.Function, elements: list[Scalar]
 ) -> Scalar | None:
-    """The type that a reduction of these elements has."""
+    """Return the type that a reduction of these elements has."""
     if function in _BOOL_REDUCTIONS:
         for element in elements:
             if not isinstance(element, Bool):
@@ -205,7 +205,7 @@ def _index_of(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Exp
 
 
 def check_comprehension(checker: Checker, node: ast.Comprehension) -> ir.Expression | None:
-    """`function(body for k in low .. high [if condition])`."""
+    """Check `function(body for k in low .. high [if condition])`."""
     function = _PURE.get(node.function.text)
     if function is None or function not in ir.REDUCTIONS:
         known = sorted(f.value for f in ir.REDUCTIONS)

@@ -1,7 +1,7 @@
-"""What checks an expression: the names that it may use, where findings go, and what all checks share.
+"""The context in which an expression is checked: names in scope, findings, and state that all checks share.
 
-A check gives the typed expression, or None after it has reported why there is none; whoever gets None goes
-on with the rest, so that all that is wrong is said at once.
+A check returns the typed expression, or None after it has reported an error. A caller that receives None
+continues with the rest, so that all errors are reported in one run.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from colony.text.source import Span
 from colony.text.units import TIME, BadUnit, nanoseconds
 
 MAX_DURATION_NS = 10**18
-"""So that sums of times fit 64 bits in every executor."""
+"""Maximum duration in nanoseconds, so that sums of times fit 64 bits in every executor."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checker(ABC):
-    """What an expression may name, and where findings go.
+    """The names in scope of an expression, and the report that collects its findings.
 
     `local` hides the file's names; `promise` allows what only contracts and expectations may say;
-    `memory` allows memory functions; `constants` says that only constants can stand here; `later` are the
-    names that the module declares, perhaps further down; `loops` are the variables of enclosing reductions.
+    `memory` allows memory functions; `constants` restricts the expression to constants; `later` holds the
+    names that the module declares, perhaps further down; `loops` holds the variables of enclosing reductions.
     """
 
     scope: Scope
@@ -51,7 +51,7 @@ class Checker(ABC):
     # --- entries
 
     def check(self, node: ast.Expression) -> ir.Expression | None:
-        """The typed expression, whatever its type."""
+        """Check an expression and return it typed, whatever its type."""
         if node.depth > ir.NESTING_LIMIT:
             message = f"the expression nests {node.depth} deep; at most {ir.NESTING_LIMIT} are allowed"
             self.error("E004", node, message, "name parts of it with `let`")
@@ -59,7 +59,7 @@ class Checker(ABC):
         return self.visit(node)
 
     def expect(self, node: ast.Expression, wanted: Type, what: str) -> ir.Expression | None:
-        """The typed expression if its type is `wanted`; `what` names its place in the message."""
+        """Check that an expression's type is `wanted`; `what` names its place in the message."""
         found = self.check(node)
         if found is None:
             return None
@@ -70,7 +70,7 @@ class Checker(ABC):
         return None
 
     def constant(self, node: ast.Expression, wanted: Scalar | None, what: str) -> ir.Constant | None:
-        """A constant, finite, of type `wanted` (of any scalar type for None)."""
+        """Check a finite constant of type `wanted` (of any scalar type for None)."""
         constants = replace(self, memory=False, constants=True)
         found = constants.check(node) if wanted is None else constants.expect(node, wanted, what)
         if found is None:
@@ -88,7 +88,7 @@ class Checker(ABC):
         return ir.Constant(type=type_, value=value, span=found.span)
 
     def constant_in(self, node: ast.Expression, type_: Scalar, unit: str, what: str) -> ScalarValue | None:
-        """A constant of `type_` where a plain number is taken to be in the declared unit."""
+        """Check a constant of `type_`; a plain number is taken to be in the declared unit."""
         sign, bare = 1.0, node
         while isinstance(bare, ast.Prefix) and bare.operator == "-":
             sign, bare = -sign, bare.operand
@@ -109,7 +109,7 @@ class Checker(ABC):
         return None if found is None else found.value  # type: ignore[return-value]
 
     def duration_ns(self, node: ast.Expression, what: str) -> int | None:
-        """A constant time as whole nanoseconds, not negative."""
+        """Return a constant time as whole nanoseconds, not negative."""
         found = self.constant(node, Quantity(TIME), what)
         if found is None:
             return None
@@ -124,7 +124,7 @@ class Checker(ABC):
         return ns
 
     def whole(self, node: ast.Expression, what: str, low: int, high: int) -> int | None:
-        """A constant whole number from `low` to `high`."""
+        """Return a constant whole number from `low` to `high`."""
         found = self.constant(node, PLAIN, what)
         if found is None:
             return None
@@ -140,6 +140,7 @@ class Checker(ABC):
     def error(
         self, code: str, node: ast.SyntaxNode, message: str, hint: str | None = None, *labels: Label
     ) -> None:
+        """Report an error at a node of this scope's file."""
         self.report.error(self.scope, code, node, message, hint, *labels)
 
     def label(self, node: ast.SyntaxNode) -> Label:
@@ -147,9 +148,11 @@ class Checker(ABC):
         return label(self.scope, node)
 
     def span(self, node: ast.SyntaxNode) -> Span:
+        """Return the place of a node in this scope's file."""
         return span_of(self.scope, node)
 
     def literal(self, node: ast.Number, unit: str | None) -> float | None:
+        """Return the value of a number in base units, or None after reporting an error."""
         try:
             factor = unit_of(unit).factor if unit else Fraction(1)
         except BadUnit as problem:
@@ -161,7 +164,7 @@ class Checker(ABC):
         return value
 
     def broadcast(self, node: ast.SyntaxNode, element: Scalar, *types: Type) -> Type | None:
-        """`element`, or an array of it: scalars fit any array, arrays must agree in length."""
+        """Return `element`, or an array of it: scalars fit any array, arrays must agree in length."""
         sizes = sorted({t.size for t in types if isinstance(t, Array)})
         if len(sizes) > 1:
             shown = " and ".join(str(s) for s in sizes)
@@ -170,7 +173,7 @@ class Checker(ABC):
         return Array(element, sizes[0]) if sizes else element
 
     def array(self, node: ast.Expression) -> ir.Expression | None:
-        """An expression that must be an array."""
+        """Check an expression that must be an array."""
         found = self.visit(node)
         if found is not None and not isinstance(found.type, Array):
             self.error("E207", node, f"expected an array, found {article(found.type)}")

@@ -1,4 +1,4 @@
-"""Which types fit where, and how they are called in messages."""
+"""Type compatibility, and the names of types in messages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from colony.text.wording import listed
 
 
 def unify(a: Scalar, b: Scalar) -> Scalar | None:
-    """The type of a place where both may stand, or None; a literal 0 fits any dimension."""
+    """Return the type of a place where both may stand, or None; a literal 0 fits any dimension."""
     if isinstance(a, Quantity) and isinstance(b, Quantity):
         if a.wild:
             return b
@@ -20,7 +20,7 @@ def unify(a: Scalar, b: Scalar) -> Scalar | None:
 
 
 def fits(found: Type, wanted: Type) -> bool:
-    """Whether a value of type `found` may stand where `wanted` is declared."""
+    """Return True if a value of type `found` may stand where `wanted` is declared."""
     if isinstance(found, Array) != isinstance(wanted, Array):
         return False
     if isinstance(found, Array) and isinstance(wanted, Array) and found.size != wanted.size:
@@ -29,13 +29,13 @@ def fits(found: Type, wanted: Type) -> bool:
 
 
 def settled(type_: Type) -> Type:
-    """The type of a name that is given such a value: a lone literal 0 is a plain number."""
+    """Return the type of a name with such a value: a lone literal 0 is a plain number."""
     element = element_type(type_)
     return shaped(PLAIN, type_) if isinstance(element, Quantity) and element.wild else type_
 
 
 def article(type_: Type) -> str:
-    """A type as part of a sentence."""
+    """Return a type as a part of a sentence."""
     if isinstance(type_, Array):
         return f"an array of {type_.size} {_plural(type_.element)}"
     if isinstance(type_, Bool):

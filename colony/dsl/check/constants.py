@@ -17,7 +17,7 @@ _LONGEST_UNIT = 100
 
 
 def literal(digits: str, factor: Fraction) -> float | None:
-    """The double nearest to `digits` times `factor`, rounded once; None where it overflows.
+    """Return the double nearest to `digits` times `factor`, rounded once; None where it overflows.
 
     Of more than `_SIGNIFICANT` digits it matters only whether any of the rest is not 0.
     """
@@ -45,14 +45,14 @@ def literal(digits: str, factor: Fraction) -> float | None:
 
 
 def _bounded(exponent: str) -> int:
-    """The exponent as written, or one that is as hopeless."""
+    """Return the exponent as written, or a bound with the same effect."""
     digits = exponent.lstrip("+-").lstrip("0")
     size = int(digits or "0") if len(digits) < 12 else 10**12
     return -size if exponent.startswith("-") else size
 
 
 def unit_of(text: str) -> Unit:
-    """The unit of this text.
+    """Return the unit with this text.
 
     Raises:
         BadUnit: as `parse_unit`, and for a text so long that reading it takes long.
@@ -63,7 +63,7 @@ def unit_of(text: str) -> Unit:
 
 
 def constant_value(node: ir.Expression) -> ScalarValue | None:
-    """The value of a scalar constant expression; None where it is not constant.
+    """Return the value of a scalar constant expression; None where it is not constant.
 
     A result that is not finite (division by zero, overflow) comes back as NaN or infinity.
     """

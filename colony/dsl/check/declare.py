@@ -1,4 +1,4 @@
-"""Who declares what: the names of every file, and those that imports bring in, before anything is checked."""
+"""Declaration of the names of every file, and of imported names, before anything is checked."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def declare_names(report: Report, scopes: list[Scope]) -> None:
 
 
 def _robot_names(scopes: list[Scope]) -> tuple[set[str], set[str]]:
-    """The names of all sensors and of all actuators of the program, right or wrong."""
+    """Return the names of all sensors and of all actuators of the program, right or wrong."""
     sensors: set[str] = set()
     actuators: set[str] = set()
     for scope in scopes:
@@ -43,7 +43,7 @@ def _robot_names(scopes: list[Scope]) -> tuple[set[str], set[str]]:
 
 
 def _declare(report: Report, scope: Scope) -> None:
-    """Modules and wires can be named at once, values when they are checked."""
+    """Declare names: modules and wires at once, values when they are checked."""
     sensors, actuators = scope.robot.sensor_names, scope.robot.actuator_names
     values: dict[str, ast.Name] = {}
     parts: dict[str, ast.Name] = {}
@@ -84,7 +84,10 @@ def _declare_wire(
 
 
 def _name_drives(scopes: list[Scope]) -> None:
-    """What drives an actuator is called after it; in a plainly imported file that needs a name of its own."""
+    """Name the drive of each actuator after the actuator.
+
+    In a plainly imported file the drive needs a name of its own.
+    """
     taken = set(scopes[-1].robot.actuator_names)
     for scope in reversed(scopes):  # those that import come first to the short name
         prefix, stem = scope.file.prefix, scope.file.stem
@@ -98,7 +101,7 @@ def _name_drives(scopes: list[Scope]) -> None:
 
 
 def _excuse(scope: Scope, node: ast.ImportDecl) -> None:
-    """Names of a file that could not be read are not called unknown."""
+    """Suppress errors about names that an unreadable file may declare."""
     if node.alias is None:
         scope.incomplete = True
     else:
@@ -115,7 +118,7 @@ def _once(report: Report, scope: Scope, names: dict[str, ast.Name], name: ast.Na
 
 
 def _bring_in(report: Report, scope: Scope, target: Scope, node: ast.ImportDecl) -> None:
-    """A plain import brings all names in; with `as` they stand behind the alias."""
+    """Import names: all for a plain import; with `as` they stand behind the alias."""
     alias = node.alias
     if alias is not None:
         robot = scope.robot

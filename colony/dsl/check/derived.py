@@ -23,19 +23,19 @@ from colony.text.units import BASE_UNITS
 
 
 def check_param(checker: Checker, node: ast.ParamDecl) -> ParamSymbol | Broken:
-    """A named constant."""
+    """Check a named constant."""
     found = checker.constant(node.value, None, f"param `{node.name.text}`")
     return Broken() if found is None else ParamSymbol(type=settled(found.type), value=found.value)
 
 
 def check_let(checker: Checker, node: ast.LetDecl, name: str) -> ir.Let | None:
-    """A let whose full name is `name`."""
+    """Check a let whose full name is `name`."""
     found = checker.check(node.value)
     return None if found is None else ir.Let(name=name, expression=found, span=checker.span(node.name))
 
 
 def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarValue] | None:
-    """The type and first value of a state; the type may be left out where the constant shows it."""
+    """Return the type and first value of a state; the constant implies the type if it is left out."""
     wanted: Scalar | None = None
 
     if node.type is not None:
@@ -57,7 +57,7 @@ def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarVa
 def check_nexts(
     checker: Checker, nodes: Iterable[ast.NextDecl], states: dict[str, ValueSymbol]
 ) -> dict[str, Expression]:
-    """What each state holds next, by its name as written."""
+    """Return the checked next value of each state, by its name as written."""
     nexts: dict[str, Expression] = {}
     given: set[str] = set()
     for node in nodes:
@@ -81,7 +81,7 @@ def check_nexts(
 
 
 def machine_type(checker: Checker, node: ast.MachineDecl) -> MachineSymbol | Broken:
-    """The phases of a machine, in the order in which they are first named."""
+    """Return the phases of a machine, in the order in which they are first named."""
     phases: dict[str, ast.Name] = {node.initial.text: node.initial}
     for transition in node.transitions:
         for phase in (transition.source, transition.target):
@@ -100,7 +100,7 @@ def machine_type(checker: Checker, node: ast.MachineDecl) -> MachineSymbol | Bro
 
 
 def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Machine | None:
-    """A machine; `any` stands for every phase but the target."""
+    """Check a machine; `any` stands for every phase but the target."""
     numbers = dict(type_.members)
     transitions: list[ir.Transition] = []
     for one in node.transitions:
@@ -124,5 +124,5 @@ def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Ma
 
 
 def let_symbol(let: ir.Let, module: str | None = None) -> LetSymbol:
-    """What a let's name stands for."""
+    """Return the symbol that the name of a let stands for."""
     return LetSymbol(name=let.name, type=settled(let.expression.type), module=module)

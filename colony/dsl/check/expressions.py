@@ -28,10 +28,10 @@ from colony.ir.types import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpressionChecker(Checker):
-    """Checks every kind of expression."""
+    """A checker of every kind of expression."""
 
     def visit(self, node: ast.Expression) -> ir.Expression | None:
-        """By kind of node; depth was checked by `check`."""
+        """Check an expression by its kind of node; `check` has checked its depth."""
         match node:
             case ast.Number():
                 return self._number(node)
@@ -177,7 +177,7 @@ _SUMS = frozenset({ir.Binary.ADD, ir.Binary.SUBTRACT})
 
 
 def _result(operator: ir.Binary, a: Scalar, b: Scalar) -> Scalar | None:
-    """The element type of an operation, or None where the operands do not fit it."""
+    """Return the element type of an operation, or None where the operands do not fit it."""
     if operator in _BOOLEAN:
         return BOOL if isinstance(a, Bool) and isinstance(b, Bool) else None
     if operator in _EQUALITY:

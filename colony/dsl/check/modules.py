@@ -36,7 +36,7 @@ _PYTHON_PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 @record
 class Template(Record):
-    """A module's text, where it was written, and the params that a derived module sets anew."""
+    """A module's text, where it was written, and the params that a derived module overrides."""
 
     node: ast.ModuleDecl | ast.PythonModuleDecl
     scope: Scope
@@ -52,11 +52,12 @@ class Pending(Record):
 
     @property
     def full_name(self) -> str:
+        """Return the name that the module has in the program."""
         return self.scope.full(self.node.name.text)
 
 
 def check_modules(report: Report, pending: list[Pending]) -> list[ir.AnyModule]:
-    """All modules of a program, in order; their symbols are put where their files look names up.
+    """Check all modules of a program, in order; their symbols are put where their files look names up.
 
     Each file's scope already holds a symbol for each of its modules, by its full name.
     """
@@ -120,7 +121,7 @@ def _template(
 def _base(
     report: Report, one: Pending, by_name: Mapping[str, Pending], quiet: bool = False
 ) -> Pending | None:
-    """The declaration that a derived module names as its base."""
+    """Return the declaration that a derived module names as its base."""
     assert isinstance(one.node, ast.DerivedModuleDecl)
     scope, path = one.scope.resolve(one.node.base.path)
     symbol = scope.part(path[0]) if len(path) == 1 else None
@@ -171,7 +172,7 @@ def _derive(report: Report, one: Pending, node: ast.DerivedModuleDecl, base: Tem
 def _instance(
     report: Report, one: Pending, template: Template
 ) -> tuple[ir.AnyModule | None, dict[str, ValueSymbol]]:
-    """The module, and its params, lets and states by name as written."""
+    """Return the module, and its params, lets and states by name as written."""
     derived = isinstance(one.node, ast.DerivedModuleDecl)
     local: dict[str, ValueSymbol] = {}
     # What a derived module repeats of its base was reported there already.
@@ -189,7 +190,7 @@ def _instance(
 
 
 def _report_misfits(report: Report, one: Pending, sink: Report) -> None:
-    """A param set anew may not fit where the base uses it: say so where it is set."""
+    """Report overridden params that do not fit the base module, at the place that overrides them."""
     if not sink.diagnostics:
         return
     base_errors = {(d.code, d.span.start, d.message) for d in report.diagnostics}
@@ -213,7 +214,7 @@ def _module(
     anew: Mapping[str, ParamSymbol],
     local: dict[str, ValueSymbol],
 ) -> ir.Module | None:
-    """A module written in the language; None if anything in it is wrong."""
+    """Check a module written in the language; return None if anything in it is wrong."""
     full, before = one.full_name, len(checker.report.diagnostics)
     names = frozenset(c.name.text for c in node.clauses if not isinstance(c, ast.NextDecl))
     checker = replace(checker, later=names)
@@ -260,7 +261,7 @@ def _params(
     anew: Mapping[str, ParamSymbol],
     local: dict[str, ValueSymbol],
 ) -> tuple[tuple[str, ScalarValue], ...]:
-    """The params in order, as written or set anew; each may use those above it."""
+    """Return the params in order, as written or overridden; each may use those above it."""
     params: list[tuple[str, ScalarValue]] = []
     for clause in clauses:
         name = clause.name.text
@@ -274,7 +275,7 @@ def _params(
 def _states(
     checker: Checker, full: str, clauses: list[ast.StateDecl], local: dict[str, ValueSymbol]
 ) -> list[ir.State]:
-    """The states, without what they hold next."""
+    """Return the states, without their next values."""
     states: list[ir.State] = []
     for clause in clauses:
         name = clause.name.text
@@ -290,7 +291,7 @@ def _states(
 
 
 def _command(checker: Checker, node: ast.DoDecl) -> ir.Command | None:
-    """The transfer function, its fields in the order of the actuator's."""
+    """Check the transfer function, with its fields in the order of the actuator's."""
     actuator = actuator_named(checker, node.actuator)
     if actuator is None:
         for argument in node.arguments:
@@ -316,7 +317,7 @@ def _python_module(
     anew: Mapping[str, ParamSymbol],
     local: dict[str, ValueSymbol],
 ) -> ir.PythonModule | None:
-    """A module whose step is Python. The class is not imported here: checking runs no user code."""
+    """Check a module whose step is Python. Its class is not imported: checking runs no user code."""
     before = len(checker.report.diagnostics)
     _report_duplicates(checker, node.clauses)
     params = _params(checker, _clauses(node, ast.ParamDecl), anew, local)
@@ -357,7 +358,7 @@ def _python_module(
 
 
 def _reading(checker: Checker, node: ast.Reference) -> Expression | None:
-    """A sensor, let, state or machine that a Python module is given."""
+    """Check a sensor, let, state or machine that a Python module reads."""
     found = resolve_reference(replace(checker, local={}), node)
     if isinstance(found, Constant):
         hint = "give constants to it as params"

@@ -45,7 +45,7 @@ _Node = TypeVar("_Node", bound=ast.SyntaxNode)
 
 
 def check_program(tree: SourceTree) -> tuple[ir.Program | None, tuple[Diagnostic, ...]]:
-    """The program, or None where there are errors; and all errors and warnings, in order."""
+    """Return the program, None if there are errors, and all errors and warnings in order."""
     report = Report(diagnostics=list(tree.diagnostics))
     program = _Check(tree, report).run() if tree.files else None
     diagnostics = in_order(report.diagnostics)
@@ -53,7 +53,7 @@ def check_program(tree: SourceTree) -> tuple[ir.Program | None, tuple[Diagnostic
 
 
 class _Check:
-    """One run over one program."""
+    """A check of one program in progress."""
 
     def __init__(self, tree: SourceTree, report: Report) -> None:
         self.report = report
@@ -86,7 +86,7 @@ class _Check:
         )
 
     def _each(self, kind: type[_Node]) -> Iterator[tuple[Checker, _Node]]:
-        """Every declaration of a kind in all files, with a checker in the scope of its file."""
+        """Yield every declaration of a kind in all files, with a checker in the scope of its file."""
         for scope in self.scopes:
             checker = ExpressionChecker(scope=scope, report=self.report)
             for node in scope.file.tree.declarations:
@@ -94,7 +94,7 @@ class _Check:
                     yield checker, node
 
     def _constants(self) -> None:
-        """Enums and params, each of which may use those above it."""
+        """Check enums and params, each of which may use those above it."""
         for scope in self.scopes:
             checker = ExpressionChecker(scope=scope, report=self.report)
             for node in scope.file.tree.declarations:
@@ -106,7 +106,7 @@ class _Check:
                     scope.values.setdefault(node.name.text, check_param(checker, node))
 
     def _robot(self) -> ir.Robot | None:
-        """The one robot of the program."""
+        """Check the one robot of the program."""
         found = list(self._each(ast.RobotDecl))
         if not found:
             self.robot.absent = True
@@ -122,7 +122,7 @@ class _Check:
         return check_robot(first, node)
 
     def _derived(self) -> list[ir.Derived]:
-        """States and machines can be read anywhere, so their types come first; lets only what is above."""
+        """Check derived values: states and machines are readable anywhere, lets only below themselves."""
         initial: dict[str, ScalarValue] = {}
         for checker, machine in self._each(ast.MachineDecl):
             checker.scope.values.setdefault(machine.name.text, machine_type(checker, machine))
@@ -222,7 +222,7 @@ class _Check:
     # --- warnings
 
     def _warn_unused(self, robot: ir.Robot, modules: list[ir.AnyModule], wires: list[ir.Wire]) -> None:
-        """What the file itself declares and no actuator can feel, and actuators that nothing drives."""
+        """Warn of declarations of this file that reach no actuator, and of actuators that nothing drives."""
         if has_errors(self.report.diagnostics):
             return
         used = reached(wires)
@@ -245,7 +245,7 @@ class _Check:
                 self.report.diagnostics.append(warning("W002", actuator.span, message, hint))
 
     def _wires_anything(self) -> bool:
-        """A file without modules and wires of its own is a library or a robot: nothing is amiss there."""
+        """Return True if the file has modules or a network; a library or a robot needs to drive nothing."""
         kinds = (*MODULE_DECLARATIONS, ast.NetworkDecl)
         return any(isinstance(d, kinds) for d in self.root.file.tree.declarations)
 

@@ -1,4 +1,4 @@
-"""What must hold: limits, contracts and tests."""
+"""Checks of requirements: limits, contracts and tests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAX_TEST_FRAMES = 1_000_000
 
 
 def check_limit(checker: Checker, node: ast.LimitDecl) -> ir.Limit | None:
-    """A bound on what any module sends."""
+    """Check a bound on what any module sends."""
     actuator = actuator_named(checker, node.actuator)
     condition: Expression | None = None
     if node.condition is not None:
@@ -50,7 +50,7 @@ def check_limit(checker: Checker, node: ast.LimitDecl) -> ir.Limit | None:
 
 
 def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | None:
-    """What must hold in every frame."""
+    """Check a contract, a condition that must hold in every frame."""
     promise = replace(checker, promise=True)
     found = promise.expect(node.expression, BOOL, "a contract")
     if found is None:
@@ -60,7 +60,7 @@ def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | No
 
 
 def check_test(checker: Checker, node: ast.TestDecl) -> ir.Example | None:
-    """An example; its times must strictly rise."""
+    """Check an example; its times must strictly rise."""
     steps: list[ir.Step] = []
     latest = -1
     frames = 0
@@ -111,7 +111,7 @@ def _times(checker: Checker, step: ast.StepDecl) -> tuple[int, ...] | None:
 
 
 def _given(checker: Checker, node: ast.GivenDecl) -> ir.Given | None:
-    """`sensor = value`, `sensor[index] = value` or `sensor = missing`."""
+    """Check `sensor = value`, `sensor[index] = value` or `sensor = missing`."""
     symbol = checker.scope.robot.values.get(node.sensor.text)
     if not isinstance(symbol, SensorSymbol):
         if not isinstance(symbol, Broken) and not checker.scope.excused(node.sensor.text):

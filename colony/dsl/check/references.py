@@ -28,7 +28,7 @@ from colony.ir.types import BOOL, DURATION, PLAIN, Enum
 
 
 def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | None:
-    """What a name in an expression stands for."""
+    """Return the typed expression that a name stands for, or None after reporting an error."""
     first = node.path[0]
     if len(node.path) == 1:
         if first in checker.loops:
@@ -84,7 +84,7 @@ def _value(checker: Checker, node: ast.Reference, symbol: ValueSymbol) -> ir.Exp
 def _member(
     checker: Checker, node: ast.Reference, symbol: ValueSymbol, rest: tuple[str, ...]
 ) -> ir.Expression | None:
-    """`enum.member` and `machine.phase`."""
+    """Resolve `enum.member` and `machine.phase`."""
     owner = ".".join(node.path[: len(node.path) - len(rest)])
     match symbol:
         case EnumSymbol(type=enum) | MachineSymbol(type=enum) if len(rest) == 1:
@@ -108,7 +108,7 @@ def _member_word(enum: Enum) -> str:
 def _means_part(
     checker: Checker, symbol: EnumSymbol | MachineSymbol, part: PartSymbol | None, name: str
 ) -> bool:
-    """Whether a contract's `owner.name` is of the part, where a value and a part are called `owner`."""
+    """Return True if a contract's `owner.name` means the part, where a value has the name `owner` too."""
     if not checker.promise or name in dict(symbol.type.members):
         return False
     match part:
@@ -121,7 +121,7 @@ def _means_part(
 
 
 def _part_member(checker: Checker, node: ast.Reference, part: PartSymbol, name: str) -> ir.Expression | None:
-    """`actuator.field` and `module.name`, in contracts and expectations."""
+    """Resolve `actuator.field` and `module.name`, in contracts and expectations."""
     if isinstance(part, Broken):
         return None
     if not checker.promise:
@@ -189,7 +189,7 @@ _WORDS = {
 
 
 def _member_hint(scope: Scope, name: str) -> str | None:
-    """The enum or machine of which this is a member."""
+    """Return a hint at the enum or machine that has this member."""
     for owner, symbol in islice(scope.values.items(), 1000):
         if isinstance(symbol, EnumSymbol | MachineSymbol) and name in dict(symbol.type.members):
             return f"did you mean `{owner}.{name}`?"
@@ -209,7 +209,7 @@ def _a(word: str) -> str:
 
 
 def resolve_winner(checker: Checker, node: ast.By) -> ir.Expression | None:
-    """`actuator by module`."""
+    """Resolve `actuator by module`."""
     if not _in_promise(checker, node):
         return None
     actuator, module = part_of(checker, node.actuator), part_of(checker, node.module)
@@ -232,7 +232,7 @@ def resolve_winner(checker: Checker, node: ast.By) -> ir.Expression | None:
 
 
 def resolve_status(checker: Checker, node: ast.Is) -> ir.Expression | None:
-    """`name is active`, `actuator is commanded`, `actuator is idle`."""
+    """Resolve `name is active`, `actuator is commanded`, `actuator is idle`."""
     if not _in_promise(checker, node):
         return None
     part = part_of(checker, node.subject)
@@ -259,7 +259,7 @@ def _in_promise(checker: Checker, node: ast.SyntaxNode) -> bool:
 
 
 def part_of(checker: Checker, node: ast.Expression) -> PartSymbol | None:
-    """The module, wire or actuator that an expression names; None after reporting that it names none."""
+    """Return the module, wire or actuator that an expression names, or None after an error."""
     if not isinstance(node, ast.Reference):
         checker.error("E202", node, "expected the name of a module, wire or actuator")
         return None
@@ -267,7 +267,7 @@ def part_of(checker: Checker, node: ast.Expression) -> PartSymbol | None:
 
 
 def resolve_part(checker: Checker, node: ast.Reference) -> PartSymbol | None:
-    """The module, wire or actuator of this name; None after reporting that there is none."""
+    """Return the module, wire or actuator of this name, or None after an error."""
     scope, path = checker.scope.resolve(node.path)
     part: PartSymbol | None = None
     if len(path) == 1 and scope is not checker.scope:
@@ -290,7 +290,7 @@ def resolve_part(checker: Checker, node: ast.Reference) -> PartSymbol | None:
 
 
 def actuator_named(checker: Checker, name: ast.Name) -> program_ir.Actuator | None:
-    """The actuator of this name; None after reporting that there is none."""
+    """Return the actuator of this name, or None after an error."""
     symbol = checker.scope.robot.parts.get(name.text)
     if isinstance(symbol, ActuatorSymbol):
         return symbol.actuator

@@ -19,7 +19,7 @@ RESERVED_FIELDS = {"fault": "what went wrong", "fates": "what became of clients"
 
 
 def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | None:
-    """The type that a type name stands for, and the unit that values enter and leave in (or nothing)."""
+    """Return the type that a type name stands for, and the unit of its values at the boundary (if any)."""
     name = ".".join(node.path)
     if node.path == ("bool",):
         return BOOL, ""
@@ -47,7 +47,7 @@ def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | Non
 
 
 def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
-    """The robot; fills the scope that all files share. What is wrong is left out of the result."""
+    """Check the robot; fill the scope that all files share. Erroneous parts are left out of the result."""
     robot = checker.scope.robot
     sensors: list[ir.Sensor] = []
     actuators: list[ir.Actuator] = []
@@ -94,7 +94,7 @@ def _frame(checker: Checker, item: ast.FrameDecl, periods: list[int]) -> None:
 def _range(
     checker: Checker, node: ast.Range | None, type_: Scalar, unit: str
 ) -> tuple[float | None, float | None]:
-    """The bounds of a range in base units."""
+    """Return the bounds of a range in base units."""
     if node is None:
         return None, None
     if not isinstance(type_, Quantity):
@@ -198,7 +198,7 @@ def _actuator(checker: Checker, item: ast.ActuatorDecl) -> ir.Actuator | None:
 def _idle(
     checker: Checker, item: ast.ActuatorDecl, fields: list[ir.ActuatorField]
 ) -> tuple[bool, tuple[ScalarValue, ...] | None]:
-    """Whether it is `idle hold`, and the idle command otherwise."""
+    """Return (True if it is `idle hold`, the idle command otherwise)."""
     node, name = item.idle, item.name.text
     if node.arguments is None:
         if node.name.text != "hold":
@@ -236,7 +236,7 @@ def command_arguments(
     fields: list[str],
     actuator: str,
 ) -> dict[str, ast.Argument]:
-    """The arguments by field; reports those that are unknown, given twice or left out."""
+    """Return the arguments by field; report unknown, repeated and missing ones."""
     values: dict[str, ast.Argument] = {}
     for argument in arguments:
         name = argument.name.text
@@ -256,7 +256,7 @@ def command_arguments(
 
 
 def check_enum(checker: Checker, node: ast.EnumDecl) -> Enum | None:
-    """The enum's type."""
+    """Check an enum and return its type."""
     members: dict[str, float] = {}
     for member in node.members:
         name = member.name.text

@@ -1,4 +1,4 @@
-"""What names stand for, and where they are looked up.
+"""Symbols, and the scopes in which names are looked up.
 
 A file has two name spaces: values (sensors, enums, params, lets, states, machines), which expressions read,
 and parts of the network (modules, wires, actuators). Robots are shared by all files of a program.
@@ -69,7 +69,7 @@ class MachineSymbol(Record):
 
 @record
 class Broken(Record):
-    """Declared, but wrong or unreadable: whoever uses it gets no second error."""
+    """A declared name that is wrong or unreadable: its uses report no second error."""
 
 
 ValueSymbol = SensorSymbol | EnumSymbol | ParamSymbol | LetSymbol | StateSymbol | MachineSymbol | Broken
@@ -119,9 +119,10 @@ class RobotScope:
 class Scope:
     """The names that one file sees. Filled while the file is checked, then only read.
 
-    `values` and `parts` are what the file itself declares, as far as it is checked; `visible_values` and
-    `visible_parts` tell, for these and for what plain imports bring in, whose file it is. `lost_names` are
-    declared in text that could not be read; where a whole import could not be, `incomplete`, any name may be.
+    `values` and `parts` are what the file itself declares, as far as it is checked. `visible_values` and
+    `visible_parts` map these names, and those that plain imports bring in, to the scopes that own them.
+    `lost_names` are declared in unreadable text. If a whole import is unreadable (`incomplete`), any name may
+    be declared.
     """
 
     file: ParsedFile
@@ -137,11 +138,13 @@ class Scope:
     incomplete: bool = False
 
     def value(self, name: str) -> ValueSymbol | None:
+        """Return the value that a name stands for, `Broken` if it may be lost, None if unknown."""
         owner = self.visible_values.get(name)
         found = self.robot.values.get(name) if owner is None else owner.values.get(name)
         return Broken() if found is None and self.excused(name) else found
 
     def part(self, name: str) -> PartSymbol | None:
+        """Return the part that a name stands for, `Broken` if it may be lost, None if unknown."""
         owner = self.visible_parts.get(name)
         found = self.robot.parts.get(name) if owner is None else owner.parts.get(name)
         if self.robot.absent and isinstance(found, WireSymbol):
@@ -149,7 +152,7 @@ class Scope:
         return Broken() if found is None and self.excused(name) else found
 
     def excused(self, name: str) -> bool:
-        """Whether the name may be declared in text that could not be read."""
+        """Return True if the name may be declared in text that could not be read."""
         return self.robot.absent or self.incomplete or name in self.lost_names
 
     def resolve(self, path: tuple[str, ...]) -> tuple[Scope, tuple[str, ...]]:
@@ -163,15 +166,15 @@ class Scope:
         return (scope, path) if scope is self else (replace(scope, robot=RobotScope()), path)
 
     def full(self, name: str) -> str:
-        """What a name declared in this file is called in the program."""
+        """Return the name that a name declared in this file has in the program."""
         return self.file.prefix + name
 
 
 @dataclass(slots=True)
 class Report:
-    """Where checkers put what they find, and where they get numbers for memory cells.
+    """The collector of all checkers' findings, and the source of numbers for memory cells.
 
-    `suggestions` is how many names may still be compared with those that are known, which takes long.
+    `suggestions` is the number of names that may still be compared with known ones: comparing is slow.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -187,10 +190,11 @@ class Report:
         hint: str | None = None,
         *labels: Label,
     ) -> None:
+        """Report an error at a node of a scope's file."""
         self.diagnostics.append(error(code, span_of(scope, node), _clipped(message), hint, *labels))
 
     def suggest(self, name: str, known: Iterable[str]) -> str | None:
-        """A hint with the closest known name, if one is close."""
+        """Return a hint with the closest known name, if one is close."""
         if self.suggestions == 0 or len(name) > _LONGEST_NAME:
             return None
         self.suggestions -= 1
@@ -198,11 +202,13 @@ class Report:
         return did_you_mean(name, some)
 
     def new_cell(self) -> int:
+        """Return the number of a new memory cell."""
         self.cells += 1
         return self.cells
 
 
 def span_of(scope: Scope, node: ast.SyntaxNode) -> Span:
+    """Return the place of a node in a scope's file."""
     return Span(scope.file.source, node.start, node.end)
 
 
@@ -212,7 +218,7 @@ def label(scope: Scope, node: ast.SyntaxNode, text: str = "first declared here")
 
 
 def _clipped(message: str) -> str:
-    """A message that a name of a million letters does not make as long."""
+    """Return a message in which very long names are clipped."""
     return message if len(message) <= _LONGEST_MESSAGE else f"{message[:_LONGEST_MESSAGE]} ..."
 
 

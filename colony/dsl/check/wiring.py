@@ -24,7 +24,7 @@ class PendingWire(Record):
 
 
 def check_wires(report: Report, pending: list[PendingWire]) -> list[ir.Wire]:
-    """The wires, each after those that it uses; reports cycles and what cannot stand where it stands."""
+    """Return the wires, each after those that it uses; report cycles and misplaced operands."""
     wires: dict[str, ir.Wire] = {}
     places: dict[str, PendingWire] = {}
     for one in pending:
@@ -38,7 +38,7 @@ def check_wires(report: Report, pending: list[PendingWire]) -> list[ir.Wire]:
 
 
 def _wiring(checker: Checker, node: ast.Wiring) -> ir.Wiring | None:
-    """Only parentheses nest, and those are limited: chains are flat."""
+    """Check wiring. Only parentheses nest, and their depth is limited: chains are flat."""
     if isinstance(node, ast.Reference):
         part = resolve_part(checker, node)
         if isinstance(part, ActuatorSymbol):
@@ -84,12 +84,12 @@ def _report_mixture(checker: Checker, node: ast.Chain) -> None:
 
 
 def uses(wiring: ir.Wiring) -> Iterator[ir.Use]:
-    """Every use of a module or wire, from the left."""
+    """Yield every use of a module or wire, from the left."""
     return _uses(wiring, lambda here: here.operands)
 
 
 def _uses(wiring: ir.Wiring, followed: Callable[[ir.Chain], tuple[ir.Wiring, ...]]) -> Iterator[ir.Use]:
-    """The uses in the operands that are followed, from the left."""
+    """Yield the uses in the operands that are followed, from the left."""
     stack = [wiring]
     while stack:
         here = stack.pop()
@@ -102,7 +102,7 @@ def _uses(wiring: ir.Wiring, followed: Callable[[ir.Chain], tuple[ir.Wiring, ...
 def _in_order(
     report: Report, wires: Mapping[str, ir.Wire], places: Mapping[str, PendingWire]
 ) -> list[ir.Wire]:
-    """Depth first with a stack of our own; a wire that feeds itself is reported and left out."""
+    """Sort wires depth first with an explicit stack; a wire that feeds itself is reported and left out."""
     order: list[ir.Wire] = []
     state: dict[str, str] = {}
     for root in wires:
@@ -144,10 +144,10 @@ def check_outputs(
     modules: Mapping[str, ir.AnyModule],
     scopes: Mapping[str, Scope],
 ) -> None:
-    """Whatever can reach an actuator must command it: modules elsewhere stand only where they inhibit.
+    """Check that every module that can reach an actuator commands it; others may stand only as inhibitors.
 
-    Follows each actuator's wiring without the dominant sides of `inhibits`; what is wrong is reported where
-    the actuator's own wiring names the wire that leads to it.
+    Follows each actuator's wiring without the dominant sides of `inhibits`. Errors are reported where the
+    actuator's own wiring names the wire that leads to them.
     """
     by_name = {w.name: w for w in wires}
     for root in wires:
@@ -161,7 +161,7 @@ def check_outputs(
 
 
 def _passing(wiring: ir.Wiring) -> Iterator[ir.Use]:
-    """The uses whose output may come out of the wiring, from the left."""
+    """Yield the uses whose output may come out of the wiring, from the left."""
     return _uses(wiring, lambda here: here.operands if here.relation == "suppresses" else here.operands[-1:])
 
 
@@ -172,7 +172,7 @@ def _first_misfit(
     modules: Mapping[str, ir.AnyModule],
     seen: set[str],
 ) -> ir.AnyModule | None:
-    """A module that this use leads to and that does not command the actuator; `seen` is passed over."""
+    """Return a module behind this use that does not command the actuator; `seen` is skipped."""
     stack = [use.name]
     while stack:
         name = stack.pop()
@@ -197,7 +197,7 @@ def _report_misfit(report: Report, scope: Scope, use: ir.Use, module: ir.AnyModu
 
 
 def reached(wires: list[ir.Wire]) -> set[str]:
-    """The modules and wires that take part in what some actuator does."""
+    """Return the modules and wires that take part in the decision of some actuator."""
     by_name = {w.name: w for w in wires}
     found: set[str] = set()
     stack = [w.name for w in wires if w.actuator is not None]

@@ -1,0 +1,1 @@
+"""Audits of recorded runs against the reference interpreter."""

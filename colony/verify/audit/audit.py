@@ -1,17 +1,17 @@
-"""Was a recorded run what the program says? Every frame is evaluated again by the reference interpreter.
+"""Comparison of a recorded run to its program: the reference interpreter evaluates every frame again.
 
 In each frame an actuator must have been sent what the interpreter decides, bit for bit. Where a client was
 late, lost or refused it may also have been sent its idle command, and with `on_loss degrade` the command that
 the network gives without the lost clients. Where a client outside the network commanded, or the emergency
 stop or a lock kept the network from deciding, a frame is counted and not compared. At a restart the
-interpreter begins anew, as all memory did; from a frame that could not be observed to the next restart nobody
-knows what memory was, and nothing is compared.
+interpreter restarts from the initial memory, as the program did. From a frame that could not be observed to
+the next restart the memory is unknown, and nothing is compared.
 
 Modules in Python are not run: their answers are recorded, and the interpreter takes them as they are. Where
-one is missing memory is not known from there to the next restart.
+an answer is missing, memory is unknown from there to the next restart.
 
-What is damaged in a recording is never judged. After it the interpreter goes on from the memory that the
-recording holds at the next of its keyframes.
+Damaged parts of a recording are never judged. After one the interpreter continues from the memory in the
+recording's next keyframe.
 """
 
 from __future__ import annotations
@@ -37,28 +37,36 @@ from colony.verify.reference.interpreter import Interpreter
 
 
 class RecordedTick(Protocol):
-    """Which frame it is, the frame in which all memory was initial, and the addresses (`actuator/module`) of
-    the clients that did not live."""
+    """The identity of a frame, and its lost clients."""
 
     @property
-    def k(self) -> int: ...
+    def k(self) -> int:
+        """The number of the frame."""
+        ...
 
     @property
-    def start(self) -> int: ...
+    def start(self) -> int:
+        """The number of the frame in which all memory was initial."""
+        ...
 
     @property
-    def lost(self) -> Sequence[str]: ...
+    def lost(self) -> Sequence[str]:
+        """The addresses (`actuator/module`) of the lost clients."""
+        ...
 
 
 class Remembered(Protocol):
-    """The memory before a frame, None where it is not known; `degraded`: a client has been lost since it was
-    initial."""
+    """The memory before a frame."""
 
     @property
-    def memory(self) -> ProgramMemory | None: ...
+    def memory(self) -> ProgramMemory | None:
+        """The memory, None where it is not known."""
+        ...
 
     @property
-    def degraded(self) -> bool: ...
+    def degraded(self) -> bool:
+        """True if a client has been lost since the memory was initial."""
+        ...
 
 
 class Recorded(Protocol):
@@ -70,31 +78,49 @@ class Recorded(Protocol):
     """
 
     @property
-    def tick(self) -> RecordedTick: ...
+    def tick(self) -> RecordedTick:
+        """The identity of the frame, and its lost clients."""
+        ...
 
     @property
-    def frame(self) -> Frame: ...
+    def frame(self) -> Frame:
+        """The time and the readings of the frame."""
+        ...
 
     @property
-    def verdicts(self) -> Mapping[str, RecordedVerdict]: ...
+    def verdicts(self) -> Mapping[str, RecordedVerdict]:
+        """The verdict on each actuator."""
+        ...
 
     @property
-    def restart(self) -> bool: ...
+    def restart(self) -> bool:
+        """True if all memory is initial in this frame."""
+        ...
 
     @property
-    def skipped(self) -> int: ...
+    def skipped(self) -> int:
+        """The number of frames before this one that could not be observed."""
+        ...
 
     @property
-    def memory_unknown(self) -> bool: ...
+    def memory_unknown(self) -> bool:
+        """True if the memory before this frame is not known."""
+        ...
 
     @property
-    def breaches(self) -> tuple[str, ...] | None: ...
+    def breaches(self) -> tuple[str, ...] | None:
+        """The contracts found broken, None if not recorded."""
+        ...
 
     @property
-    def keyframe(self) -> Remembered | None: ...
+    def keyframe(self) -> Remembered | None:
+        """The memory before this frame, None if not recorded."""
+        ...
 
     @property
-    def damaged(self) -> bool: ...
+    def damaged(self) -> bool:
+        """True if the recording is damaged between the frame before and this one."""
+        ...
 
     @property
     def answers(self) -> Mapping[str, Answer]:
@@ -103,12 +129,16 @@ class Recorded(Protocol):
 
 
 class Recording(Protocol):
-    """A recording to be read; once it was, `damaged` tells whether what follows its last frame is damaged."""
+    """A recording to be read."""
 
-    def frames(self, program: Program) -> Iterator[Recorded]: ...
+    def frames(self, program: Program) -> Iterator[Recorded]:
+        """Yield the recorded frames."""
+        ...
 
     @property
-    def damaged(self) -> bool: ...
+    def damaged(self) -> bool:
+        """True if damage follows the last frame (once all frames are read)."""
+        ...
 
 
 def audit_recording(
@@ -143,11 +173,11 @@ _COUNTED = (
     *("frames", "compared", "idled", "unheard", "late", "lost", "refused", "violations", "outside", "holds"),
     *("restarts", "unknown", "differing", "forgotten", "resumed", "undecided"),
 )
-"""What `AuditReport` counts."""
+"""The properties of a frame that `AuditReport` counts."""
 
 
 class Auditor:
-    """Takes the frames of a run one after another. Mutable: interpreters, and what was counted."""
+    """An audit in progress, frame by frame. Mutable: interpreters, and what was counted."""
 
     def __init__(self, program: Program) -> None:
         self._program = program
@@ -166,7 +196,7 @@ class Auditor:
         self._resuming = Resuming(program, answered=True)
 
     def _begin(self) -> None:
-        """All memory at its initial values."""
+        """Set all memory to its initial values."""
         self._interpreter = Interpreter(self._program, answered=True)
         degrades = any(a.on_loss == "degrade" for a in self._program.robot.actuators)
         self._degraded = Interpreter(self._program, answered=True) if degrades else None
@@ -222,12 +252,12 @@ class Auditor:
         self._previous = recorded
 
     def end_damaged(self) -> None:
-        """What is recorded after the last frame is damaged."""
+        """Note that the recording is damaged after its last frame."""
         after_ns = None if self._previous is None else self._previous.frame.t_ns
         self._damaged.append(DamagedSpan(after_ns=after_ns, before_ns=None))
 
     def report(self) -> AuditReport:
-        """What came of the frames so far."""
+        """Return the report on the frames so far."""
         return AuditReport(
             **{name: self._counts[name] for name in _COUNTED},
             first_ns=self._first_ns,
@@ -240,7 +270,7 @@ class Auditor:
         )
 
     def _sequence(self, recorded: Recorded, begins: bool) -> Iterator[Difference]:
-        """What is wrong with the place of a frame: memory must have seen every frame since its start."""
+        """Yield faults in the sequence of frames: memory must have seen every frame since its start."""
         tick, before = recorded.tick, self._previous
         if before is None:
             if not begins and not recorded.memory_unknown and not recorded.damaged:
@@ -312,7 +342,7 @@ class Auditor:
         )
 
     def _undisturbed(self, recorded: Recorded) -> bool:
-        """Whether the network alone decided, with everybody there."""
+        """Return True if the network alone decided, with all clients present."""
         verdicts = recorded.verdicts
         return len(verdicts) == len(self._actuators) and not any(
             is_excused(v) or v.violation or v.outside is not None or v.hold is not None
@@ -356,7 +386,7 @@ class Auditor:
 def _accounts(
     verdict: RecordedVerdict, due: Decision, interpreter: Interpreter, clients: tuple[str, ...]
 ) -> tuple[ClientAccount, ...]:
-    """Every client, in the order recorded, or in which they are declared where that is all there is."""
+    """Return all clients in the order recorded, or else in the order declared."""
     fates = dict(verdict.fates)
     order = dict.fromkeys((*fates, *clients)) if len(fates) < len(clients) else fates
     known = frozenset(clients)

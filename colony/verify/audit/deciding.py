@@ -1,4 +1,4 @@
-"""Recorded frames decided once more, by any executor and beyond damage, as far as memory is known."""
+"""Repeated decisions of recorded frames, by any executor and beyond damage, as far as memory is known."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ Backend = Literal["network", "clients", "python"]
 
 
 class Decider:
-    """Decides frames, and goes on after damage where that can be. Mutable: the executor, what was damaged,
-    and how many frames were not decided.
+    """Decides frames, and resumes after damage where possible.
+
+    Mutable: the executor, what was damaged, and how many frames were not decided.
 
     Args:
         backend: the reference interpreter, the client list, or the generated Python.

@@ -1,4 +1,4 @@
-"""What an audit comes to: data, as `colony audit --format json` gives it."""
+"""The result of an audit as data, as `colony audit --format json` prints it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Literal
 from colony.ir.frame import Decision
 
 Part = Literal["wins", "active", "inactive", "silent"]
-"""What a client does by the interpreter: it wins, its predicate holds but it does not get through, or not."""
+"""A client's part by the interpreter. "active": its predicate holds, but it does not win."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,15 +59,15 @@ class DamagedSpan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuditReport:
-    """What an audit came to.
+    """The result of an audit.
 
-    `compared` counts decisions (one an actuator and frame), `idled` those among them that were idle because a
-    client was late, lost or refused; `unheard` those that nothing was recorded of. `late`, `lost`, `refused`,
-    `violations`, `outside`, `holds` and `differing` count frames in which that occurred, `unknown` those that
-    were not compared because a frame before them, and so memory, is not known. After each of `damaged` the
-    interpreter went on from the memory that the recording holds; `forgotten` counts the frames until there
-    was one, which were not compared. `undecided` counts decisions of actuators with `on_loss degrade` after
-    it, of which it is not known what lost clients had changed.
+    `compared` counts decisions (one per actuator and frame), `idled` those among them that were idle because
+    a client was late, lost or refused; `unheard` those without a record. `late`, `lost`, `refused`,
+    `violations`, `outside`, `holds` and `differing` count frames in which that occurred. `unknown` counts
+    frames that were not compared because a frame before them, and so memory, is not known. After each of
+    `damaged` the interpreter continued from the memory that the recording holds; `forgotten` counts the
+    frames up to that memory, which were not compared. `undecided` counts decisions of actuators with `on_loss
+    degrade` after it, of which it is not known what lost clients had changed.
     """
 
     frames: int
@@ -94,7 +94,7 @@ class AuditReport:
 
     @property
     def agrees(self) -> bool:
-        """Whether every frame was as the interpreter says."""
+        """True if every frame agrees with the interpreter."""
         return self.first is None
 
     def as_json(self) -> dict[str, object]:

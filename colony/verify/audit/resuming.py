@@ -10,7 +10,7 @@ from colony.verify.reference.interpreter import Interpreter
 
 
 class Resuming:
-    """Makes interpreters of a program that go on from recorded memory. Mutable: the clients that check it.
+    """A maker of interpreters that resume from recorded memory. Mutable: the clients that check it.
 
     `answered` is as for `Interpreter`.
     """

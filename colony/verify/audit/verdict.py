@@ -1,4 +1,4 @@
-"""One verdict against one decision of the reference interpreter."""
+"""Comparison of one verdict to one decision of the reference interpreter."""
 
 from __future__ import annotations
 
@@ -13,28 +13,42 @@ from colony.verify.reference.interpreter import Interpreter
 
 
 class RecordedVerdict(Protocol):
-    """What became of one actuator in one frame; `runtime.messages.Verdict` tells what each of these is."""
+    """The outcome of one actuator in one frame; `runtime.messages.Verdict` defines each attribute."""
 
     @property
-    def by(self) -> str | None: ...
+    def by(self) -> str | None:
+        """The winner, if any."""
+        ...
 
     @property
-    def values(self) -> tuple[ScalarValue, ...] | None: ...
+    def values(self) -> tuple[ScalarValue, ...] | None:
+        """The command that was sent, None if nothing was."""
+        ...
 
     @property
-    def fault(self) -> str | None: ...
+    def fault(self) -> str | None:
+        """The reason why the winner's command could not be sent, if any."""
+        ...
 
     @property
-    def fates(self) -> Sequence[tuple[str, str]]: ...
+    def fates(self) -> Sequence[tuple[str, str]]:
+        """Each client and its fate."""
+        ...
 
     @property
-    def violation(self) -> bool: ...
+    def violation(self) -> bool:
+        """True if two clients commanded in one frame."""
+        ...
 
     @property
-    def outside(self) -> str | None: ...
+    def outside(self) -> str | None:
+        """The client outside the network that commanded, if any."""
+        ...
 
     @property
-    def hold(self) -> str | None: ...
+    def hold(self) -> str | None:
+        """The reason why the network did not decide, if any."""
+        ...
 
 
 EXCUSES = frozenset({"late", "lost", "refused"})
@@ -48,9 +62,9 @@ _NOT_ACTIVE = frozenset({"inactive", "silent"})
 def objection(
     actuator: Actuator, verdict: RecordedVerdict, due: Decision, interpreter: Interpreter
 ) -> str | None:
-    """What is wrong with a verdict of the network, None where nothing is.
+    """Return what is wrong with a verdict of the network, or None.
 
-    `due` is what the interpreter decides, and `interpreter` has decided the same frame.
+    `due` is the interpreter's decision; `interpreter` has decided the same frame.
     """
     if verdict.violation:
         return "two clients commanded in one frame"
@@ -63,13 +77,13 @@ def objection(
 
 
 def same_decision(verdict: RecordedVerdict, due: Decision) -> bool:
-    """Whether winner, values and fault are the same, values bit for bit."""
+    """Return True if winner, values and fault are the same, values bit for bit."""
     same = (verdict.by, verdict.fault) == (due.by, due.fault)
     return same and same_values(verdict.values, due.values)
 
 
 def same_values(one: Sequence[ScalarValue] | None, other: Sequence[ScalarValue] | None) -> bool:
-    """Whether two commands are the same bit for bit: -0.0 is not 0.0."""
+    """Return True if two commands are the same bit for bit: -0.0 is not 0.0."""
     if one is None or other is None:
         return one is other
     return len(one) == len(other) and all(map(_same_bits, one, other))
@@ -82,18 +96,18 @@ def _same_bits(one: ScalarValue, other: ScalarValue) -> bool:
 
 
 def is_excused(verdict: RecordedVerdict) -> bool:
-    """Whether a client was not heard, or not understood."""
+    """Return True if a client was late, lost or refused."""
     return any(fate in EXCUSES for _, fate in verdict.fates)
 
 
 def is_idle(actuator: Actuator, verdict: RecordedVerdict) -> bool:
-    """Whether nobody won and the idle command was sent (nothing, for `idle hold`)."""
+    """Return True if no client won and the idle command was sent (nothing, for `idle hold`)."""
     idle = in_declared_units(actuator.idle, actuator.fields)
     return verdict.by is None and verdict.fault is None and same_values(verdict.values, idle)
 
 
 def _fate(client: str, fate: str, due: Decision, interpreter: Interpreter) -> str | None:
-    """What is wrong with what was recorded of a client."""
+    """Return what is wrong with the recorded fate of a client, or None."""
     wins = client == due.by
     if fate in _COMMANDED and not wins:
         return f"`{client}` commanded, but does not get through by the interpreter"

@@ -1,1 +1,1 @@
-"""Whether contracts hold in every frame that there can be: proved, refuted by a trace, or unknown and why."""
+"""Proofs of contracts in every possible frame: proved, refuted by a trace, or unknown with the reason."""

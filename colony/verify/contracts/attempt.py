@@ -22,7 +22,7 @@ class Proof(NamedTuple):
 
 
 class Attempt:
-    """Mutable: how far the search is, and what it found.
+    """The attempt to prove one contract. Mutable: the length of the search, and its findings.
 
     Without a `refuter` only a proof is looked for: any model that breaks the contract ends the attempt.
     """
@@ -47,11 +47,11 @@ class Attempt:
 
     @property
     def searched(self) -> int:
-        """Up to how many frames a counterexample was searched."""
+        """Number of frames up to which a counterexample was searched."""
         return self._search.length
 
     def run(self) -> Proof | Trace | None:
-        """A proof, or a trace that refutes the contract whatever modules in Python answer, or neither."""
+        """Return a proof, a trace that refutes the contract whatever modules in Python answer, or None."""
         proof = self.at_once()
         if proof is not None:
             return proof
@@ -68,12 +68,12 @@ class Attempt:
         return found
 
     def at_once(self) -> Proof | None:
-        """A proof in a frame alone, with what is known so far."""
+        """Return a proof in a frame alone, with what is known so far."""
         used = follows(self._cone, self._claim, self._known, self._budget)
         return None if used is None else Proof(0, used)
 
     def _induce(self) -> Proof | Trace | None:
-        """k-induction up to the greatest k, in turn with the search, which is its base."""
+        """Run k-induction up to the greatest k, in turn with the search, which is its base."""
         steps = Induction(self._cone, self._claim, self._known, self._budget)
         for k in range(1, self._budget.options.depth + 1):
             used = steps.next()
@@ -92,7 +92,7 @@ class Attempt:
 
     @property
     def _longest(self) -> int:
-        """How far to search; where a module in Python can break the contract it will hardly get better."""
+        """Number of frames to search; 0 where a module in Python can break the contract: little improves."""
         return self._budget.options.longest if self.if_python is None else 0
 
     def _longer(self) -> Trace | None:

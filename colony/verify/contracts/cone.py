@@ -1,4 +1,4 @@
-"""What a contract depends on: a proof within its cone of influence is a proof.
+"""The cone of influence of a contract: a proof within it is a proof.
 
 What lies outside of it cannot make the contract true or false: definitions give each auxiliary constant a
 value whatever the rest is, and sensors are independent of each other.
@@ -13,17 +13,17 @@ from colony.verify.symbolic.system import Claim, Number, Scalar, System
 
 
 def cone_of(system: System, claim: Claim) -> Cone:
-    """The cone of a contract; time is in every cone."""
+    """Return the cone of a contract; time is in every cone."""
     return cone(system, [claim.speaks, claim.holds, system.now, system.begun, system.last])
 
 
 def covers(one: Cone, other: Cone) -> bool:
-    """Whether `other` depends on nothing besides what `one` depends on."""
+    """Return True if `other` depends on nothing besides what `one` depends on."""
     return _constants(other) <= _constants(one)
 
 
 def key_of(one: Cone) -> frozenset[int]:
-    """What tells the cones of a system apart."""
+    """Return a key that identifies a cone within its system."""
     return _constants(one)
 
 
@@ -32,17 +32,17 @@ def _constants(one: Cone) -> frozenset[int]:
 
 
 def within(one: Cone, term: z3.ExprRef) -> bool:
-    """Whether a term is part of a cone."""
+    """Return True if a term is part of a cone."""
     return term.get_id() in one.visited
 
 
 def facts(one: Cone) -> z3.BoolRef:
-    """All that is true of a frame in a run, as one formula, which is renamed at once."""
+    """Return all that is true of a frame in a run, as one formula, which is renamed at once."""
     return z3.And(*one.assumptions, *one.definitions, *one.invariants)
 
 
 def parts(scalar: Scalar) -> tuple[z3.ExprRef, ...]:
-    """The formulas that make up a value."""
+    """Return the formulas that make up a value."""
     if isinstance(scalar, Number):
         return (scalar.value, scalar.nan, scalar.infinite)
     return (scalar,)

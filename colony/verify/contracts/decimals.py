@@ -22,11 +22,12 @@ class Written(NamedTuple):
     negative: bool
 
     def __str__(self) -> str:
+        """Return the number as the language writes it."""
         return f"{'-' if self.negative else ''}{self.digits}{f' {self.unit}' if self.unit else ''}"
 
 
 def value_of(written: Written) -> float:
-    """What the language makes of it, in base units: converted exactly and rounded once.
+    """Return the number's value in base units: converted exactly and rounded once.
 
     Raises:
         OverflowError: it is beyond all floats.
@@ -37,7 +38,7 @@ def value_of(written: Written) -> float:
 
 
 def write(value: float, sensor: Sensor) -> Written | None:
-    """The shortest number in the unit of `sensor`, else in base units, that is exactly `value`.
+    """Return the shortest number in the unit of `sensor`, else in base units, that is exactly `value`.
 
     None where there is none: an infinite value, or one of a type without units.
     """
@@ -59,7 +60,7 @@ def _means(written: Written, value: float) -> bool:
 
 
 def rounded(value: float, sensor: Sensor, digits: int) -> float:
-    """`value` rounded to so many significant digits in the unit of `sensor`, in base units."""
+    """Return `value`, in base units, rounded to a number of significant digits in the unit of `sensor`."""
     candidate = _rounded(value, sensor.unit or None, digits) if math.isfinite(value) else None
     try:
         return value if candidate is None else value_of(candidate)
@@ -77,7 +78,7 @@ def _rounded(value: float, unit: str | None, digits: int) -> Written | None:
 
 
 def plain(number: Decimal) -> str:
-    """Digits without an exponent where that is readable, and without zeros that say nothing."""
+    """Return the digits without an exponent where that is readable, and without needless zeros."""
     if number == 0:
         return "0"
     if -7 < number.adjusted() < 12:
@@ -96,5 +97,5 @@ def _base_unit(sensor: Sensor) -> str | None:
 
 
 def seconds(t_ns: int) -> Written:
-    """A time in seconds, exactly."""
+    """Return a time in seconds, exactly."""
     return Written(plain(Decimal(t_ns) / 1_000_000_000), "s", False)

@@ -1,4 +1,4 @@
-"""Runs that are drawn, in the reference interpreter: what breaks a contract where formulas do not tell."""
+"""Random runs in the reference interpreter, which find broken contracts where formulas cannot decide."""
 
 from __future__ import annotations
 

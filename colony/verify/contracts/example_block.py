@@ -16,13 +16,15 @@ _MOST_EXCEPTIONS = 6
 
 
 def title(contract: str) -> str:
-    """The title of the test for a contract."""
+    """Return the title of the test for a contract."""
     return f"counterexample: {contract}"
 
 
 def example_block(program: Program, contract: str, trace: Trace, name: str | None = None) -> str | None:
-    """The text of a test with the frames of `trace`; None where the language cannot write one of its values,
-    or where only answers of modules in Python break the contract.
+    """Return the text of a test with the frames of `trace`.
+
+    None where the language cannot write one of its values, or where only answers of modules in Python break
+    the contract.
     """
     if any(s.answers for s in trace.snapshots):
         return None
@@ -50,7 +52,7 @@ def example_block(program: Program, contract: str, trace: Trace, name: str | Non
 def _given(
     sensor: Sensor, before: Value | None, readings: Mapping[str, Value]
 ) -> Iterator[ast.GivenDecl | None]:
-    """The assignments that change a sensor from `before`; None for one that cannot be written."""
+    """Yield the assignments that change a sensor from `before`; None for one that cannot be written."""
     value = readings.get(sensor.name)
     if value == before:
         return
@@ -69,7 +71,7 @@ def _given(
 
 
 def _array(sensor: Sensor, value: tuple[ScalarValue, ...]) -> Iterator[ast.GivenDecl | None]:
-    """One value for all and a few exceptions, or element by element."""
+    """Yield one value for all and a few exceptions, or element by element."""
     [(common, _), *_] = Counter(value).most_common(1)
     exceptions = [(i, x) for i, x in enumerate(value) if x != common]
     if len(exceptions) <= _MOST_EXCEPTIONS:

@@ -1,4 +1,4 @@
-"""Why a contract is neither proved nor refuted, in words, and what to do about it."""
+"""Explanations of unknown results: the reasons in words, and what to do about them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def unknown(
     imagined: int,
     trace: Trace | None,
 ) -> Unknown:
-    """The verdict for a contract that was searched for a counterexample up to `searched` frames.
+    """Return the verdict for a contract that was searched for a counterexample up to `searched` frames.
 
     `imagined` models broke it on paper only; `trace` breaks it if modules in Python answer so.
     """
@@ -54,7 +54,7 @@ def unknown(
 
 
 def _said(reasons: Sequence[Reason]) -> list[str]:
-    """The first reasons, each with its place."""
+    """Return the first reasons, each with its place."""
     lines = [f"  {_place(r)}{r.text}" for r in reasons[:_MOST]]
     more = len(reasons) - _MOST
     return [*lines, f"  and {more} more"] if more > 0 else lines

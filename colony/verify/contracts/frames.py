@@ -12,10 +12,11 @@ from colony.verify.snapshot import Snapshot
 
 
 def frame_row(sensors: Iterable[Sensor], snapshot: Snapshot) -> dict[str, object]:
-    """Return a frame: `{"t": 0.05, "bumper": true, "sonar": [3.0, ...]}`; what is missing is null.
+    """Return a frame: `{"t": 0.05, "bumper": true, "sonar": [3.0, ...]}`; missing values are null.
 
     Args:
-        sensors: those of the program, or programs, that the snapshot is for.
+        sensors: the sensors of the program, or programs, that the snapshot is for.
+        snapshot: the readings in base units, and the time.
     """
     by_name = {sensor.name: sensor for sensor in sensors}
     readings = {name: _plain(by_name[name], value) for name, value in snapshot.readings.items()}

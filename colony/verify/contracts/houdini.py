@@ -26,14 +26,14 @@ _ROUNDS = 200
 
 @dataclass(frozen=True, slots=True)
 class Invariants:
-    """What holds before every frame, and the contracts that hold in every frame because of it."""
+    """Conditions that hold before every frame, and the contracts that hold in every frame because of them."""
 
     of_memory: tuple[Candidate, ...]
     claims: tuple[Claim, ...]
 
 
 def keeps(claim: Claim) -> z3.BoolRef:
-    """That a contract is not broken in the frame."""
+    """Return the condition that a contract is not broken in the frame."""
     return z3.Implies(claim.speaks, claim.holds)
 
 
@@ -44,7 +44,7 @@ def invariants(
     lemmas: Sequence[z3.BoolRef],
     budget: Budget,
 ) -> Invariants:
-    """The guesses that are invariant together, and the `claims` that follow from them.
+    """Return the guesses that are inductive together, and the `claims` that follow from them.
 
     `lemmas` are known to hold in every frame. Where z3 gives up, fewer are kept: what is kept is true.
     """
@@ -61,7 +61,7 @@ def invariants(
 
 
 class _Greatest:
-    """Drops guesses and claims until none can be broken. Mutable.
+    """The greatest inductive subset: drops guesses and claims until none can be broken. Mutable.
 
     `before` are the guesses not dropped yet, about the memory before a frame, `during` the claims about it.
     """
@@ -89,7 +89,7 @@ class _Greatest:
         self.during.add(i)
 
     def settle(self) -> None:
-        """The greatest fixpoint, or something below it where z3 gives up."""
+        """Find the greatest fixpoint, or something below it where z3 gives up."""
         for _ in range(_ROUNDS):
             known = [self._before[i] for i in sorted(self.before)]
             if self._drop(self.during, self._claims, known):
@@ -123,7 +123,10 @@ class _Greatest:
                 assert_never(answer)
 
     def _drop_one_by_one(self, kept: set[int], goals: list[z3.BoolRef], known: list[z3.BoolRef]) -> bool:
-        """Where the question about all is too hard: keep what can be shown alone; whether any was dropped."""
+        """Keep the candidates that can be shown alone, where the question about all is too hard.
+
+        Returns True if any was dropped.
+        """
         self._solver.limit(_SHARE / 8)
         shown = {i for i in sorted(kept) if self._solver.ask([*known, z3.Not(goals[i])]) is Answer.UNSAT}
         self._solver.limit(_SHARE)
@@ -133,7 +136,7 @@ class _Greatest:
 
 
 def _named(solver: Solver, name: str, formula: z3.BoolRef) -> z3.BoolRef:
-    """A constant that stands for a formula, so that a model gives its value at once."""
+    """Return a constant that stands for a formula, so that a model gives its value at once."""
     constant = z3.Bool(name)
     solver.add(constant == formula)
     return constant

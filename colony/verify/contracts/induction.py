@@ -1,4 +1,4 @@
-"""k-induction (Sheeran, Singh and Stalmarck, 2000): what held in k frames in a row holds in the next one.
+"""k-induction (Sheeran, Singh and Stalmarck, 2000): a condition of k frames in a row holds in the next.
 
 The memory before the first of these frames is any that the invariants allow.
 """
@@ -19,14 +19,14 @@ from colony.verify.symbolic.unrolling import Unrolling
 
 
 class Known(NamedTuple):
-    """Something true in every frame, and how it is told."""
+    """A condition that is true in every frame, and its description."""
 
     text: str
     holds: z3.BoolRef
 
 
 def follows(cone: Cone, claim: Claim, known: Sequence[Known], budget: Budget) -> tuple[str, ...] | None:
-    """Whether a contract holds in every frame taken alone: what of `known` that takes, or None."""
+    """Return the parts of `known` that prove a contract in every frame taken alone, or None if unproved."""
     switches = _switches(known)
     solver = Solver(budget)
     solver.add(facts(cone), z3.Not(keeps(claim)))
@@ -51,7 +51,7 @@ class Induction:
         self._extend()
 
     def next(self) -> tuple[str, ...] | None:
-        """Whether the step holds for the next k: what of `known` that takes, or None."""
+        """Return the parts of `known` that prove the step for the next k, or None if it is unproved."""
         self._solver.add(self._frames.at(self._last, keeps(self._claim)))
         self._solver.add(*self._frames.moves(self._last))
         self._last += 1
@@ -64,14 +64,14 @@ class Induction:
         return _used(self._solver, self._known, self._switches)
 
     def _extend(self) -> None:
-        """What is true of the last frame."""
+        """Assume what is true of the last frame."""
         self._solver.add(self._frames.at(self._last, self._facts))
         for switch, known in zip(self._switches, self._known, strict=True):
             self._solver.add(z3.Implies(switch, self._frames.at(self._last, known.holds)))
 
 
 def _switches(known: Sequence[Known]) -> list[z3.BoolRef]:
-    """A constant for each thing known: assumed, it is used."""
+    """Return a constant for each known condition; assuming the constant uses the condition."""
     return [z3.Bool(f"known {i}") for i in range(len(known))]
 
 

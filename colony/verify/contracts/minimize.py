@@ -1,4 +1,4 @@
-"""Makes a counterexample easy to read: fewer frames, fewer values given, rounder numbers.
+"""Minimization of counterexamples: fewer frames, fewer values given, rounder numbers.
 
 Each change is kept only where the contract still breaks in the reference interpreter.
 """
@@ -18,7 +18,7 @@ from colony.verify.snapshot import Snapshot
 from colony.verify.testing.shrinking import Shrinker, with_reading
 
 _PATIENCE = 1500
-"""How many frames the interpreter may compute for one trace of a small program."""
+"""Maximum number of frames that the interpreter computes for one trace of a small program."""
 
 _MOST_DIGITS = 6
 
@@ -41,8 +41,9 @@ def minimal(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PATI
 
 
 def _needed_missing(replay: Replay, snapshots: tuple[Snapshot, ...]) -> Iterator[str]:
-    """Yield sensors that are never given, and that keep the contract from breaking whatever simple value
-    they have.
+    """Yield the sensors that must stay missing.
+
+    They are never given, and any simple value of theirs keeps the contract from breaking.
     """
     for sensor in replay.program.robot.sensors:
         if is_stand_in(sensor) or any(sensor.name in s.readings for s in snapshots):
@@ -54,16 +55,16 @@ def _needed_missing(replay: Replay, snapshots: tuple[Snapshot, ...]) -> Iterator
 
 
 class _Quieter:
-    """Readings in base units: none, that of the frame before, those that say little, those that are short."""
+    """Simpler readings in base units: none, that of the frame before, plain values, short numbers."""
 
     def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterator[Reading]:
-        """Yield none, one of those that are given, and simple ones; nothing for a sensor never given."""
+        """Yield no value, one of the given values, and simple values; nothing for a sensor never given."""
         if all(reading is None for reading in readings):
             return
         yield from dict.fromkeys((None, *_values(reversed(readings)), *_simple(sensor)))
 
     def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterator[Reading]:
-        """Yield what is as it was before, none, simple ones, and those of fewer numbers and digits."""
+        """Yield the value before, no value, simple values, and values with fewer numbers and digits."""
         if reading == before:
             return
         yield before
@@ -80,7 +81,7 @@ class _Quieter:
 
 
 def _values(readings: Iterator[Reading] | Sequence[Reading]) -> Iterator[Value]:
-    """Those that are there: a snapshot has values, and tuples for arrays."""
+    """Yield the present values: a snapshot has values, and tuples for arrays."""
     for reading in readings:
         if isinstance(reading, tuple | float | bool):
             yield reading
@@ -113,7 +114,7 @@ def _inside(sensor: Sensor, x: float) -> bool:
 
 
 def _simple(sensor: Sensor) -> list[Value]:
-    """Values that say little: the default, zero, the ends of the range; of an array in all elements."""
+    """Return simple values: the default, zero, the ends of the range; for an array in all elements."""
     scalars = list(dict.fromkeys(_simple_scalars(sensor)))
     if isinstance(sensor.type, Array):
         return [(x,) * sensor.type.size for x in scalars]

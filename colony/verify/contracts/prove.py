@@ -34,13 +34,13 @@ _NONLINEAR = (Operation.PRODUCT, Operation.QUOTIENT)
 def prove_contracts(
     program: Program, options: Options | None = None, clock: Clock | None = None
 ) -> tuple[Result, ...]:
-    """What becomes of every contract, in the order written. Deterministic where there is no `clock`."""
+    """Return the result of every contract, in the order written. Deterministic without a `clock`."""
     names = [c.name for c in program.contracts]
     return tuple(in_order(program, results(program, names, options, clock)))
 
 
 def in_order(program: Program, found: Iterable[Result]) -> list[Result]:
-    """Results in the order in which the contracts are written."""
+    """Return results in the order in which the contracts are written."""
     by_name = {result.contract.name: result for result in found}
     return [by_name[c.name] for c in program.contracts if c.name in by_name]
 
@@ -48,7 +48,7 @@ def in_order(program: Program, found: Iterable[Result]) -> list[Result]:
 def results(
     program: Program, names: list[str], options: Options | None = None, clock: Clock | None = None
 ) -> Iterator[Result]:
-    """The result of each contract in `names`, as soon as it is known.
+    """Yield the result of each contract in `names`, as soon as it is known.
 
     What is proved helps the rest: a contract that stays unknown is tried once more in the end if others were
     proved after it, so that the order in which contracts are written matters little.
@@ -67,7 +67,7 @@ def results(
 
 
 class Prover:
-    """Proves the contracts of one program, one after the other. Mutable: what was proved, and how many."""
+    """A prover of one program's contracts, one after the other. Mutable: what was proved, and how many."""
 
     def __init__(self, program: Program, options: Options, clock: Clock | None = None) -> None:
         self._program = program
@@ -89,7 +89,7 @@ class Prover:
         return Setting(generalized(self._usual.system))
 
     def prove(self, contract: Contract) -> Result:
-        """What becomes of a contract, within a budget of its own."""
+        """Prove or refute a contract, within a budget of its own."""
         exact = self._exact(contract, at_once=True) if self._rounds(contract) else None
         if exact is not None:
             return self._kept(contract, self._usual, *exact)
@@ -120,11 +120,11 @@ class Prover:
                 )
 
     def _rounds(self, contract: Contract) -> bool:
-        """Whether reals stand in for floats in a contract."""
+        """Return True if reals stand in for floats in a contract."""
         return bool(_rounding([self._usual.claims[contract.name]]))
 
     def _is_nonlinear(self, contract: str) -> bool:
-        """Whether a contract depends on products or quotients of which only bounds and signs are known."""
+        """Return True if a contract depends on products or quotients with only known bounds and signs."""
         met = self._usual.cones[contract].visited
         return any(
             a.operation in _NONLINEAR and a.constant.get_id() in met for a in self._usual.system.auxiliaries
@@ -155,7 +155,7 @@ class Prover:
         return Proved(contract=contract, k=proof.k, invariants=proof.used, over_reals=rounding)
 
     def _rests(self, rounding: tuple[Reason, ...], lemmas: list[Claim]) -> tuple[Reason, ...]:
-        """`rounding`, and where reals stood in for floats when the lemmas were proved.
+        """Return `rounding`, and where reals stood in for floats when the lemmas were proved.
 
         That may have been in the precise system, which rounds where the usual one only knows bounds.
         """
@@ -163,8 +163,9 @@ class Prover:
         return tuple(dict.fromkeys((*rounding, *of_lemmas)))
 
     def _exact(self, contract: Contract, *, at_once: bool = False) -> tuple[Proof, tuple[Reason, ...]] | None:
-        """A proof in which rounding may do anything (one in a frame alone, if `at_once`), and where it may
-        matter all the same.
+        """Return a proof in which rounding may do anything, and the places where rounding may still matter.
+
+        `at_once`: only a proof in a frame alone.
         """
         budget = Budget(self._options, self._clock).part(_GENERAL)
         attempt = Attempt(self._general, contract.name, budget)
@@ -176,6 +177,6 @@ class Prover:
 
 
 def _rounding(claims: list[Claim]) -> tuple[Reason, ...]:
-    """Where reals stand in for floats in a contract, and in those that its proof may rest on."""
+    """Return the places where reals stand in for floats in a contract, or in claims its proof may rest on."""
     reasons = dict.fromkeys(r for claim in claims for r in claim.inexact)
     return tuple(r for r in reasons if r.kind is Inexact.ROUNDING)

@@ -1,4 +1,4 @@
-"""Whether a model of z3 is a counterexample: it must break the contract in the reference interpreter.
+"""Check of a z3 model: a counterexample must break the contract in the reference interpreter.
 
 Formulas leave rounding out and know little of some functions, so a model may break the contract only on
 paper. A model close to the edge of a comparison often breaks it when its numbers are made a little rounder.
@@ -24,7 +24,7 @@ _MODELS = 16
 
 
 class Refuter:
-    """Replays models of one contract. Mutable: how many did not break it.
+    """A replayer of models of one contract. Mutable: how many did not break it.
 
     `imagined` is the number of models that break the contract on paper only.
     """
@@ -37,7 +37,7 @@ class Refuter:
         self.imagined = 0
 
     def believe(self, candidate: Candidate, search: Search) -> Trace | None:
-        """The minimal trace that a model leads to, None where it does not break the contract."""
+        """Return the minimal trace that a model leads to, None where it does not break the contract."""
         asks = candidate.unasked and bool(search.frames.cone.system.python)
         replay = self._replays[asks]
         exact = snapshots(candidate.model, search.frames, candidate.frames)
@@ -49,17 +49,17 @@ class Refuter:
         return None
 
     def drawn(self) -> Trace | None:
-        """A minimal trace by drawing runs, in which no module in Python is asked."""
+        """Return a minimal trace by drawing runs, in which no module in Python is asked."""
         replay = self._replays[True]
         found = drawn(self._program, replay)
         return None if found is None else minimal(replay, found)
 
     def patient(self, candidate: Candidate) -> bool:
-        """Whether another model of the same length is worth a try."""
+        """Return True if another model of the same length is worth a try."""
         return self._tried.get(candidate.frames, 0) < _MODELS_A_LENGTH and self.imagined < _MODELS
 
     def _attempts(self, exact: tuple[Snapshot, ...]) -> Iterator[tuple[Snapshot, ...]]:
-        """A model's snapshots, and the same in rounder numbers."""
+        """Yield a model's snapshots, and the same in rounder numbers."""
         yield exact
         for digits in (12, 6, 3, 1):
             yield tuple(self._rounded(s, digits) for s in exact)

@@ -27,11 +27,11 @@ from colony.verify.snapshot import Snapshot
 from colony.verify.testing.examples import facts_of_breach
 
 _SMALL = 60
-"""How many things a program declares that is not large."""
+"""Maximum number of declarations of a program that is not large."""
 
 
 class Replay:
-    """Replays traces of `program` for one of its contracts.
+    """A replayer of traces of `program` for one of its contracts.
 
     With `unasked`, a trace breaks the contract only if no module in Python is asked in any of its frames.
     """
@@ -46,17 +46,17 @@ class Replay:
         }
 
     def affordable(self, most: int) -> int:
-        """How many frames to compute where a small program would have `most`: fewer for a large one."""
+        """Return the number of frames to compute: `most` for a small program, fewer for a large one."""
         program = self.program
         size = len(program.modules) + len(program.derived) + len(program.wires) + len(program.robot.sensors)
         return most if size <= _SMALL else most * _SMALL // size
 
     def run(self, snapshots: Sequence[Snapshot]) -> tuple[Outcome, ...]:
-        """What the interpreter does from its initial memory, up to the first breach of the contract."""
+        """Return the interpreter's outcomes from its initial memory, up to the contract's first breach."""
         return self._run(snapshots)[0]
 
     def breaks(self, snapshots: Sequence[Snapshot]) -> bool:
-        """Whether the contract is broken in one of the frames."""
+        """Return True if the contract is broken in one of the frames."""
         return self.breach(snapshots) is not None
 
     def breach(self, snapshots: Sequence[Snapshot]) -> int | None:
@@ -66,12 +66,12 @@ class Replay:
         return len(outcomes) - 1 if broken else None
 
     def found(self, snapshots: Sequence[Snapshot]) -> tuple[str, ...]:
-        """What the things that the contract names are in the frame that breaks it, a fact each."""
+        """Return the values of the names in the contract, in the frame that breaks it, one fact each."""
         given = [s._replace(readings=self._readings(s)) for s in snapshots]
         return facts_of_breach(self.program, self._contract, given)
 
     def _run(self, snapshots: Sequence[Snapshot]) -> tuple[tuple[Outcome, ...], bool]:
-        """The outcomes, and whether a stand-in answered; with `unasked` they do wherever they are asked."""
+        """Return the outcomes, and True if a stand-in answered; if `unasked`, all answers are stand-ins."""
         interpreter = Interpreter(self.program)
         outcomes, asked = [], False
         for snapshot in snapshots:
@@ -97,7 +97,7 @@ def is_stand_in(sensor: Sensor) -> bool:
 
 
 def _answers(module: str) -> str:
-    """The sensor that says whether a stand-in commands; no name of the language has a blank in it."""
+    """Return the sensor that makes a stand-in command; no name of the language has a blank in it."""
     return f"{module} answers"
 
 

@@ -20,7 +20,7 @@ _MOST_PLACES = 3
 
 
 def verdict(result: Result) -> str:
-    """One word for what became of a contract."""
+    """Return one word for the result of a contract."""
     match result:
         case Proved():
             return "proved"
@@ -33,7 +33,7 @@ def verdict(result: Result) -> str:
 
 
 def lines(program: Program, result: Result) -> tuple[str, ...]:
-    """The verdict on a line, and below it, indented, the trace that refutes the contract."""
+    """Return the verdict on a line, and below it, indented, the trace that refutes the contract."""
     head = f"{verdict(result):8} {result.contract.name}"
     match result:
         case Proved():
@@ -52,7 +52,7 @@ def _indented(rows: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def over_reals(result: Proved) -> str:
-    """`  (over reals: floats may round at rome.colony:70)`; nothing of a proof for floats."""
+    """Return `  (over reals: floats may round at rome.colony:70)`, or "" if the proof is for floats."""
     places = list(dict.fromkeys(_place(r) for r in result.over_reals))
     if not places:
         return ""
@@ -62,18 +62,18 @@ def over_reals(result: Proved) -> str:
 
 
 def _place(reason: Reason) -> str:
-    """The file and line of a reason, or the text where there is none."""
+    """Return the file and line of a reason, or its text without a place."""
     source = reason.span.source
     return f"{source.name}:{source.position(reason.span.start)[0]}" if source.text else reason.text
 
 
 def told(reason: Reason) -> str:
-    """A reason with its line."""
+    """Return a reason with its line."""
     return f"{_place(reason)}: {reason.text}" if reason.span.source.text else reason.text
 
 
 def finding(result: Result, file: str | None) -> Diagnostic | None:
-    """An error for a contract that is refuted, a warning for one that is unknown; nothing for one proved.
+    """Return an error for a refuted contract, a warning for an unknown one, None for a proved one.
 
     `file` is what was verified, to which the hint offers to add the run; None where that is done anyway.
     """
@@ -96,7 +96,7 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
 
 
 def _hint(trace: Trace, file: str | None) -> str | None:
-    """What to do about a counterexample; one with an infinite reading no test can hold."""
+    """Return advice on a counterexample; no test can hold an infinite reading."""
     infinite = (
         name
         for snapshot in trace.snapshots
@@ -112,12 +112,12 @@ def _hint(trace: Trace, file: str | None) -> str | None:
 
 
 def seconds_of(trace: Trace) -> str:
-    """The time of the last frame."""
+    """Return the time of the last frame."""
     return str(seconds(trace.snapshots[-1].t_ns))
 
 
 def row(program: Program, result: Result) -> dict[str, object]:
-    """A result as an object for JSON; a trace has readings in base units, as a test has them."""
+    """Return a result as an object for JSON; a trace has readings in base units, as a test has them."""
     line, column = result.contract.span.source.position(result.contract.span.start)
     made: dict[str, object] = {
         "contract": result.contract.name,
@@ -141,7 +141,7 @@ def row(program: Program, result: Result) -> dict[str, object]:
 
 
 def steps(program: Program, trace: Trace) -> list[dict[str, object]]:
-    """An object a frame: what is given, as `colony trace --input` takes it, and what is sent."""
+    """Return an object per frame: the inputs, as `colony trace --input` takes them, and the commands sent."""
     return [
         {
             "frame": frame_row(program.robot.sensors, snapshot),
@@ -154,7 +154,7 @@ def steps(program: Program, trace: Trace) -> list[dict[str, object]]:
 
 
 def told_frames(program: Program, trace: Trace) -> Iterator[tuple[str, dict[str, str]]]:
-    """What happens in each frame, and what each sensor gives, as people read them."""
+    """Yield each frame's events, and the readings of each sensor, in readable form."""
     sensors = {s.name: s for s in program.robot.sensors}
     for snapshot, outcome in zip(trace.snapshots, trace.outcomes, strict=True):
         decided = (

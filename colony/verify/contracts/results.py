@@ -1,4 +1,4 @@
-"""What became of a contract, as data."""
+"""The result of a contract's proof, as data."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Reason
 
 RESOURCES_A_SECOND = 7_200_000
-"""What z3 counts in a second or so."""
+"""Number of z3's resource units that take about a second."""
 
 _SAFETY = 4
-"""How much longer than asked for the clock may show before work is given up."""
+"""Factor by which the clock may exceed the requested time before the proof is given up."""
 
 _LONGER = 6
-"""How much longer than a proof may look back a counterexample may be."""
+"""Factor by which a counterexample may be longer than a proof may look back."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """How hard to try, for each contract.
+    """The effort for each contract.
 
     `depth` is the greatest k of k-induction; counterexamples are searched up to `longest` frames. `resources`
     bounds the work of z3 in its own units, which do not depend on the machine: `RESOURCES_A_SECOND` of them
@@ -36,7 +36,7 @@ class Options:
 
     @classmethod
     def within(cls, seconds: float, *, depth: int) -> Self:
-        """As hard as about `seconds` allow, with counterexamples in proportion to `depth`."""
+        """Return options for about `seconds` of work, with counterexamples in proportion to `depth`."""
         return cls(
             depth=depth,
             longest=max(_LONGER * depth, 2),
@@ -74,7 +74,7 @@ class Proved:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refuted:
-    """`trace` breaks the contract."""
+    """A refutation: `trace` breaks the contract."""
 
     contract: Contract
     trace: Trace
@@ -82,7 +82,7 @@ class Refuted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unknown:
-    """Neither proved nor refuted; `because` says why, a reason a line, and `hint` what to do.
+    """Neither proof nor refutation; `because` gives the reasons, one a line, and `hint` advice.
 
     `trace`, where there is one, breaks the contract if the modules in Python answer as it says.
     """

@@ -24,8 +24,9 @@ _UNASKED = z3.Bool("no module in Python is asked")
 
 
 class Candidate(NamedTuple):
-    """A model that breaks the contract in its last frame, of `frames`; `unasked`: whatever any module in
-    Python would answer.
+    """A model that breaks the contract in its last frame.
+
+    `frames` is its length; `unasked`: it breaks the contract whatever any module in Python would answer.
     """
 
     model: z3.ModelRef
@@ -54,11 +55,11 @@ class Search:
 
     @property
     def length(self) -> int:
-        """How many frames were searched."""
+        """The number of frames that were searched."""
         return self._length
 
     def longer(self, asked: bool = True) -> Iterator[Candidate]:
-        """Models whose last frame is the next one; each one asked for differs from those before it.
+        """Yield models whose last frame is the next one; each differs from those before it.
 
         Without `asked` only those in which no module in Python is asked.
         """
@@ -90,7 +91,7 @@ class Search:
             self._solver.add(self._different(model, last))
 
     def _modes(self, last: int, asked: bool) -> Iterator[list[z3.BoolRef]]:
-        """What is assumed in turn; the last mode allows the most."""
+        """Yield the assumptions to try in turn; the last mode allows the most."""
         without = [[_UNASKED]] if self._python else []
         for mode in (*without, *([[]] if asked or not self._python else [])):
             if last > 0:
@@ -110,7 +111,7 @@ class Search:
         self._solver.add(*(self.frames.at(frame, lemma) for lemma in self._lemmas))
 
     def _different(self, model: z3.ModelRef, frame: int) -> z3.BoolRef:
-        """That in the last frame something is given that is far from what `model` gives.
+        """Return the condition that an input of the last frame is far from its value in `model`.
 
         A model that does not replay is often at the very edge of a comparison: next to it others fail alike.
         """
@@ -126,7 +127,7 @@ class Search:
 
 
 def _far(scalar: Number | z3.BoolRef, model: z3.ModelRef, frames: Unrolling, frame: int) -> list[z3.BoolRef]:
-    """That a value differs from a model's by more than a hundredth."""
+    """Return the conditions that a value differs from a model's by more than a hundredth."""
     here = scalar.value if isinstance(scalar, Number) else scalar
     if not within(frames.cone, here):
         return []

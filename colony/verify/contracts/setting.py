@@ -15,7 +15,7 @@ _SHARE = 0.3
 
 
 _MOST = 300
-"""How many guesses are tried; those that come first are more likely."""
+"""Maximum number of guesses to try; likelier ones come first."""
 
 
 class Setting:
@@ -33,11 +33,11 @@ class Setting:
         self._proved.append(self.claims[contract])
 
     def lemmas(self, cone: Cone) -> list[Claim]:
-        """The contracts proved already that depend on nothing besides a cone."""
+        """Return the contracts proved already that depend on nothing besides a cone."""
         return [claim for claim in self._proved if covers(cone, self.cones[claim.name])]
 
     def invariants(self, cone: Cone, budget: Budget) -> tuple[Candidate, ...]:
-        """The invariants of a cone, found once."""
+        """Return the invariants of a cone, found once."""
         key = key_of(cone)
         if key not in self._invariants:
             within = [c for c in self.system.claims if covers(cone, self.cones[c.name])]

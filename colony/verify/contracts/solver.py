@@ -10,12 +10,12 @@ import z3
 from colony.verify.contracts.results import Options
 
 Clock = Callable[[], float]
-"""Seconds, from anywhere."""
+"""A clock in seconds, with any origin."""
 
 
 @unique
 class Answer(Enum):
-    """What z3 says: there is a model, there is none, or it gave up."""
+    """The answer of z3: there is a model, there is none, or it gave up."""
 
     SAT = auto()
     UNSAT = auto()
@@ -23,11 +23,11 @@ class Answer(Enum):
 
 
 _QUESTIONS = 8
-"""How many questions of full cost one contract may take."""
+"""Number of full-cost questions that one contract may take."""
 
 
 class Budget:
-    """What one contract may cost. Mutable: what it has cost, and whether anything was given up.
+    """The budget of one contract. Mutable: the cost so far, and whether anything was given up.
 
     Without a clock only resources count.
     """
@@ -40,7 +40,7 @@ class Budget:
         self.gave_up = False
 
     def part(self, share: float = 0.5) -> Budget:
-        """A budget that ends at the same time, and has a share of the resources of a whole one."""
+        """Return a budget that ends at the same time, and has a share of the resources of a whole one."""
         other = Budget(self.options, self._clock)
         other._until = self._until
         other._resources = int(other._resources * share)
@@ -48,7 +48,7 @@ class Budget:
 
     @property
     def milliseconds_left(self) -> int | None:
-        """Until the time is up, at least 0; None without a clock."""
+        """Milliseconds until the time is up, at least 0; None without a clock."""
         if self._clock is None or self._until is None:
             return None
         return max(0, int((self._until - self._clock()) * 1000))
@@ -58,45 +58,48 @@ class Budget:
         self._resources -= resources
 
     def spent(self) -> bool:
-        """Whether nothing is left."""
+        """Return True if nothing of the budget is left."""
         over = self.milliseconds_left == 0 or self._resources <= 0
         self.gave_up = self.gave_up or over
         return over
 
 
 _GRACE_MS = 50
-"""How much before its time z3 may stop."""
+"""Milliseconds by which z3 may stop before its time limit."""
 
 
 class Solver:
     """An incremental z3 solver within a budget. Mutable."""
 
     def __init__(self, budget: Budget, share: float = 1.0) -> None:
-        """`share` is the part of the resources of a question that each question of this solver has."""
+        """Set the share of a question's resources that each question of this solver has."""
         self._budget = budget
         self._z3 = z3.Solver()
         self._z3.push()  # from here on z3 works incrementally: for questions like these it is quicker
         self.limit(share)
 
     def limit(self, share: float) -> None:
-        """What part of a question's resources each question may take from now on."""
+        """Limit each question from now on to a share of a question's resources."""
         self._most = max(1, int(self._budget.options.resources * share / _QUESTIONS))
         self._z3.set("rlimit", self._most)
 
     def add(self, *formulas: z3.BoolRef) -> None:
+        """Add formulas to the current level."""
         self._z3.add(*formulas)
 
     def push(self) -> None:
+        """Open a level of formulas."""
         self._z3.push()
 
     def pop(self) -> None:
+        """Drop the formulas of the current level."""
         self._z3.pop()
 
     def ask(self, assumed: Sequence[z3.BoolRef] = ()) -> Answer:
-        """Whether all that was added and is `assumed` can be true at once.
+        """Ask z3 for a model of everything that was added and is `assumed`.
 
         Raises:
-            KeyboardInterrupt: somebody pressed Ctrl-C while z3 was at work.
+            KeyboardInterrupt: Ctrl-C was pressed while z3 was at work.
         """
         if self._budget.spent():
             return Answer.GAVE_UP
@@ -117,23 +120,24 @@ class Solver:
         return Answer.GAVE_UP
 
     def _interrupted(self, used: int) -> bool:
-        """Whether neither the problem nor a limit ended a question: z3 takes Ctrl-C for itself, and calls it
-        by the same name as its limits.
+        """Return True if neither the problem nor a limit ended a question.
+
+        z3 catches Ctrl-C itself, and reports it by the same name as its limits.
         """
         reason, left = self._z3.reason_unknown(), self._budget.milliseconds_left
         in_time = left is None or left > _GRACE_MS
         return "interrupted" in reason or ("canceled" in reason and used < self._most and in_time)
 
     def model(self) -> z3.ModelRef:
-        """The model of the last answer, which was SAT."""
+        """Return the model of the last answer, which was SAT."""
         return self._z3.model()
 
     def core(self) -> frozenset[str]:
-        """The names of the assumed constants that the last answer, UNSAT, made use of."""
+        """Return the names of the assumed constants that the last answer, UNSAT, depends on."""
         return frozenset(str(c) for c in self._z3.unsat_core())
 
 
 def _resources_used(solver: z3.Solver) -> int:
-    """What z3 has counted until now, of all solvers."""
+    """Return z3's count of resources until now, of all solvers."""
     statistics = solver.statistics()
     return int(statistics.get_key_value("rlimit count")) if "rlimit count" in list(statistics.keys()) else 0

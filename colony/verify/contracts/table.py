@@ -16,7 +16,7 @@ _MOST_EXCEPTIONS = 6
 
 
 def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]:
-    """The lines of a table, its heading first, and below it what has to be known besides."""
+    """Return the lines of a table, its heading first, with notes below it."""
     sensors = [s for s in program.robot.sensors if any(s.name in x.readings for x in trace.snapshots)]
     actuators = _actuators(program, contract)
     modules = list(dict.fromkeys(m for s in trace.snapshots for m in s.answers))
@@ -44,7 +44,7 @@ def _below(program: Program, trace: Trace, given: int) -> Iterator[str]:
 
 
 def _actuators(program: Program, contract: Contract) -> dict[str, Actuator]:
-    """Those that the contract names, else all."""
+    """Return the actuators that the contract names, else all."""
     asked = (ir.SentField, ir.WonBy, ir.IsCommanded, ir.IsIdle)
     named = {x.actuator for x in ir.subexpressions(contract.expression) if isinstance(x, asked)}
     chosen = [a for a in program.robot.actuators if a.name in named] or program.robot.actuators
@@ -52,7 +52,7 @@ def _actuators(program: Program, contract: Contract) -> dict[str, Actuator]:
 
 
 def reading(sensor: Sensor, value: Value | None) -> str:
-    """What a sensor gives, in its unit: `5 m`, `all 5 m, [12] 0.4 m`, `missing`."""
+    """Return the reading of a sensor, in its unit: `5 m`, `all 5 m, [12] 0.4 m`, `missing`."""
     if value is None:
         return "missing"
     if not isinstance(value, tuple):
@@ -80,7 +80,7 @@ def _shown(value: ScalarValue, of: Scalar, number: str) -> str:
 
 
 def sent(actuator: Actuator, decision: Decision) -> str:
-    """`by avoid: velocity = 150 mm/s, turn = 45 deg/s`."""
+    """Return `by avoid: velocity = 150 mm/s, turn = 45 deg/s`."""
     who = "idle" if decision.by is None else f"by {decision.by}"
     fault = f" ({decision.fault})" if decision.fault else ""
     if decision.values is None:
@@ -89,7 +89,7 @@ def sent(actuator: Actuator, decision: Decision) -> str:
 
 
 def _fields(actuator: Actuator, values: Sequence[ScalarValue]) -> str:
-    """Values in declared units."""
+    """Return values in declared units."""
     units = (f" {f.unit}" if f.unit else "" for f in actuator.fields)
     return ", ".join(
         f"{f.name} = {_shown(value, f.type, f'{value:.9g}{unit}')}"
@@ -108,7 +108,7 @@ def _answer(program: Program, module: str, answer: tuple[ScalarValue, ...] | Non
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Rows as lines with columns of the same width."""
+    """Yield rows as lines with columns of the same width."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     for row in rows:
         yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()

@@ -1,5 +1,6 @@
-"""Walks through a system: what memory is on a few random runs, so that guesses that are false there are not
-even asked of the solver.
+"""Random walks through a system: its memory on a few runs.
+
+Guesses that are false there need no question to the solver.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ _SPREAD = 1000
 
 
 def not_refuted(cone: Cone, guesses: Sequence[Candidate], budget: Budget) -> list[Candidate]:
-    """The guesses that are true before every frame of the walks. The same for the same system."""
+    """Return the guesses that are true before every frame of the walks. The same for the same system."""
     left = list(guesses)
     for walk in range(_WALKS):
         for model in _walk(cone, Random(walk), budget):
@@ -32,7 +33,7 @@ def not_refuted(cone: Cone, guesses: Sequence[Candidate], budget: Budget) -> lis
 
 
 def _walk(cone: Cone, random: Random, budget: Budget) -> Iterator[z3.ModelRef]:
-    """A model for each frame of a run with random readings, as far as the solver finds one at once."""
+    """Yield a model for each frame of a run with random readings, as far as the solver finds one at once."""
     solver = Solver(budget, share=0.1)
     solver.add(facts(cone))
     memory = [cell.initial for cell in cone.cells]
@@ -53,7 +54,7 @@ def _walk(cone: Cone, random: Random, budget: Budget) -> Iterator[z3.ModelRef]:
 
 
 def _readings(cone: Cone, random: Random) -> Iterator[z3.BoolRef]:
-    """What the sensors of a cone give: mostly something, anywhere in their ranges."""
+    """Yield the readings of a cone's sensors: mostly present, anywhere in their ranges."""
     for given in cone.system.sensors.values():
         if within(cone, given.present):
             yield given.present == z3.BoolVal(random.random() < _PRESENT)
@@ -61,7 +62,7 @@ def _readings(cone: Cone, random: Random) -> Iterator[z3.BoolRef]:
 
 
 def _elements(cone: Cone, given: SensorInput, random: Random) -> Iterator[z3.BoolRef]:
-    """Values of a sensor; those of an array are near each other or not."""
+    """Yield values of a sensor; elements of an array are near each other or not."""
     base, spread = random.random(), random.choice((0.0, 0.1, 1.0))
     for element in given.elements:
         if not isinstance(element, Number):

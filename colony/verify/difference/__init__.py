@@ -1,4 +1,4 @@
-"""Whether two behaviors are the same: equal in every run, or a shortest run that tells them apart."""
+"""Comparison of two behaviors: equal in every run, or a shortest run in which they differ."""
 
 from colony.verify.difference.compare import difference
 from colony.verify.difference.results import Different, Matching, Result, Same, Undecided

@@ -1,7 +1,7 @@
-"""Whether two programs send the same: by what they say, by induction, or by a run that shows they don't.
+"""Comparison of what two programs send: by their content, by induction, or by a run in which they differ.
 
-What counts is what the actuators get, as a robot notices nothing else: the values sent, the idle command's
-too, or that nothing is sent (`idle hold`). Which modules win may differ.
+Only what the actuators get counts, as a robot notices nothing else: the values sent, the idle command's
+too, or that nothing is sent (`idle hold`). The winning modules may differ.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def difference(
     options: Options | None = None,
     clock: Callable[[], float] = lambda: 0.0,
 ) -> Result:
-    """Whether `a` and `b` send the same in every frame, whatever the sensors give and whenever.
+    """Compare what `a` and `b` send in every frame, whatever the sensors give and whenever.
 
     `ignore` names actuators, fields (`drive.turn`) and modules (in frames in which they win, nothing is
     compared). `actuators` are pairs to compare, A's name and B's; without it, those of one name.
@@ -71,7 +71,7 @@ def difference(
 
 
 def _same_content(pair: Pair, both: Product) -> bool:
-    """Whether an actuator has the same network in both, the same limits, ranges and idle command."""
+    """Return True if an actuator has the same network, limits, ranges and idle command in both."""
     a, b = pair.a, pair.b
     same_root = both.roots.get(a.name) == both.roots.get(b.name + OF_B)
     return same_root and a.idle == b.idle and _same_bounds(pair, both)
@@ -87,7 +87,7 @@ def _same_bounds(pair: Pair, both: Product) -> bool:
 
 
 def _only_wired_otherwise(compared: Sequence[Pair], both: Product) -> bool:
-    """Whether all modules and bounds are the same: then no number differs by how it is rounded."""
+    """Return True if all modules and bounds are the same: then no number differs by how it is rounded."""
     program = both.program
     own = any(x.name.endswith(OF_B) for x in (*program.modules, *program.derived))
     return not own and all(_same_bounds(pair, both) for pair in compared)
@@ -110,14 +110,14 @@ def _equal(pair: Pair) -> Iterator[ir.Expression]:
 
 
 def _sends(actuator: Actuator, name: str) -> ir.Expression:
-    """Whether anything is sent."""
+    """Return the condition that anything is sent."""
     if actuator.idle is None:
         return ir.IsCommanded(type=BOOL, actuator=name)
     return TRUE
 
 
 def _sent(actuator: Actuator, i: int, name: str) -> ir.Expression:
-    """A field as it is sent; where nothing is sent, a value that stands for that."""
+    """Return a field as it is sent; where nothing is sent, a stand-in value."""
     kind = actuator.fields[i].type
     sent = ir.SentField(type=kind, actuator=name, field_index=i)
     if actuator.idle is not None:
@@ -126,7 +126,7 @@ def _sent(actuator: Actuator, i: int, name: str) -> ir.Expression:
 
 
 def _excused(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> Iterator[ir.Expression]:
-    """That an ignored module wins, in A or in B."""
+    """Yield the conditions that an ignored module wins, in A or in B."""
     of_a = {m.name for m in both.program.modules if not m.name.endswith(OF_B)}
     for module in sorted(leave_out.modules):
         names = dict.fromkeys(
@@ -146,7 +146,7 @@ def _excused(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> Ite
 def _different(
     a: Program, b: Program, both: Product, compared: Sequence[Pair], trace: Trace, found: Matching
 ) -> Result:
-    """The trace as each program sees it by itself; it must tell them apart there, too."""
+    """Return the trace as each program alone sees it; the two must differ there, too."""
     of_b = {there: here for here, there in both.modules.items()}
     by_a = Replay(a, "").run(trace.snapshots)
     by_b = Replay(b, "").run([_answered(s, of_b) for s in trace.snapshots])
@@ -165,7 +165,7 @@ def _different(
 
 
 def _answered(snapshot: Snapshot, of_b: dict[str, str]) -> Snapshot:
-    """A snapshot for B alone, with B's names for modules."""
+    """Return a snapshot for B alone, with B's names for modules."""
     answers = {of_b[name]: fields for name, fields in snapshot.answers.items() if name in of_b}
     return snapshot._replace(answers=answers)
 

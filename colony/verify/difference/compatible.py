@@ -1,4 +1,4 @@
-"""Whether two behaviors can be compared at all, and what is compared."""
+"""Compatibility of two behaviors, and the parts of them that are compared."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ignored:
-    """What is not compared: whole actuators, fields, and frames in which a module wins in either program."""
+    """The parts left out: whole actuators, fields, and frames in which a module wins in either program."""
 
     actuators: frozenset[str] = frozenset()
     fields: frozenset[tuple[str, str]] = frozenset()
@@ -31,10 +31,10 @@ class Ignored:
 
 
 def ignored(a: Program, b: Program, names: Iterable[str]) -> Ignored:
-    """What `names` name in either program: an actuator, `actuator.field`, or a module.
+    """Return what `names` mean in either program: an actuator, `actuator.field`, or a module.
 
     Raises:
-        Failure: V040, for a name that neither has.
+        Failure: V040, for a name that neither program has.
     """
     actuators = {x.name for p in (a, b) for x in p.robot.actuators}
     fields = {(x.name, f.name) for p in (a, b) for x in p.robot.actuators for f in x.fields}
@@ -66,7 +66,7 @@ def _unknown(name: str, known: Sequence[str], kind: str, program: Program) -> Di
 def pairs(
     a: Program, b: Program, leave_out: Ignored, chosen: Sequence[tuple[str, str]] = ()
 ) -> tuple[Pair, ...]:
-    """The actuators to compare: those of one name, or those `chosen` (A's name, B's name).
+    """Return the actuators to compare: those of equal names, or those `chosen` (A's name, B's name).
 
     Raises:
         Failure: V040, for a name that there is not; V041, where the actuators take different commands;
@@ -113,7 +113,7 @@ def _other_command(a: Actuator, b: Actuator) -> Iterator[Diagnostic]:
 
 
 def _other_fields(a: Actuator, b: Actuator) -> Iterator[Diagnostic]:
-    """How the fields differ; a range is part of what a behavior does, and may."""
+    """Yield how the fields differ; ranges may differ, as they are part of a behavior."""
     found = [(f.name, str(f.type), f.unit) for f in b.fields]
     expected = [(f.name, str(f.type), f.unit) for f in a.fields]
     if found != expected:
@@ -130,7 +130,7 @@ _ALIKE = "behaviors are compared for one robot: declare it in a file that both i
 
 
 def check_sensors(a: Program, b: Program) -> None:
-    """Sensors of one name must be the same, and those of one source must have one name.
+    """Check that sensors of one name are equal, and that sensors of one source have one name.
 
     Raises:
         Failure: V041, for each that differs, at B's declaration.
@@ -161,7 +161,7 @@ def _sensor_differences(a: Sensor, b: Sensor) -> Iterator[Diagnostic]:
 
 
 def _facts(sensor: Sensor) -> tuple[tuple[str, str], ...]:
-    """What two sensors of one name must have in common, in words."""
+    """Return what two sensors of one name must have in common, in words."""
     bounds = [
         "none" if x is None else f"{x / sensor.factor:.9g}{f' {sensor.unit}' if sensor.unit else ''}"
         for x in (sensor.low, sensor.high)

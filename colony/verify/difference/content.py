@@ -1,9 +1,9 @@
-"""What a declaration says, whatever it is called: equal contents do the same in every run.
+"""The content of a declaration, independent of its name: equal contents do the same in every run.
 
 The content of an expression is a number, one for each different nested tuple of what the expression is made
 of, with names replaced by the contents of what they name. Lets without memory count as if written out. States
-may read one another in a circle, so their contents are found by refinement: at first those that begin alike
-count as the same, then those are told apart whose `next` differs, until nothing changes.
+may read one another in a circle, so their contents are found by refinement: at first, states with equal
+initial values count as the same; then states whose `next` differs are separated, until nothing changes.
 """
 
 from __future__ import annotations
@@ -30,17 +30,18 @@ Loop = tuple[str, ...]
 
 
 class Table:
-    """Gives every different content a number. Mutable; shared by all programs that are compared."""
+    """The numbers of different contents. Mutable; shared by all programs that are compared."""
 
     def __init__(self) -> None:
         self._numbers: dict[Hashable, int] = {}
 
     def number(self, *content: Hashable) -> int:
+        """Return the number of a content, a new one for a new content."""
         return self._numbers.setdefault(content, len(self._numbers))
 
 
 class Contents:
-    """The contents of one program's declarations. Mutable: what states count as, as far as is known."""
+    """The contents of one program's declarations. Mutable: the colors of states, as far as known."""
 
     def __init__(self, program: Program, table: Table) -> None:
         self._table = table
@@ -79,7 +80,7 @@ class Contents:
                 assert_never(state)
 
     def refine(self) -> None:
-        """Tell states apart by what the states that they read count as until now."""
+        """Separate states by the current colors of the states that they read."""
         self._known.clear()
         self._colors = {
             name: self._table.number(self._colors[name], self._following(state))
@@ -88,7 +89,7 @@ class Contents:
         self._known.clear()
 
     def colors(self) -> frozenset[int]:
-        """What the states count as."""
+        """Return the colors of all states."""
         return frozenset(self._colors.values())
 
     def _following(self, state: State | Machine) -> int:
@@ -104,7 +105,7 @@ class Contents:
     # --- declarations ----------------------------------------------------------------------------
 
     def derived(self, derived: Derived) -> int:
-        """The content of a derived value of the file."""
+        """Return the content of a derived value of the file."""
         match derived:
             case Let(name=name):
                 return self._let(name)
@@ -114,7 +115,7 @@ class Contents:
                 assert_never(derived)
 
     def module(self, module: AnyModule) -> int:
-        """The content of a module; the actuator's name is no part of it."""
+        """Return the content of a module; the actuator's name is no part of it."""
         match module:
             case Module(command=command):
                 fields = () if command is None else tuple(self.expression(e) for e in command.fields)
@@ -132,7 +133,7 @@ class Contents:
                 assert_never(module)
 
     def limit(self, limit: Limit) -> int:
-        """The content of a limit; the actuator's name is no part of it."""
+        """Return the content of a limit; the actuator's name is no part of it."""
         condition = -1 if limit.condition is None else self.expression(limit.condition)
         bound = self.expression(limit.bound)
         return self._table.number("limit", limit.field_index, limit.relation, bound, condition)
@@ -140,7 +141,7 @@ class Contents:
     # --- expressions -----------------------------------------------------------------------------
 
     def expression(self, e: ir.Expression, loop: Loop = ()) -> int:
-        """The content of an expression within reductions over the variables of `loop`."""
+        """Return the content of an expression within reductions over the variables of `loop`."""
         match e:
             case ir.Constant(value=value):
                 return self._table.number("constant", _written(value))
@@ -182,11 +183,11 @@ class Contents:
     # --- what is needed --------------------------------------------------------------------------
 
     def needs(self, module: Module) -> frozenset[str]:
-        """The sensors without which a module is silent."""
+        """Return the sensors without which a module is silent."""
         return frozenset[str]().union(*(self.needed(e) for e in expressions_of(module)))
 
     def needed(self, e: ir.Expression) -> frozenset[str]:
-        """The sensors without which an expression is missing."""
+        """Return the sensors without which an expression is missing."""
         match e:
             case ir.SensorValue(name=name):
                 return frozenset() if self._sensors[name].default is not None else frozenset({name})
@@ -201,7 +202,7 @@ class Contents:
 
 
 def contents(a: Program, b: Program) -> tuple[Contents, Contents]:
-    """The contents of two programs, which can be compared."""
+    """Return the contents of two programs, which can be compared."""
     table = Table()
     both = Contents(a, table), Contents(b, table)
     classes = 0
@@ -213,7 +214,7 @@ def contents(a: Program, b: Program) -> tuple[Contents, Contents]:
 
 
 def _besides(e: ir.Expression) -> tuple[Hashable, ...]:
-    """What makes a node besides its operands."""
+    """Return the attributes of a node besides its operands."""
     match e:
         case ir.UnaryOperation(operator=operator):
             return (operator.value,)
@@ -238,5 +239,5 @@ def _besides(e: ir.Expression) -> tuple[Hashable, ...]:
 
 
 def _written(value: Value) -> str:
-    """A value such that true is not 1, and 0 not -0."""
+    """Return a key of a value that distinguishes true from 1, and 0 from -0."""
     return repr(value)

@@ -1,4 +1,4 @@
-"""Which params, derived values and limits are written otherwise in one of two programs, for people."""
+"""The params, derived values and limits that are written differently in two programs, for people."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def changed_declarations(a: Program, b: Program) -> tuple[str, ...]:
 
 
 def _values(program: Program) -> Iterator[tuple[tuple[str, str], str]]:
-    """Kind and name of each value, within its file and module, and how it is written."""
+    """Yield kind and name of each value, within its file and module, and its text."""
     for file, text, declaration in _declarations(program):
         if isinstance(declaration, ast.ModuleDecl):
             inside = f"{file}{declaration.name.text}."
@@ -58,7 +58,7 @@ def _limits(program: Program) -> Iterator[str]:
 
 
 def _declarations(program: Program) -> Iterator[tuple[str, str, ast.Declaration]]:
-    """What names of its file begin with, the file's text, and each declaration."""
+    """Yield the prefix of the file's names, the file's text, and each declaration."""
     for i, (place, source) in enumerate(program.files):
         is_root = i == len(program.files) - 1
         prefix = "" if is_root else place.rpartition("/")[2].removesuffix("colony")

@@ -1,4 +1,4 @@
-"""Which modules of two programs correspond, for people."""
+"""The correspondence of modules of two programs, for people."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from colony.verify.difference.results import Matching
 
 
 def matching(a: Program, b: Program, compared: Sequence[Pair]) -> Matching:
-    """Pairs of modules with equal contents, those of one name first, and what has no counterpart."""
+    """Return the pairs of modules with equal contents, equal names first, and the modules without a match."""
     names_a, names_b = _contents(a, b)
     left = dict(names_b)
     same: dict[str, str] = {}
@@ -37,7 +37,7 @@ def matching(a: Program, b: Program, compared: Sequence[Pair]) -> Matching:
 
 
 def _contents(a: Program, b: Program) -> tuple[dict[str, tuple[str, int]], dict[str, tuple[str, int]]]:
-    """The content of each module and the actuator that it commands."""
+    """Return the content of each module and the actuator that it commands."""
     of_a, of_b = contents(a, b)
     return (
         {m.name: (m.actuator or "", of_a.module(m)) for m in a.modules},
@@ -46,7 +46,7 @@ def _contents(a: Program, b: Program) -> tuple[dict[str, tuple[str, int]], dict[
 
 
 def _notes(a: Program, b: Program, compared: Sequence[Pair]) -> Iterator[str]:
-    """What was not compared."""
+    """Yield what was not compared."""
     done_a, done_b = {p.a.name for p in compared}, {p.b.name for p in compared}
     for title, program, other, done in (("A", a, b, done_a), ("B", b, a, done_b)):
         there = {x.name for x in other.robot.actuators}

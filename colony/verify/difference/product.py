@@ -32,13 +32,16 @@ from colony.verify.difference.content import Contents, contents
 from colony.verify.difference.rewriting import Rename, rewritten
 
 OF_B = " of B"
-"""What the names of B's own things end with; no name of the language has a blank in it."""
+"""The suffix of the names of B's own things; no name of the language has a blank in it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Product:
-    """`program` has both networks. `modules` gives what a module of B is called there; `roots` the wire that
-    drives each actuator, by its name there; `limits` the contents of the limits of each field.
+    """Two programs in one.
+
+    `program` has both networks. `modules` maps each module of B to its name there; `roots` maps each
+    actuator, by its name there, to the wire that drives it; `limits` gives the contents of the limits of each
+    field.
     """
 
     program: Program
@@ -48,12 +51,12 @@ class Product:
 
 
 def product(a: Program, b: Program) -> Product:
-    """Both programs as one, without their contracts and tests."""
+    """Return both programs as one, without their contracts and tests."""
     return _Merger(a, b).run()
 
 
 class _Merger:
-    """Mutable: what the product consists of so far."""
+    """A product in progress. Mutable: its parts so far."""
 
     def __init__(self, a: Program, b: Program) -> None:
         self._a, self._b = a, b
@@ -123,7 +126,7 @@ class _Merger:
     # --- the network -----------------------------------------------------------------------------
 
     def _network(self, program: Program, renamed: dict[str, str], suffix: str) -> None:
-        """Every node as a wire of its own; equal nodes are one."""
+        """Add every node as a wire of its own; equal nodes are one."""
         wired, outputs = joints_of(program), dict(renamed)
         for joint in wired.joints:
             outputs[joint.name] = self._node(joint, outputs[joint.dominant], outputs[joint.inferior])
@@ -142,7 +145,7 @@ class _Merger:
 
 
 def _called(name: str, alike: Sequence[str], suffix: str) -> str:
-    """The name of one of those with the same content, of that which is called the same if there is one."""
+    """Return a name with the same content, preferably the same name."""
     if not alike:
         return name + suffix
     return name if name in alike else alike[0]

@@ -17,7 +17,7 @@ _MOST_PLACES = 3
 
 
 def lines(a: Program, b: Program, result: Result) -> Iterator[str]:
-    """The verdict, the run that tells the behaviors apart, and which modules correspond."""
+    """Yield the verdict, the run in which the behaviors differ, and the correspondence of modules."""
     match result:
         case Same(by_content=True):
             yield "the same: they are written alike, names aside"
@@ -66,11 +66,11 @@ def _names(names: tuple[str, ...]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
 
-# --- the run that tells them apart -----------------------------------------------------------------
+# --- the run in which they differ ------------------------------------------------------------------
 
 
 def _table(a: Program, b: Program, result: Different) -> Iterator[str]:
-    """A line a frame: the time, what is given, and who won and what was sent in A and in B."""
+    """Yield a line per frame: the time, the inputs, and the winner and its command in A and in B."""
     sensors = {s.name: s for p in (b, a) for s in p.robot.sensors}
     given = [n for n in sensors if any(n in x.readings for x in result.snapshots)]
     answers = list(dict.fromkeys(m for x in result.snapshots for m in x.answers))
@@ -103,7 +103,7 @@ def _sent(a: Program, b: Program, result: Different, one: Outcome, other: Outcom
 
 
 def row(a: Program, b: Program, result: Result) -> dict[str, object]:
-    """The result as JSON has it."""
+    """Return the result as a row for JSON."""
     matching = result.matching
     made: dict[str, object] = {"verdict": verdict(result)}
     match result:
@@ -134,7 +134,7 @@ def row(a: Program, b: Program, result: Result) -> dict[str, object]:
 
 
 def verdict(result: Result) -> str:
-    """One word for what came of it."""
+    """Return one word for the result."""
     match result:
         case Same():
             return "same"

@@ -1,4 +1,4 @@
-"""What came of a comparison of two behaviors, as data."""
+"""The result of a comparison of two behaviors, as data."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from colony.verify.symbolic.system import Reason
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Matching:
-    """Which modules of A are which of B: those that read the same and do the same, whatever their names.
+    """The correspondence of A's and B's modules: equal reads and equal actions, whatever their names.
 
     `changed` have one name in both and differ; `only_a` and `only_b` have no counterpart at all.
-    `declarations` says which params, derived values and limits are written otherwise, `notes` what the two
-    files have besides and was not compared.
+    `declarations` lists the params, derived values and limits that are written differently, `notes` the other
+    parts of the two files, which were not compared.
     """
 
     same: tuple[tuple[str, str], ...] = ()
@@ -42,11 +42,13 @@ class Same:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Different:
-    """A run, of as few frames as were found, in whose last frame the actuators in `actuators` are sent
-    different commands. Within the search's depth, and where nothing is abstracted, there is no shorter one.
+    """A run in whose last frame the actuators in `actuators` are sent different commands.
 
-    `snapshots` are what is given, `a` and `b` what the reference interpreter makes of it by either program;
-    `needed_missing` are sensors that must not be there. `actuators` are pairs: A's name, B's name.
+    It has as few frames as were found. Within the search's depth, and where nothing is abstracted, there is
+    no shorter one.
+
+    `snapshots` are the inputs, `a` and `b` the reference interpreter's outcomes for either program;
+    `needed_missing` are sensors that must be missing. `actuators` are pairs: A's name, B's name.
     """
 
     matching: Matching
@@ -59,7 +61,7 @@ class Different:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undecided:
-    """Neither shown the same nor told apart; `because` says why, a reason a line, and `hint` what to do."""
+    """Neither equality nor a difference was shown; `because` gives a reason a line, `hint` what to do."""
 
     matching: Matching
     because: tuple[str, ...]

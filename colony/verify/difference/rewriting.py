@@ -11,7 +11,7 @@ Rename = Callable[[str], str]
 
 
 def rewritten(e: ir.Expression, rename: Rename, shift: int) -> ir.Expression:
-    """`e` with derived values, states and lets of modules renamed, and cells of memory `shift` further on.
+    """Return `e` with derived values, states and modules' lets renamed, and cells shifted by `shift`.
 
     Sensors keep their names. `e` is no contract expression.
     """

@@ -1,4 +1,4 @@
-"""Looks for a shorter run than one that is known to break a claim."""
+"""A search for a shorter run than one that is known to break a claim."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from colony.verify.symbolic.encode import encode
 def shortest(
     program: Program, contract: str, known: Trace, options: Options, clock: Callable[[], float]
 ) -> Trace:
-    """A run that breaks the contract with no more frames than `known`, which does, has; fewer if the search
-    finds that they do within its budget.
+    """Return a run that breaks the contract with no more frames than `known`, which breaks it.
+
+    It has fewer if the search finds such a run within its budget.
     """
     if len(known.snapshots) == 1:
         return known

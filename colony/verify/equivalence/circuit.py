@@ -1,8 +1,8 @@
-"""And-inverter graphs: every Boolean function that a proof speaks of, equal ones as far as possible one node.
+"""And-inverter graphs: every Boolean function in a proof, equal ones as far as possible one node.
 
 A *literal* is `2 * node`, or `2 * node + 1` for its negation. Node 0 is constantly false; the others are
-inputs and conjunctions of two literals. Nodes stand after what they are made of. A conjunction that is made
-anew is looked up first, by its two operands and after a few rules of Boolean algebra:
+inputs and conjunctions of two literals. Nodes stand after what they are made of. A new conjunction is looked
+up first, by its two operands and after a few rules of Boolean algebra:
 
     a, true = a      a, false = false      a, a = a      a, not a = false
     a, (a, b) = (a, b)                     not a, (a, b) = false
@@ -25,14 +25,14 @@ _INPUT = -1
 
 @dataclass(frozen=True, slots=True)
 class Activity:
-    """Whether a module puts a command on its output: its predicate, free."""
+    """An input: a module puts a command on its output. Its predicate is free."""
 
     module: str
 
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """Whether `operand` (a literal) held in an earlier frame less than `window_ns` ago: free."""
+    """An input: `operand` (a literal) held in an earlier frame less than `window_ns` ago. Free."""
 
     operand: int
     window_ns: int
@@ -40,7 +40,7 @@ class History:
 
 @dataclass(frozen=True, slots=True)
 class Opaque:
-    """Any other condition, told apart by its text: free."""
+    """An input: any other condition, identified by its text. Free."""
 
     text: str
 
@@ -60,18 +60,18 @@ class Circuit:
         self._partners: dict[int, list[int]] = {}  # of each literal, those with which it has a conjunction
 
     def __len__(self) -> int:
-        """How many nodes there are."""
+        """Return the number of nodes."""
         return len(self.left)
 
     def input(self, of: Input) -> int:
-        """The literal of a free input, one for equal ones."""
+        """Return the literal of a free input; equal inputs have one literal."""
         literal = self.inputs.get(of)
         if literal is None:
             literal = self.inputs[of] = self._add(_INPUT, _INPUT)
         return literal
 
     def both(self, a: int, b: int) -> int:
-        """The conjunction of two literals."""
+        """Return the conjunction of two literals."""
         if a > b:
             a, b = b, a
         if a <= TRUE:
@@ -86,11 +86,11 @@ class Circuit:
         return known
 
     def either(self, a: int, b: int) -> int:
-        """The disjunction of two literals."""
+        """Return the disjunction of two literals."""
         return self.both(a ^ 1, b ^ 1) ^ 1
 
     def all(self, literals: Iterable[int]) -> int:
-        """The conjunction of literals, in that association whose parts are there already, if there is one.
+        """Return the conjunction of literals, associated so that existing parts are used, if there are any.
 
         The same literals give the same conjunction, whatever came to be there in between.
         """
@@ -118,22 +118,23 @@ class Circuit:
         return result
 
     def any(self, literals: Iterable[int]) -> int:
-        """The disjunction of literals; see `all`."""
+        """Return the disjunction of literals; see `all`."""
         return self.all([literal ^ 1 for literal in literals]) ^ 1
 
     def same(self, a: int, b: int) -> int:
-        """Whether two literals are equal."""
+        """Return the literal "`a` equals `b`"."""
         return self.either(self.both(a, b), self.both(a ^ 1, b ^ 1))
 
     def choice(self, condition: int, yes: int, no: int) -> int:
-        """One literal where the condition holds, else another."""
+        """Return one literal where the condition holds, else another."""
         return self.either(self.both(condition, yes), self.both(condition ^ 1, no))
 
     def is_input(self, node: int) -> bool:
+        """Return True if a node is an input."""
         return self.left[node] == _INPUT
 
     def _partner(self, one: int, among: set[int]) -> int | None:
-        """A literal among these whose conjunction with `one` is there already; the latest of them."""
+        """Return the latest of these literals whose conjunction with `one` exists already."""
         partners = self._partners.get(one, ())
         if len(partners) <= len(among):
             return max((other for other in partners if other in among), default=None)
@@ -143,7 +144,7 @@ class Circuit:
         )
 
     def _simpler(self, a: int, b: int) -> int:
-        """The rules with an operand that is a conjunction itself."""
+        """Return the result of the rules for an operand that is a conjunction itself."""
         for one, other in ((a, b), (b, a)):
             left, right = self.left[other >> 1], self.right[other >> 1]
             if left == _INPUT:

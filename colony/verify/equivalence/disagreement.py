@@ -1,4 +1,4 @@
-"""From a solution of z3 to a frame that a person can read."""
+"""Translation of a solution of z3 to a frame that a person can read."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Values = Callable[[int], bool]
 
 
 def evaluated(circuit: Circuit, inputs: frozenset[int]) -> Values:
-    """The values of all literals where these inputs are true and all others false."""
+    """Return the values of all literals where these inputs are true and all others false."""
     values = bytearray(len(circuit))
     for node in range(1, len(circuit)):
         if circuit.is_input(node):
@@ -27,7 +27,7 @@ def evaluated(circuit: Circuit, inputs: frozenset[int]) -> Values:
 
 
 def least(circuit: Circuit, inputs: frozenset[int], wanted: Callable[[Values], bool]) -> frozenset[int]:
-    """As few of the inputs as can be with `wanted` still true: none of them can be left out."""
+    """Return a minimal subset of the inputs that keeps `wanted` true: none of them can be left out."""
     kept = sorted(inputs)
     size = len(kept)
     while size:
@@ -57,7 +57,7 @@ def decided(
 
 
 def nested_histories(circuit: Circuit) -> Iterator[Clause]:
-    """What was active within a time was so within any longer one: for frames that can be."""
+    """Yield clauses of possible frames: what was active within a time was so within any longer one."""
     by_operand: dict[int, list[tuple[int, int]]] = {}
     for of, literal in circuit.inputs.items():
         if isinstance(of, History):
@@ -69,12 +69,12 @@ def nested_histories(circuit: Circuit) -> Iterator[Clause]:
 
 
 def holds(clauses: Sequence[Clause], values: Values) -> bool:
-    """Whether all clauses are true."""
+    """Return True if all clauses are true."""
     return all(any(values(literal) for literal in clause) for clause in clauses)
 
 
 def frame_of(circuit: Circuit, inputs: frozenset[int], source: Source) -> Activation:
-    """The inputs that are true, by the names of the program."""
+    """Return the inputs that are true, by the names of the program."""
     active = [
         of.module
         for of, literal in circuit.inputs.items()
@@ -95,7 +95,7 @@ def frame_of(circuit: Circuit, inputs: frozenset[int], source: Source) -> Activa
 
 
 class _Names:
-    """What the activities of a network are called."""
+    """The names of a network's activities."""
 
     def __init__(self, source: Source) -> None:
         self._source = source

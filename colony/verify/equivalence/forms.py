@@ -1,11 +1,11 @@
-"""That an emitted form (lowered code, generated Python) does what the proved client list does.
+"""Proof that an emitted form (lowered code, generated Python) does what the proved client list does.
 
-In such a form nothing says "module m is active" any more: predicates are computed. So the formulas are over
-what the form computes with: comparisons, sensors, memory, each an opaque condition. When a module is active
-is read from the same form of the same program with one contract more a module, `MODULE is active`. The client
-list with these activities in place must then give the winners that the form gives.
+Such a form has no "module m is active" any more: predicates are computed. So the formulas are over what the
+form computes with: comparisons, sensors, memory, each an opaque condition. The activity of a module is read
+from the same form of the same program with one contract more a module, `MODULE is active`. The client list
+with these activities in place must then give the winners that the form gives.
 
-Time constants are memory in such forms: the end of the time in which something dominates, set anew in every
+Time constants are memory in such forms: the end of the time in which something dominates, set again in every
 frame in which it is active. Comparing the time with that is the history of the condition under which it is
 set.
 """
@@ -36,7 +36,7 @@ from colony.verify.equivalence.table import ClientFormulas, encode_list
 _ACTIVE = "active: "
 
 NEAREST = 50
-"""How much of what a module's activity is made of is looked at to tell formulas apart."""
+"""Number of nodes of a module's activity that are inspected to distinguish formulas."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +51,7 @@ class Timer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Winner:
-    """When a module wins: by priority, and by its exclusive guard where the form has one."""
+    """The formulas by which a module wins: by priority, and by its exclusive guard where the form has one."""
 
     module: str
     by_priority: int
@@ -60,7 +60,7 @@ class Winner:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Form:
-    """What an emitted form does, over one circuit; `activity` says when each module is active."""
+    """The behavior of an emitted form, over one circuit; `activity` has each module's formula."""
 
     name: str
     circuit: Circuit
@@ -74,7 +74,7 @@ Alike = Mapping[str, str | None]
 
 
 def with_activities(program: Program) -> Program:
-    """The program with a contract a module, behind its own, that is true where the module is active."""
+    """Return the program with one more contract a module, which is true where the module is active."""
     more = tuple(
         Contract(name=f"{_ACTIVE}{module.name}", expression=active(module.name)) for module in program.modules
     )
@@ -82,7 +82,7 @@ def with_activities(program: Program) -> Program:
 
 
 def module_of(contract: str) -> str | None:
-    """The module whose activity a contract of `with_activities` tells."""
+    """Return the module whose activity a contract of `with_activities` states."""
     return contract.removeprefix(_ACTIVE) if contract.startswith(_ACTIVE) else None
 
 
@@ -153,7 +153,7 @@ def _settled(read: Callable[[Alike], Form], modules: Sequence[str], timeout_ms: 
 
 
 def _decisive(form: Form, modules: Sequence[str]) -> list[int]:
-    """The conditions that modules are active by, in the order of the modules."""
+    """Return the conditions under which modules are active, in the order of the modules."""
     circuit = form.circuit
     histories = {timer.history >> 1 for timer in form.timers}
     found: dict[int, int] = {}
@@ -183,7 +183,7 @@ class _Claim:
 
 
 def _claims(settled: _Settled, clients: ClientList, near: Sequence[int]) -> list[_Claim]:
-    """When each module wins by the list, and by the form."""
+    """Return the formulas by which each module wins in the list, and in the form."""
     matching, form = settled.matching(near), settled.form
     listed = dict(encode_list(clients, form.circuit, matching, form.activity).actuators)
     return [
@@ -198,7 +198,7 @@ def _claims(settled: _Settled, clients: ClientList, near: Sequence[int]) -> list
 def _of_actuator(
     matching: Matching, actuator: str, clients: Sequence[ClientFormulas], winners: Sequence[Winner]
 ) -> Iterator[_Claim]:
-    """The claims of one actuator, from the highest client down.
+    """Yield the claims of one actuator, from the highest client down.
 
     "No guard above holds" is matched with what the form has for that, one client after the other: so each
     step is a small one.
@@ -220,7 +220,7 @@ def _of_actuator(
 def _judged(
     settled: _Settled, clients: ClientList, actuator: str, wrong: Sequence[_Claim]
 ) -> Counterexample | Undecided | None:
-    """A frame in which one of the claims on an actuator is false, if there is one."""
+    """Return a frame in which one of the claims on an actuator is false, if there is one."""
     form, solver = settled.form, settled.solver
     circuit = form.circuit
     clauses: list[Clause] = [tuple(circuit.same(c.expected, c.found) ^ 1 for c in wrong)]
@@ -250,7 +250,7 @@ def _shown(
 
 
 def _frame(form: Form, values: Values) -> Activation:
-    """The modules that are active, and those whose being so lately still counts."""
+    """Return the active modules, and the recently active ones that still count."""
     by_activity = {active: module for module, active in form.activity.items()}
     running = {timer.history: timer for timer in form.timers if values(timer.history)}
     return Activation(

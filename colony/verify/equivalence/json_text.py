@@ -1,4 +1,4 @@
-"""Reads `colony-clients/1`."""
+"""Reader of the form `colony-clients/1`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Unreadable(Exception):
 
 
 def read_json(text: str) -> ClientList:
-    """The clients that a text describes.
+    """Return the clients that a text describes.
 
     Raises:
         Unreadable: it describes none.

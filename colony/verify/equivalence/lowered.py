@@ -1,4 +1,4 @@
-"""What lowered code (`colony.execute.code`), which the executor runs, makes of guards."""
+"""Formulas of the guards in lowered code (`colony.execute.code`), which the executor runs."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def read_lowered(program: Program, clients: ClientList, code: Code, alike: Alike
 
 
 def _winners(actuator: ActuatorCode, circuit: Circuit, literals: Sequence[int]) -> tuple[Winner, ...]:
-    """As the executor decides: the first client whose guard is true, or the one whose exclusive guard is."""
+    """Return the winners as the executor decides: by the first true guard, or by the true exclusive guard."""
     winners, above = [], FALSE
     for client in actuator.clients:
         guard = literals[client.guard]
@@ -62,7 +62,7 @@ def _winners(actuator: ActuatorCode, circuit: Circuit, literals: Sequence[int]) 
 
 
 def _timers(code: Code, circuit: Circuit, literals: Sequence[int], alike: Alike) -> list[Timer]:
-    """Cells that hold the end of a time constant: at first 0, and a window from now under a condition."""
+    """Return the cells that hold the end of a time constant: initially 0, then a window from now."""
     found = []
     for cell in code.cells:
         value = code.ops[cell.value]
@@ -79,7 +79,7 @@ def _timers(code: Code, circuit: Circuit, literals: Sequence[int], alike: Alike)
 
 
 def _history(circuit: Circuit, cell: str, alike: Alike) -> int:
-    """Whether the time is before the one that the cell holds."""
+    """Return the condition that the time is before the one that the cell holds."""
     same = alike.get(cell, cell)
     return FALSE if same is None else circuit.input(Opaque(f"time is before {same}"))
 
@@ -92,7 +92,7 @@ class _Values:
         self._numbers = numbers  # of each op, by its content
 
     def literals(self, code: Code, alike: Alike) -> Sequence[int]:
-        """For each op, when it is true; of those that are no bools, an opaque input."""
+        """Return each op's formula; for ops that are not bools, an opaque input."""
         identities: list[int] = []
         literals: list[int] = []
         for op in code.ops:

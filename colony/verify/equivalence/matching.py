@@ -1,4 +1,4 @@
-"""Finds, for a formula made anew, one of the formulas that were there before which is provably equal.
+"""A search for an earlier formula that is provably equal to a new one.
 
 Formulas that may be equal are found in two ways. Every node has a *fingerprint*: its value if the inputs are
 random numbers modulo a prime, a conjunction the product and `not a` is 1 - a; so conjunctions of the same
@@ -17,19 +17,19 @@ from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, History, Opa
 from colony.verify.equivalence.solver import NEAR, Solver, differ
 
 CANDIDATES = 4
-"""How many formulas with the same signature are tried. Where more have it, it says too little."""
+"""Maximum number of formulas with the same signature to try. More make the signature too weak."""
 
 _SEED = 1994
 _PRIME = 2**61 - 1
 
 
 class Matching:
-    """The formulas of a circuit so far, to be found again. Mutable: it learns new ones' signatures.
+    """The formulas of a circuit so far, to be found again. Mutable: new formulas add their signatures.
 
-    `order` are inputs (or their negations), those first that are likely to keep what is behind them from
-    acting: valuations in which only inputs from some place of it on are true tell formulas apart that are
-    nearly always false. `rare` are others that mostly had better be false, besides histories. `near` is how
-    far to look at formulas that are only equal as it seems.
+    `order` holds inputs (or their negations). First come inputs that are likely to keep those behind them
+    from acting: valuations in which only inputs from some place on are true distinguish formulas that are
+    nearly always false. `rare` holds other inputs that should mostly be false, besides histories. `near`
+    limits the search around formulas that only seem equal.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Matching:
                 self._histories.setdefault(of.window_ns, []).append((of.operand, literal))
 
     def find(self, literal: int) -> int:
-        """An old literal that is proved equal, else the literal itself."""
+        """Return an earlier literal that is proved equal, else the literal itself."""
         if literal >> 1 < self._old:
             return literal
         self._extend()
@@ -88,7 +88,7 @@ class Matching:
         return literal
 
     def _alike(self, literal: int) -> list[int]:
-        """Old literals with the same signature, if they are few; the constants where it is theirs."""
+        """Return earlier literals with the same signature, if they are few; constants if it is theirs."""
         value = self._value(literal)
         if value in (0, self._mask):
             return [TRUE if value else FALSE]
@@ -98,7 +98,7 @@ class Matching:
         return [2 * node + (value != self._signatures[node]) for node in nodes]
 
     def recently(self, operand: int, window_ns: int) -> int:
-        """Whether a condition holds or held within a window, by the history of one that is proved equal."""
+        """Return "holds or held within a window", by the history of a condition that is proved equal."""
         if operand in (FALSE, TRUE) or window_ns <= 0:
             return operand
         history = self._histories_of(operand, window_ns)
@@ -127,7 +127,7 @@ class Matching:
         return signature ^ self._mask if literal & 1 else signature
 
     def _extend(self) -> None:
-        """Signatures of all nodes that have none yet."""
+        """Compute the signatures of all nodes that have none yet."""
         signatures, fingerprints, circuit = self._signatures, self._fingerprints, self.circuit
         for node in range(len(signatures), len(circuit)):
             if node and not circuit.is_input(node):
@@ -143,7 +143,7 @@ class Matching:
         return (1 - fingerprint) % _PRIME if literal & 1 else fingerprint
 
     def _drawn(self, node: int) -> int:
-        """Valuations of an input.
+        """Return valuations of an input.
 
         In the i-th of n of them only inputs from i/n of the order on are true, some few of the others aside;
         a quarter has half of those true, others fewer, so that there are valuations for each place of the
@@ -162,14 +162,14 @@ class Matching:
         return self._random.getrandbits(width)
 
     def _sparse(self, halvings: int) -> int:
-        """Each valuation with a chance of one in 2 ** halvings."""
+        """Return each valuation with a probability of one in 2 ** halvings."""
         drawn = self._mask
         for _ in range(halvings):
             drawn &= self._random.getrandbits(self._width)
         return drawn
 
     def _few(self, inputs: int) -> int:
-        """So few valuations that of so many inputs about one in two valuations has one."""
+        """Return few valuations: for so many inputs, about one in two valuations has a true input."""
         drawn = 0
         for _ in range(max(1, self._width // (2 * inputs))):
             drawn |= 1 << self._random.randrange(self._width)
@@ -178,7 +178,7 @@ class Matching:
     # --- histories of the network itself ---------------------------------------------------------
 
     def first_alike(self, literals: Sequence[int]) -> list[int | None]:
-        """For each literal, the place of the first one that is provably equal; None: it is provably false."""
+        """Return, for each literal, the place of the first provably equal one; None: it is provably false."""
         groups: dict[int, list[int]] = {}
         found: list[int | None] = []
         for at, literal in enumerate(literals):
@@ -196,5 +196,5 @@ class Matching:
         return found
 
     def remember(self, operand: int, window_ns: int, history: int) -> None:
-        """`history` is true less than the window after a frame with `operand`."""
+        """Record that `history` is true less than the window after a frame with `operand`."""
         self._histories.setdefault(window_ns, []).append((operand, history))

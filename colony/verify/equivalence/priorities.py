@@ -1,4 +1,4 @@
-"""That the first client whose guard holds is the one that the network lets through.
+"""Proof that the first client whose guard holds is the one that the network lets through.
 
 It could be asked of z3 in one question, but then each module is compared with all above it. The same follows,
 by induction over the network, from facts that each concern one node and its inputs. Let `E(k)` say that one
@@ -30,7 +30,7 @@ from colony.verify.equivalence.table import ClientFormulas
 
 
 def gates_of(source: Source, root: Root, circuit: Circuit) -> Mapping[int, int]:
-    """For each node with one way from the actuator: no inhibitor or time constant on it stands in the way."""
+    """Return, for each node with one way from the actuator, that no inhibitor or time constant blocks it."""
     uses = _uses(source, root)
     gates: dict[int, int] = {root.node: TRUE}
     for at in range(root.node, -1, -1):
@@ -50,7 +50,7 @@ def gates_of(source: Source, root: Root, circuit: Circuit) -> Mapping[int, int]:
 
 
 def _uses(source: Source, root: Root) -> Mapping[int, int]:
-    """How often each node below the actuator lets something through: dominant sides of inhibitors do not."""
+    """Count how often each node below the actuator passes a command; dominant sides of inhibitors do not."""
     uses = {root.node: 1}
     for at in range(root.node, -1, -1):
         node = source.nodes[at]
@@ -62,7 +62,7 @@ def _uses(source: Source, root: Root) -> Mapping[int, int]:
 
 
 def first_by_structure(clients: Sequence[ClientFormulas], wins: Mapping[str, int], circuit: Circuit) -> bool:
-    """Whether "the guard holds, and none above" is for each client the very formula of the network."""
+    """Return True if "the guard holds, and none above" is the very formula of the network for all clients."""
     above = FALSE
     for client in clients:
         if circuit.both(client.guard, above ^ 1) != wins.get(client.module, FALSE):
@@ -82,6 +82,7 @@ class Induction:
     solver: Solver
 
     def shown(self) -> bool:
+        """Return True if the order of the clients is proved."""
         places = {client.module: at for at, client in enumerate(self.clients)}
         if places.keys() != self.root.wins.keys():
             return False
@@ -101,7 +102,7 @@ class Induction:
         return True
 
     def _joints(self) -> list[tuple[int, Joint]]:
-        """Suppressors and inhibitors that something gets through, from the actuator down."""
+        """Return the suppressors and inhibitors that pass a command, from the actuator down."""
         return [
             (at, node)
             for at in range(self.root.node, -1, -1)
@@ -134,7 +135,7 @@ class Induction:
             yield [*known, (gates[below],), (through[below] ^ 1,)]
 
     def _above(self, last: Mapping[int, int], first: Mapping[int, int]) -> bool:
-        """Whether modules of a dominant side stand above those that hang on the inferior one alone."""
+        """Return True if modules of a dominant side stand above those that hang on the inferior one alone."""
         return all(
             last[node.dominant] < first[node.inferior]
             for _, node in self._joints()
@@ -142,7 +143,7 @@ class Induction:
         )
 
     def _last(self, places: Mapping[str, int]) -> Mapping[int, int]:
-        """The lowest place of a module that can win through a node."""
+        """Return the lowest place of a module that can win through a node."""
         last: dict[int, int] = {}
         for at in range(self.root.node + 1):
             node = self.source.nodes[at]
@@ -156,7 +157,7 @@ class Induction:
         return last
 
     def _first(self, places: Mapping[str, int]) -> Mapping[int, int]:
-        """The highest place of a module that hangs on a node alone."""
+        """Return the highest place of a module that hangs on a node alone."""
         first: dict[int, int] = {}
         for at in range(self.root.node + 1):
             node = self.source.nodes[at]

@@ -50,7 +50,7 @@ from colony.verify.equivalence.source import NEVER, Joint, Root, Source, encode_
 from colony.verify.equivalence.table import ClientFormulas, encode_list
 
 TIMEOUT_MS = 60_000
-"""How long z3 may think about one question."""
+"""Time limit of z3 for one question, in milliseconds."""
 
 CLIENTS = "clients"
 JSON = "JSON"
@@ -82,7 +82,7 @@ def prove(
 
 
 def _all_of(results: Iterable[Callable[[], Result]]) -> Result:
-    """What was proved together, and what is open without z3; or the first result that is no proof."""
+    """Return the joint proof, with what is open without z3, or the first result that is no proof."""
     settled: list[Proved | Undecided] = []
     for result in results:
         one = result()
@@ -93,12 +93,12 @@ def _all_of(results: Iterable[Callable[[], Result]]) -> Result:
 
 
 def _goes_on(result: Result | None) -> TypeGuard[Undecided]:
-    """Whether the rest is looked at, too: what is left open costs nothing where z3 is not asked."""
+    """Return True if the proof continues: an open obligation costs nothing where z3 is not asked."""
     return isinstance(result, Undecided) and result.timeout_ms <= 0
 
 
 def prove_json(program: Program, json: str, *, form: str = JSON, timeout_ms: int = TIMEOUT_MS) -> Result:
-    """Prove that a text in the form `colony-clients/1` is the program's network, whoever wrote it."""
+    """Prove that a text in the form `colony-clients/1`, from any source, is the program's network."""
     try:
         clients = read_json(json)
     except Unreadable as problem:
@@ -107,7 +107,7 @@ def prove_json(program: Program, json: str, *, form: str = JSON, timeout_ms: int
 
 
 def _prove_sent(program: Program, clients: ClientList, sent: Compiled, timeout_ms: int) -> Result:
-    """Prove that what is sent has the winners of the clients, whoever executes it."""
+    """Prove that the sent form has the winners of the clients, in any executor."""
     readings = [partial(read_lowered, program, clients, code) for code in views(sent)]
     return _all_of(partial(prove_form, reading, clients, timeout_ms) for reading in readings)
 
@@ -153,7 +153,7 @@ def prove_clients(
 
 
 def _malformed(clients: ClientList, form: str) -> Malformed | None:
-    """A list that is no list of clients: priorities are not n, ..., 1, or something is there twice."""
+    """Return the fault of a malformed list: priorities are not n, ..., 1, or an entry occurs twice."""
     for one in clients.actuators:
         expected = tuple(range(len(one.clients), 0, -1))
         found = tuple(client.priority for client in one.clients)
@@ -185,7 +185,7 @@ def _listed(numbers: Sequence[int]) -> str:
 
 @dataclass(slots=True)
 class _Count:
-    """Obligations met so far. Mutable."""
+    """The number of obligations met so far. Mutable."""
 
     structure: int = 0
     solver: int = 0
@@ -198,7 +198,7 @@ class _Count:
 
 
 def _network(program: Program, order: Sequence[str], timeout_ms: int) -> tuple[Circuit, Source]:
-    """The network, with one history for all time constants whose dominant inputs are provably the same.
+    """Return the network, with one history for all time constants with provably equal dominant inputs.
 
     Where some are found to be, more may be, since formulas grow alike: so it is looked again.
     """
@@ -225,7 +225,7 @@ def _active(circuit: Circuit, modules: Sequence[str]) -> list[int]:
 
 
 class _Proof:
-    """One program and one list of clients. Mutable: its circuit grows."""
+    """The proof for one program and one list of clients. Mutable: its circuit grows."""
 
     def __init__(self, program: Program, clients: ClientList, form: str, timeout_ms: int) -> None:
         self.form = form
@@ -284,7 +284,7 @@ class _Proof:
     def _order(
         self, actuator: str, root: Root | None, judge: _Judge, clients: tuple[ClientFormulas, ...]
     ) -> Counterexample | Undecided | None:
-        """The first guard that holds, now that exclusive guards are known to be those of the network."""
+        """Check that the first guard that holds wins; exclusive guards are known to be the network's."""
         structure = first_by_structure(clients, judge.wins, self.circuit)
         for client in clients:
             self.count.add(structure and not client.solved)
@@ -316,12 +316,12 @@ class _Proof:
         return decided(self.solver, clauses, self.undecided(name), shown)
 
     def undecided(self, subject: str) -> Undecided:
-        """Return what is said where z3 gives up."""
+        """Return the result where z3 gives up."""
         return Undecided(subjects=((self.form, subject),), timeout_ms=self.solver.timeout_ms)
 
 
 def _settled(client: ClientFormulas, win: int) -> ClientFormulas:
-    """The client with what is now known of its exclusive guard."""
+    """Return the client with the knowledge about its exclusive guard."""
     guard = win if client.guard == client.exclusive else client.guard
     solved = client.solved or client.exclusive != win
     return replace(client, guard=guard, exclusive=win, solved=solved)
@@ -329,7 +329,7 @@ def _settled(client: ClientFormulas, win: int) -> ClientFormulas:
 
 @dataclass(frozen=True, slots=True)
 class _Judge:
-    """Who wins one actuator, in the network and among the clients."""
+    """Decides who wins an actuator, in the network and among the clients."""
 
     proof: _Proof
     actuator: str
@@ -337,7 +337,7 @@ class _Judge:
     wins: Mapping[str, int]
 
     def found(self, wrong: list[int]) -> Counterexample | Undecided | None:
-        """A frame in which one of these literals is true, if there is one."""
+        """Return a frame in which one of these literals is true, if there is one."""
         proof = self.proof
         wrong = [literal for literal in wrong if literal != FALSE]
         if not wrong:
@@ -349,7 +349,7 @@ class _Judge:
         return decided(proof.solver, clauses, proof.undecided(self.actuator), self._shown)
 
     def disorder(self, clients: tuple[ClientFormulas, ...]) -> list[int]:
-        """For each client: it is the first whose guard holds and does not win, or the other way round."""
+        """Return a formula per client: it is the first whose guard holds and does not win, or vice versa."""
         circuit, above, wrong = self.proof.circuit, FALSE, []
         for client in clients:
             first = circuit.both(client.guard, above ^ 1)

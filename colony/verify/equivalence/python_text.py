@@ -1,9 +1,9 @@
-"""What generated Python makes of guards, read from the text that is emitted.
+"""Formulas of the guards in generated Python, read from the text that is emitted.
 
 The text is parsed and run symbolically, statement by statement, with a formula for "this is reached". Every
-expression has a number, equal ones the same (names stand for what they were last given); of those, `and`,
-`or`, `not`, conditional expressions and constants are taken apart, and any other is an opaque condition. What
-a module's winning is made of is when `ACTUATOR_by = 'MODULE'` is reached.
+expression has a number, equal ones the same (names stand for what they were last given). Of the expressions,
+`and`, `or`, `not`, conditional expressions and constants are taken apart, and any other is an opaque
+condition. A module wins when `ACTUATOR_by = 'MODULE'` is reached.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Key = tuple[object, ...]
 
 
 def read_python(program: Program, clients: ClientList, text: str, name: str, alike: Alike) -> Form:
-    """The winners by a text; `name` is what the form is called.
+    """Return the winners by a text; `name` is the name of the form.
 
     Raises:
         Unreadable: it is not of the form that is generated.
@@ -80,7 +80,7 @@ def _run(text: str, circuit: Circuit, numbers: dict[Key, int], alike: Alike) -> 
 
 
 def _deciding(step: ast.FunctionDef) -> Mapping[str, str]:
-    """For each actuator the name that says who commands it, as its decision is made of it."""
+    """Return, for each actuator, the variable that names its winner, from the statement of its decision."""
     found: dict[str, str] = {}
     for node in ast.walk(step):
         match node:
@@ -119,7 +119,7 @@ class _Run:
 
     @property
     def deciders(self) -> Collection[str]:
-        """The names that say who commands."""
+        """The variables that name the winners."""
         return self.decided_by.values()
 
     # --- statements ------------------------------------------------------------------------------
@@ -164,7 +164,7 @@ class _Run:
         return self.circuit.either(end, other_end)
 
     def _loop(self, body: Sequence[ast.stmt], reached: int) -> None:
-        """Once through: whatever is reached ends with a `break`."""
+        """Run a loop once: every branch that is reached ends with a `break`."""
         end, changed = self._apart(body, reached)
         if end != FALSE:
             raise Unreadable("a loop over clients that may not end", "a `break` behind every client")
@@ -206,7 +206,7 @@ class _Run:
                 raise Unreadable(f"line {target.lineno}: {ast.unparse(target)} = ...", "a name or attribute")
 
     def _won(self, by: str, value: ast.expr, reached: int, rest: Sequence[ast.stmt]) -> None:
-        """Who commands is settled at once: straight on there is a `break`, and nobody else until then."""
+        """Record a winner. It is final: a `break` follows directly, with no other winner before it."""
         match value:
             case ast.Constant(value=None):
                 return
@@ -224,7 +224,7 @@ class _Run:
     # --- expressions -----------------------------------------------------------------------------
 
     def _number(self, node: ast.expr) -> int:
-        """The number of an expression, as of now."""
+        """Return the number of an expression, as of now."""
         match node:
             case ast.Name(id=name):
                 known = self.names.get(name)
@@ -267,7 +267,7 @@ class _Run:
         return number
 
     def _truth(self, number: int) -> int:
-        """When an expression counts as true."""
+        """Return the formula by which an expression counts as true."""
         known = self._truths.get(number)
         if known is None:
             known = self._truths[number] = self._formula(number, self._keys[number])
@@ -299,7 +299,7 @@ class _Run:
         return FALSE if same is None else self.circuit.input(Opaque(f"t < self.{same}"))
 
     def timers(self) -> list[Timer]:
-        """Attributes that hold the end of a time constant: 0 at first, a window from now where reached."""
+        """Return the attributes that hold the end of a time constant: initially 0, then a window from now."""
         found = []
         for cell, updates in self.updates.items():
             (reached, number), *more = updates
@@ -313,7 +313,7 @@ class _Run:
         return found
 
     def _window(self, key: Key) -> int | None:
-        """The n of an expression `t + n`."""
+        """Return the n of an expression `t + n`."""
         match key:
             case ("BinOp", int(now), _, ("Add",), _, int(window), _) if now == self.names.get("t"):
                 kind, *value = self._keys[window]

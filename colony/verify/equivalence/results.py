@@ -1,4 +1,4 @@
-"""What a proof of equivalence comes to."""
+"""Results of a proof of equivalence."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from colony.text.wording import counted, duration_text, listed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proved:
-    """All of `obligations` hold: `by_structure` of them since both sides came to be the same formula by rules
-    of Boolean algebra alone, `by_solver` with the help of z3, which was asked `questions` times.
+    """A proof: all of `obligations` hold.
 
-    `forms` says of what: the clients, and what was emitted from them.
+    `by_structure` of them hold since both sides came to be the same formula by rules of Boolean algebra
+    alone, `by_solver` with the help of z3, which was asked `questions` times. `forms` names the subjects: the
+    clients, and what was emitted from them.
     """
 
     forms: tuple[str, ...]
@@ -23,12 +24,13 @@ class Proved:
 
     @property
     def obligations(self) -> int:
+        """The number of obligations that hold."""
         return self.by_structure + self.by_solver
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Activation:
-    """A frame, by the modules that are active now, and what was so recently that a time constant tells.
+    """A frame: the modules that are active now, and the activities that a time constant remembers.
 
     All else is not active, and was not.
     """
@@ -88,7 +90,7 @@ Counterexample = WrongWinner | WrongActivity | Malformed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undecided:
-    """What was neither proved nor refuted: subjects, actuators for the most part, each with its form.
+    """Subjects that were neither proved nor refuted: actuators for the most part, each with its form.
 
     z3 gave up after `timeout_ms`; where that is 0 it was not asked. `by_structure` obligations hold anyhow.
     """
@@ -121,7 +123,7 @@ def together(results: Sequence[Proved | Undecided]) -> Proved | Undecided:
 
 
 def frame_text(frame: Activation) -> str:
-    """A frame in words, as what follows "with"."""
+    """Return a frame in words, which can follow "with"."""
     active = f"{listed(frame.active)} active" if frame.active else "no module active"
     recent = [f"{_ago(one)}" for one in frame.recent]
     return f"{active}, and {listed(recent)}" if recent else active
@@ -135,7 +137,7 @@ def _ago(recent: Recent) -> str:
 
 
 def counterexample_text(found: Counterexample) -> str:
-    """What is wrong, in one sentence."""
+    """Return a sentence that says what is wrong."""
     match found:
         case WrongWinner():
             says = f"the network lets {found.network or 'nobody'} through"
@@ -152,7 +154,7 @@ def counterexample_text(found: Counterexample) -> str:
 
 
 def undecided_text(found: Undecided) -> str:
-    """What was not settled, in one sentence."""
+    """Return a sentence that says what was not settled."""
     subjects = listed([f"{form}: {subject}" for form, subject in found.subjects])
     if found.timeout_ms > 0:
         seconds = f"{found.timeout_ms / 1000:g} s"
@@ -162,7 +164,7 @@ def undecided_text(found: Undecided) -> str:
 
 
 def proved_text(found: Proved) -> str:
-    """What was proved, in one line."""
+    """Return a line that says what was proved."""
     how = f"{found.by_structure} by structure, {found.by_solver} by z3"
     same = listed((*found.forms, "network"))
     return f"proved: {same} are the same ({found.obligations} obligations: {how})"

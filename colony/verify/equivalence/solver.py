@@ -19,15 +19,15 @@ Clause = tuple[int, ...]
 """Literals of which one must be true."""
 
 NEAR = (20, 200, 2_000)
-"""How many conjunctions to look at before all are looked at."""
+"""Numbers of nearby conjunctions to consider, in turn, before all are considered."""
 
 TOGETHER = 100
-"""How many small questions are asked at once."""
+"""Number of small questions that are asked at once."""
 
 
 @unique
 class Unsettled(Enum):
-    """There may be a way: not looked far enough, or the solver gave up."""
+    """No answer: the search was too near, or the solver gave up."""
 
     TOO_NEAR = "too near"
     GAVE_UP = "gave up"
@@ -35,12 +35,12 @@ class Unsettled(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Refuted:
-    """There is no way."""
+    """The answer that the clauses cannot all be true."""
 
 
 @dataclass(frozen=True, slots=True)
 class Satisfied:
-    """There is one: the inputs that are true in it, of those that matter. All others may be false."""
+    """A solution: the relevant inputs that are true in it. All others may be false."""
 
     inputs: frozenset[int]
 
@@ -58,15 +58,15 @@ class Solver:
 
     @property
     def asks(self) -> bool:
-        """Whether z3 is asked at all; if not, only what is obvious is refuted."""
+        """True if z3 is asked at all; if not, only obvious contradictions are refuted."""
         return self.timeout_ms > 0
 
     def refutes(self, clauses: Sequence[Clause], near: Sequence[int] = NEAR) -> bool:
-        """Whether what is near is enough to show that the clauses cannot all be true."""
+        """Return True if nearby conjunctions suffice to show that the clauses cannot all be true."""
         return obvious(clauses) or any(isinstance(self._ask(clauses, limit), Refuted) for limit in near)
 
     def refutes_each(self, questions: Iterable[Sequence[Clause]]) -> bool:
-        """Whether each of several questions is refuted by what is near, many asked at once."""
+        """Return True if nearby conjunctions refute each of several questions, many asked at once."""
         waiting = [clauses for clauses in questions if not obvious(clauses)]
         for start in range(0, len(waiting), TOGETHER):
             together = waiting[start : start + TOGETHER]
@@ -75,7 +75,7 @@ class Solver:
         return True
 
     def decide(self, clauses: Sequence[Clause]) -> Answer:
-        """Whether the clauses can all be true, looking as far as needed."""
+        """Decide if the clauses can all be true, considering as many conjunctions as needed."""
         if obvious(clauses):
             return Refuted()
         for limit in NEAR:
@@ -103,7 +103,7 @@ class Solver:
         return Satisfied(frozenset(node for node in cone.leaves if cnf.number[node] in model))
 
     def _none_of(self, questions: Sequence[Sequence[Clause]]) -> bool:
-        """Whether it is shown at once that none of the questions has a way."""
+        """Return True if one call shows that none of the questions has a solution."""
         if not self.asks:
             return False
         self.asked += 1
@@ -116,12 +116,12 @@ class Solver:
 
 
 def differ(a: int, b: int) -> tuple[Clause, Clause]:
-    """Clauses that say: two literals are not equal."""
+    """Return the clauses that state that two literals are not equal."""
     return ((a, b), (a ^ 1, b ^ 1))
 
 
 def obvious(clauses: Sequence[Clause]) -> bool:
-    """Whether the clauses of one literal alone leave no literal of some clause."""
+    """Return True if the clauses of one literal alone leave no literal of some clause."""
     units = {clause[0] for clause in clauses if len(clause) == 1}
     return any(all(i == FALSE or i ^ 1 in units for i in clause) for clause in clauses)
 
@@ -144,12 +144,12 @@ class _Cnf:
         return -number if literal & 1 else number
 
     def add(self, clause: Clause, unless: str = "") -> None:
-        """One more clause, which need not hold where `unless` does."""
+        """Add a clause, which need not hold where `unless` does."""
         self._lines.append(f"{unless} {' '.join(str(self._signed(i)) for i in clause)} 0")
         self._clauses += 1
 
     def add_one_of(self, questions: Sequence[Sequence[Clause]]) -> None:
-        """All clauses of one of the questions, whichever."""
+        """Add all clauses of one of the questions, whichever."""
         choices = range(self._variables + 1, self._variables + len(questions) + 1)
         self._variables += len(questions)
         for choice, clauses in zip(choices, questions, strict=True):
@@ -159,7 +159,7 @@ class _Cnf:
         self._clauses += 1
 
     def solve(self, timeout_ms: int, wanted: bool) -> tuple[bool | None, frozenset[int]]:
-        """Whether all can be true, None where z3 gives up; if `wanted`, with the variables that are then."""
+        """Return (True if all can be true, None if z3 gives up; the variables that are true, if `wanted`)."""
         import z3
 
         solver = z3.SolverFor("QF_FD")
@@ -185,7 +185,7 @@ class _Cone:
 
 
 def _cone(circuit: Circuit, clauses: Sequence[Clause], limit: int) -> _Cone:
-    """Conjunctions that the clauses' literals are made of, so many at most.
+    """Return the conjunctions that the clauses' literals are made of, up to a limit.
 
     First what one literal alone is made of: where two formulas are compared, what both are made of is mostly
     better left as it is. And first, if few are wanted, what is nearest, else what is behind the fewest
@@ -221,5 +221,5 @@ def _cone(circuit: Circuit, clauses: Sequence[Clause], limit: int) -> _Cone:
 
 
 def _shared(sides: int) -> bool:
-    """Whether more than one bit is set."""
+    """Return True if more than one bit is set."""
     return sides & (sides - 1) != 0

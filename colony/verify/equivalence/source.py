@@ -41,8 +41,9 @@ class Joint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Root:
-    """An actuator: the node that drives it, and of what is below that, when each node gets through to it, and
-    when each module wins.
+    """An actuator: the node that drives it, and the formulas of the nodes below.
+
+    The formulas say when each node gets through to it, and when each module wins.
     """
 
     node: int
@@ -64,26 +65,26 @@ class Source:
     roots: Mapping[str, Root]
 
     def dominant(self, at: int) -> int:
-        """When the dominant input of a joint is active."""
+        """Return the formula of the dominant input of a joint."""
         return self.active[_joint(self.nodes[at]).dominant]
 
     def activity(self, name: str) -> int:
-        """When a module or wire is active."""
+        """Return the formula of a module's or wire's activity."""
         return self.active[self.names[name]]
 
 
 NEVER = -1
-"""In place of a joint: its dominant input is never active, so it has no history."""
+"""Mark in place of a joint: its dominant input is never active, so it has no history."""
 
 
 def encode_source(
     program: Program, circuit: Circuit, alike: Mapping[int, int] = MappingProxyType({})
 ) -> Source:
-    """The formulas of all wires of a program.
+    """Encode all wires of a program as formulas.
 
-    Each time constant has a history of its own, as far as dominant inputs are not the same formula; `alike`
-    tells of joints whose dominant input was proved to be equal to that of another joint, or `NEVER` active:
-    those share its history, or have none.
+    Each time constant has a history of its own, as far as dominant inputs are not the same formula. `alike`
+    maps a joint to another joint whose dominant input was proved to be equal, or to `NEVER` if its own is
+    never active: it then shares the other's history, or has none.
     """
     wired = _Wired(program)
     active: list[int] = []
@@ -119,9 +120,9 @@ def _joint(node: str | Joint) -> Joint:
 
 
 def _recently(circuit: Circuit, now: int, remembered: int, window_ns: int) -> int:
-    """Whether a condition holds `now`, or held less than the window ago, in which it was as `remembered`.
+    """Return "holds `now`, or held less than the window ago"; `remembered` is the condition in the past.
 
-    What never holds, or always, has no history.
+    A condition that never holds, or always holds, has no history.
     """
     if window_ns <= 0 or remembered in (FALSE, TRUE):
         return now

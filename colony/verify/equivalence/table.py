@@ -1,5 +1,6 @@
-"""A client list in Boolean formulas, its guards matched with those of the network as far as they are the
-same.
+"""A client list in Boolean formulas.
+
+Its guards are matched with those of the network as far as they are the same.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class ListFormulas:
 def encode_list(
     clients: ClientList, circuit: Circuit, matching: Matching, activity: Mapping[str, int] | None = None
 ) -> ListFormulas:
-    """The formulas of all guards; `activity` says when modules are active, where that is not free."""
+    """Return the formulas of all guards; `activity` has the modules' activities that are not free."""
     guards = _Guards(circuit, matching, activity)
     values: list[int] = []
     solved: list[bool] = []

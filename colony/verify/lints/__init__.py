@@ -1,7 +1,7 @@
-"""What is odd in a program that is no error: modules that can never act, conditions that never change, ...
+"""Lints: findings that are no errors, as modules that can never act and conditions that never change.
 
-What a lint says "never" of is proved for every run; what it says "can" of was seen in the reference
-interpreter. Where neither can be done in the time that there is, nothing is said.
+A lint's "never" is proved for every run; its "can" was seen in the reference interpreter. If neither is
+possible within the time limit, there is no finding.
 """
 
 from colony.verify.lints.linting import lint

@@ -1,4 +1,4 @@
-"""What lints look at: a program whose nodes and commands have names, and what is known of it."""
+"""The subject of the lints: a program whose nodes and commands have names, and facts about it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ _READING = (ir.SensorValue, ir.DerivedValue, ir.LocalValue, ir.StateValue, ir.Fr
 
 @dataclass(frozen=True, slots=False, kw_only=True)
 class Case:
-    """`observed` is `program` with a wire for each node, and a let for each field of a module's command
+    """The subject of the lints.
+
+    `observed` is `program` with a wire for each node, and a let for each field of a module's command
     (`command_of`); it has no contracts.
     """
 
@@ -26,10 +28,12 @@ class Case:
 
     @cached_property
     def contents(self) -> Contents:
+        """The contents of the program's declarations."""
         return Contents(self.program, Table())
 
     @cached_property
     def actuators(self) -> dict[str, Actuator]:
+        """The actuators by name."""
         return {a.name: a for a in self.program.robot.actuators}
 
     @cached_property
@@ -44,20 +48,21 @@ class Case:
         return next((w.span.source for w in self.program.wires if w.actuator is not None), None)
 
     def is_own(self, span: Span) -> bool:
-        """Whether a place is in that file: what is odd in an imported file is told of that file."""
+        """Return True if a place is in the main file; imported files' findings are reported for them."""
         return span.source is self.main
 
     @cached_property
     def own_modules(self) -> dict[str, Module]:
+        """The modules of the main file, by name."""
         return {name: m for name, m in self.modules.items() if self.is_own(m.span)}
 
     def decides(self, module: Module) -> bool:
-        """Whether a module's predicate depends on anything."""
+        """Return True if a module's predicate depends on anything."""
         return any(isinstance(x, _READING) for x in ir.subexpressions(module.when))
 
 
 def case_of(program: Program) -> Case:
-    """A program as lints look at it."""
+    """Return the case of a program."""
     wired = network(program)
     modules = tuple(_observed(m) if isinstance(m, Module) else m for m in program.modules)
     observed = replace(program, modules=modules, wires=wired.wires, contracts=(), tests=())
@@ -65,7 +70,7 @@ def case_of(program: Program) -> Case:
 
 
 def command_of(module: Module, i: int) -> ir.Expression:
-    """The value of field `i` of a module's command, for claims; missing where the module is silent."""
+    """Return the value of field `i` of a module's command, for claims; missing where the module is silent."""
     assert module.command is not None
     return ir.LocalValue(type=module.command.fields[i].type, name=f"{module.name}. {i}")
 

@@ -22,7 +22,7 @@ def _idle(contract: Contract) -> str:
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Of each contract that it never speaks; of an `implies`, that when it does its left side is false."""
+    """Yield the claims that a contract never speaks, and that the left side of an `implies` is never true."""
     for contract in case.program.contracts:
         if not case.is_own(contract.span):
             continue
@@ -43,6 +43,7 @@ def _left(e: Expression) -> Expression | None:
 
 
 def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
+    """Yield the warnings about contracts that say nothing."""
     for contract in case.program.contracts:
         if _silent(contract) in proved:
             yield warning(

@@ -1,4 +1,4 @@
-"""What claims concrete runs break, and how: by the examples of the program, and by frames drawn at random."""
+"""Evidence from concrete runs against claims: the program's examples, and frames drawn at random."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Claims = Mapping[str, Expression]
 
 
 def with_claims(program: Program, claims: Claims) -> Program:
-    """The program with claims for contracts."""
+    """Return the program with claims for contracts."""
     contracts = tuple(Contract(name=name, expression=e) for name, e in claims.items())
     return replace(program, contracts=contracts)
 
@@ -57,7 +57,7 @@ def _asks_python(program: Program) -> bool:
 
 
 def _breaches(program: Program, trace: Sequence[Snapshot]) -> set[str]:
-    """The claims that one run breaks."""
+    """Return the claims that one run breaks."""
     interpreter, found = Interpreter(program), set[str]()
     for snapshot in trace:
         outcome = interpreter.step_in_base_units(snapshot.t_ns, snapshot.readings)
@@ -68,5 +68,5 @@ def _breaches(program: Program, trace: Sequence[Snapshot]) -> set[str]:
 
 
 def replayed(program: Program, snapshots: Iterable[Snapshot]) -> tuple[Outcome, ...]:
-    """What the reference interpreter does."""
+    """Return the reference interpreter's outcomes."""
     return Replay(program, "").run(tuple(snapshots))

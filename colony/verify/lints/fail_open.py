@@ -48,9 +48,7 @@ def _restrains(module: Module, guard: Module, i: int) -> str:
 
 
 def _pairs(case: Case) -> Iterator[tuple[Module, Module, Actuator]]:
-    """A module that moves the robot, one that dominates it somewhere and reads what it does not, and what
-    they command.
-    """
+    """Yield (module that moves the robot, module that guards it and reads a sensor more, their actuator)."""
     for module in case.own_modules.values():
         actuator = case.actuators.get(module.actuator or "")
         if actuator is None or actuator.server != _MOVES or actuator.idle is None:
@@ -65,12 +63,12 @@ def _pairs(case: Case) -> Iterator[tuple[Module, Module, Actuator]]:
 
 
 def _own_needs(case: Case, module: Module, guard: Module) -> tuple[str, ...]:
-    """The sensors that a guard cannot do without, and the module can."""
+    """Return the sensors that a guard cannot do without, and the module can."""
     return tuple(sorted(case.contents.needs(guard) - case.contents.needs(module)))
 
 
 def _unconcerned(case: Case, module: Module, sensor: str) -> tuple[str, ...]:
-    """The modules that dominate a module somewhere whether `sensor` is there or not."""
+    """Return the modules that dominate a module somewhere whether `sensor` is there or not."""
     above = dict.fromkeys(
         name for node in case.network.above(module.name) for name in case.network.under(node.dominant)
     )
@@ -79,9 +77,10 @@ def _unconcerned(case: Case, module: Module, sensor: str) -> tuple[str, ...]:
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """What a warning rests on: that a module never wins without a sensor while all others are there; that
-    nothing but what reads the sensor keeps it, with all there, from moving the robot; and that a guard
-    restrains it.
+    """Yield the claims behind a warning.
+
+    A module never wins without a sensor while all others are there; nothing but what reads the sensor keeps
+    it, with all there, from moving the robot; and a guard restrains it.
     """
     there = [s.name for s in case.program.robot.sensors if s.default is None]
     for module, guard, actuator in _pairs(case):
@@ -104,6 +103,7 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
 
 
 def told(case: Case, prover: Prover) -> Iterator[Diagnostic]:
+    """Yield the warnings about guards that fail open."""
     found: dict[tuple[str, str], list[str]] = {}
     shut: dict[str, bool] = {}
     for module, guard, actuator in _pairs(case):
@@ -125,7 +125,7 @@ def told(case: Case, prover: Prover) -> Iterator[Diagnostic]:
 def _moved(
     case: Case, module: Module, actuator: Actuator, sensor: str, snapshots: tuple[Snapshot, ...]
 ) -> set[int]:
-    """The fields that are not idle when the module wins the last frame without `sensor`."""
+    """Return the fields that are not idle when the module wins the last frame without `sensor`."""
     last = snapshots[-1]
     without = last._replace(readings={n: v for n, v in last.readings.items() if n != sensor})
     outcome = replayed(case.program, (*snapshots[:-1], without))[-1]
@@ -137,7 +137,7 @@ def _moved(
 
 
 def _guards(case: Case, module: Module, guard: Module, actuator: Actuator, prover: Prover) -> frozenset[int]:
-    """The fields against which `guard` is a safeguard of `module`."""
+    """Return the fields against which `guard` is a safeguard of `module`."""
     fields = range(len(actuator.fields))
     for node in case.network.above(module.name):
         if node.relation == "inhibits" and guard.name in case.network.under(node.dominant):
@@ -148,9 +148,10 @@ def _guards(case: Case, module: Module, guard: Module, actuator: Actuator, prove
 
 
 def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Expression:
-    """That whenever both are active, the guard's field is at idle, beyond it, or (a speed) nearer to it.
+    """Return the condition that whenever both are active, the guard restrains the field.
 
-    Bools and enumerators have no order: there the guard's field is at idle where the module's is not.
+    The guard's field is at idle, beyond it, or (a speed) nearer to it. Bools and enumerators have no order:
+    there the guard's field is at idle where the module's is not.
     """
     assert actuator.idle is not None
     kind = actuator.fields[i].type
@@ -174,7 +175,7 @@ def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Ex
 
 
 def _warnings(case: Case, found: Mapping[tuple[str, str], list[str]]) -> Iterator[Diagnostic]:
-    """One for each module and set of guards."""
+    """Yield a warning for each module and set of guards."""
     by_guards: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for (module, sensor), guards in found.items():
         by_guards.setdefault((module, tuple(guards)), []).append(sensor)

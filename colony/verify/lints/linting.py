@@ -29,9 +29,9 @@ _MOST_NAMED = 12
 
 
 def lint(program: Program, patience: Patience | None = None) -> tuple[Diagnostic, ...]:
-    """Everything odd that is found, as warnings V020 to V031, in the order of the text.
+    """Return all findings as warnings V020 to V031, in the order of the text.
 
-    What `patience` does not reach to is not told of.
+    Findings that need more time than `patience` allows are left out.
     """
     patience = Patience() if patience is None else patience
     case = case_of(program)
@@ -63,7 +63,7 @@ def lint(program: Program, patience: Patience | None = None) -> tuple[Diagnostic
 
 
 def _least(case: Case, module: str, patience: Patience) -> tuple[str, ...]:
-    """A set of modules that dominate a module wherever it is active, of which none can be left out."""
+    """Return a minimal set of modules that dominate a module wherever it is active."""
     who = shadows.candidates(case, module)
     if len(who) > _MOST_NAMED or not _dominate(case, module, who, patience):
         return ()

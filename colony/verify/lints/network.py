@@ -28,7 +28,7 @@ class NamedNetwork:
     roots: Mapping[str, str]
 
     def under(self, ref: str) -> tuple[str, ...]:
-        """The modules below a node, or the module itself, the dominant ones first."""
+        """Return the modules below a node, or the module itself, the dominant ones first."""
         found: dict[str, None] = {}
         todo, seen = [ref], set[str]()
         while todo:
@@ -43,7 +43,7 @@ class NamedNetwork:
         return tuple(found)
 
     def emerges(self, module: str, ref: str, depth: int = 0) -> ir.Expression | None:
-        """That `module` is the one whose output is on `ref`; None where that is too deep to say."""
+        """Return the condition that `module`'s output is on `ref`; None where that is too deep to express."""
         if ref not in self.joints:
             return active(module) if ref == module else FALSE
         if depth >= _DEEPEST:

@@ -24,10 +24,11 @@ def _timeless(node: Joint) -> str:
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Of each inhibitor that what it inhibits gets through whenever it is active; of each time constant that
-    it does so whenever the dominant side is not active.
+    """Yield the claims that a node has no effect.
 
-    A suppressor whose sides exclude each other merges them, and that is good use.
+    An inhibitor has none if its inferior gets through whenever the inferior is active; a time constant has
+    none if that holds while the dominant side is not active. A suppressor whose sides exclude each other
+    merges them, and that is good use.
     """
     for node in _own(case):
         passes = active(node.name)
@@ -45,6 +46,7 @@ def _own(case: Case) -> Iterator[Joint]:
 
 
 def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
+    """Yield the warnings about nodes without effect."""
     for node in _own(case):
         sides = [case.network.under(node.dominant), case.network.under(node.inferior)]
         if any(all(never(m) in proved or shadowed(m) in proved for m in side) for side in sides):

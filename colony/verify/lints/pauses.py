@@ -1,4 +1,4 @@
-"""The pause of a time constant inside of a dominant side: it holds its own inferior, and nobody else's."""
+"""Lint of a time constant inside a dominant side: its pause holds only its own inferior."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _name(inner: Joint, outer: Joint) -> str:
 
 
 def _pairs(case: Case) -> Iterator[tuple[Joint, Joint]]:
-    """`(A suppresses[T] B) suppresses C`: the inner node, and the outer one."""
+    """Yield the inner and the outer node of each `(A suppresses[T] B) suppresses C`."""
     for outer in case.network.joints.values():
         inner = case.network.joints.get(outer.dominant)
         if inner is None or not inner.window_ns or not case.is_own(span_of(outer)):
@@ -29,7 +29,7 @@ def _pairs(case: Case) -> Iterator[tuple[Joint, Joint]]:
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """That while the inner node holds its inferior back, no module below the outer one wins."""
+    """Yield the claims that no module below the outer node wins while the inner one holds another back."""
     for inner, outer in _pairs(case):
         below = [
             won(actuator, module)
@@ -42,6 +42,7 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
 
 
 def told(case: Case, prover: Prover) -> Iterator[Diagnostic]:
+    """Yield the warnings about pauses that let other modules through."""
     for inner, outer in _pairs(case):
         if prover.refuted(_name(inner, outer)) is None:
             continue

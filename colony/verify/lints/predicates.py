@@ -12,16 +12,17 @@ from colony.verify.written import written
 
 
 def never(module: str) -> str:
-    """The name of the claim that a module is never active."""
+    """Return the name of the claim that a module is never active."""
     return f"never {module}"
 
 
 def always(module: str) -> str:
+    """Return the name of the claim that a module is always active."""
     return f"always {module}"
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Of each module that it is never active; if its predicate depends on anything, that it always is."""
+    """Yield the claims that a module is never active and, if its predicate reads anything, always active."""
     for name, module in case.modules.items():
         yield never(name), negation(active(name))
         if case.is_own(module.span) and case.decides(module):
@@ -30,6 +31,7 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
 
 
 def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
+    """Yield the warnings about predicates that never change."""
     for name, module in case.own_modules.items():
         if not case.decides(module):
             continue

@@ -1,4 +1,4 @@
-"""Which claims hold in every frame of every run, and runs that break others; in bounded time."""
+"""Proofs of claims about every frame of every run, and runs that break other claims, in bounded time."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ _OPTIONS = Options(depth=1, longest=3, resources=RESOURCES_A_SECOND // 2)
 
 
 class Patience:
-    """How long all questions about a program may take together. Mutable: `left_open` counts those that were
-    not asked any more. Without a clock there is no end to it.
+    """The time that all questions about a program may take together.
+
+    Mutable: `left_open` counts the questions that were not asked any more. Without a clock there is no limit.
     """
 
     def __init__(self, clock: Clock | None = None, seconds: float = 0.0) -> None:
@@ -29,7 +30,7 @@ class Patience:
         self.left_open = 0
 
     def over(self) -> bool:
-        """Whether another question may not be asked; it counts as left open then."""
+        """Return True if no time is left for another question, and count that question as left open."""
         over = self._clock is not None and self._clock() >= self._until
         self.left_open += over
         return over
@@ -47,11 +48,11 @@ class Prover:
         return Setting(encode(self._program))
 
     def proved(self, names: Iterable[str]) -> frozenset[str]:
-        """Those of the claims that hold always, for floats as they are."""
+        """Return the claims that are proved, for floats as they are."""
         return frozenset(name for name in names if self.holds(name) and not self._rounds(name))
 
     def holds(self, name: str) -> bool:
-        """Whether a claim holds always, with real numbers in place of floats."""
+        """Return True if a claim is proved, with real numbers in place of floats."""
         if self._patience.over():
             return False
         return isinstance(Attempt(self._setting, name, _budget()).run(), Proof)
@@ -60,7 +61,7 @@ class Prover:
         return any(r.kind is Inexact.ROUNDING for r in self._setting.claims[name].inexact)
 
     def refuted(self, name: str) -> Trace | None:
-        """A run of the reference interpreter that breaks a claim, if one is found."""
+        """Return a run of the reference interpreter that breaks a claim, if one is found."""
         if self._patience.over():
             return None
         found = Attempt(self._setting, name, _budget(), Refuter(self._program, name)).run()

@@ -30,7 +30,7 @@ def _fields(case: Case) -> Iterator[tuple[Module, str, int, ActuatorField]]:
 
 
 def _is_open(module: Module, i: int, field: ActuatorField) -> bool:
-    """Whether a field has a range, and its command is not plainly within it."""
+    """Return True if a field has a range, and its command is not plainly within it."""
     if field.low is None and field.high is None:
         return False
     e = module.command.fields[i] if module.command else None
@@ -40,7 +40,7 @@ def _is_open(module: Module, i: int, field: ActuatorField) -> bool:
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """That a field of a command is within its range when the module wins."""
+    """Yield the claims that a field of a command is within its range when the module wins."""
     for module, actuator, i, field in _fields(case):
         value = command_of(module, i)
         beyond = []
@@ -52,7 +52,7 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
 
 
 def told(case: Case, prover: Prover) -> Iterator[Diagnostic]:
-    """A warning where a run was clamped, as the interpreter recorded it."""
+    """Yield a warning where a run was clamped, as the interpreter recorded it."""
     for module, actuator, i, field in _fields(case):
         trace = prover.refuted(_name(module, field))
         clamped = Record("command clamped", f"{actuator}.{field.name}")
@@ -85,5 +85,5 @@ def _warning(module: str, actuator: str, field: ActuatorField, value: float, e: 
 
 
 def _shown(x: ScalarValue | None, field: ActuatorField) -> str:
-    """A value in the declared unit."""
+    """Return a value in the declared unit."""
     return "" if x is None else f"{x / field.factor:.6g}{f' {field.unit}' if field.unit else ''}"

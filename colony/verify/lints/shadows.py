@@ -13,14 +13,12 @@ from colony.verify.lints.predicates import never
 
 
 def shadowed(module: str) -> str:
-    """The name of the claim that a module never gets through."""
+    """Return the name of the claim that a module never gets through."""
     return f"shadowed {module}"
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Of each module that it never gets through: to an actuator, to where it could inhibit, or to where a
-    time constant would remember it.
-    """
+    """Yield the claims that a module never gets through to an actuator, an inhibitor or a time constant."""
     for name in case.modules:
         ways: list[Expression] = [
             won(actuator, name)
@@ -38,9 +36,9 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
 
 
 def dominated(case: Case, module: str, by: Sequence[str]) -> Expression | None:
-    """That wherever a module is active one of `by` dominates it, on each of its ways.
+    """Return the condition that one of `by` dominates an active module on each of its ways.
 
-    None where that is too hard to say: a time constant remembers whom nobody can name.
+    None where that is too hard to express: a time constant may remember a module that has no name.
     """
     each = []
     for node in case.network.above(module):
@@ -61,7 +59,7 @@ def dominated(case: Case, module: str, by: Sequence[str]) -> Expression | None:
 
 
 def _ways(case: Case, module: str) -> Iterator[tuple[str, ...]]:
-    """The nodes on whose inferior side a module passes, for each of its ways to the end of a network."""
+    """Yield, for each way of a module to the end of a network, the nodes that it enters as inferior."""
     ends = [*case.network.roots.values()]
     ends += [n.dominant for n in case.network.joints.values() if n.relation == "inhibits"]
     made = 0
@@ -82,7 +80,7 @@ _MOST_WAYS = 16
 
 
 def candidates(case: Case, module: str) -> tuple[str, ...]:
-    """The modules that can dominate a module, those nearest to it first."""
+    """Return the modules that can dominate a module, the nearest first."""
     found: dict[str, None] = {}
     for node in case.network.above(module):
         found |= dict.fromkeys(x for x in case.network.under(node.dominant) if x != module)
@@ -90,7 +88,7 @@ def candidates(case: Case, module: str) -> tuple[str, ...]:
 
 
 def told(case: Case, proved: Set[str], by: Mapping[str, tuple[str, ...]]) -> Iterator[Diagnostic]:
-    """`by` gives a least set of modules that dominate a module, where it was found."""
+    """Yield the warnings; `by` gives a minimal set of modules that dominate a module, where it was found."""
     for name, module in case.modules.items():
         if shadowed(name) not in proved or never(name) in proved:
             continue

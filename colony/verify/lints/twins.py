@@ -26,12 +26,13 @@ def _pairs(case: Case) -> Iterator[tuple[Module, Module]]:
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Of two modules that one is active whenever the other is."""
+    """Yield the claims that two modules are always active together."""
     for a, b in _pairs(case):
         yield _name(a, b), binary(Binary.EQUAL, active(a.name), active(b.name))
 
 
 def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
+    """Yield the warnings about modules that are always active together."""
     for a, b in _pairs(case):
         said = {claim(m.name) for m in (a, b) for claim in (never, always, shadowed)}
         if _name(a, b) in proved and not said & proved:

@@ -10,7 +10,7 @@ from colony.verify.testing.frames import sensors_read
 
 
 def told(case: Case) -> Iterator[Diagnostic]:
-    """Of the sensors declared in the file with the network; a robot that is imported has others' too."""
+    """Yield the warnings about unused sensors of the main file; an imported robot may have more."""
     read = sensors_read(case.program)
     for sensor in case.program.robot.sensors:
         if case.is_own(sensor.span) and sensor.name not in read:

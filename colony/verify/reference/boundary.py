@@ -1,4 +1,4 @@
-"""Where values come from outside a program: readings of sensors, and modules written in Python."""
+"""The boundary of a program: readings of sensors, and modules written in Python."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class Fault(Exception):
 
 
 FUTURE = math.nan
-"""Stands for a reading that was taken after its frame: of every sensor it is a fault."""
+"""A reading that was taken after its frame: a fault for every sensor."""
 
 
 def aged(sensor: Sensor, reading: Reading, frame: Frame) -> Reading:
-    """`reading`, as old as `frame` says: missing where it is too old, faulty where it is from the future."""
+    """Return `reading` at the age that `frame` gives: missing if too old, faulty if from the future."""
     taken_ns = frame.taken_ns.get(sensor.name, frame.t_ns)
     if taken_ns > frame.t_ns and sensor.name in frame.readings:
         return FUTURE
@@ -34,7 +34,7 @@ def aged(sensor: Sensor, reading: Reading, frame: Frame) -> Reading:
 
 
 def sense(sensor: Sensor, reading: Reading, factor: float) -> tuple[Value | None, RecordKind | None]:
-    """The value of `sensor` in base units, None where it is missing, and what has to be recorded.
+    """Return the value of `sensor` in base units, None where it is missing, and the record to make, if any.
 
     `factor` is base units per unit of `reading`. One bad element spoils an array.
     """
@@ -49,7 +49,7 @@ def sense(sensor: Sensor, reading: Reading, factor: float) -> tuple[Value | None
 
 
 def typed(sensor: Sensor, reading: Reading, factor: float) -> Value:
-    """`reading` times `factor`, if it has the sensor's type and length."""
+    """Return `reading` times `factor`, if it has the sensor's type and length."""
     if not isinstance(sensor.type, Array):
         return typed_scalar(sensor.type, reading, factor)
     if not isinstance(reading, list | tuple) or len(reading) != sensor.type.size:
@@ -58,7 +58,7 @@ def typed(sensor: Sensor, reading: Reading, factor: float) -> Value:
 
 
 def typed_scalar(of: Scalar, reading: object, factor: float = 1.0) -> ScalarValue:
-    """A bool, a number that is not NaN, or an enumerator that exists."""
+    """Return a bool, a number that is not NaN, or an enumerator that exists."""
     if isinstance(of, Bool):
         if not isinstance(reading, bool):
             raise Fault
@@ -70,7 +70,7 @@ def typed_scalar(of: Scalar, reading: object, factor: float = 1.0) -> ScalarValu
 
 
 def number(x: object) -> float:
-    """An int or float as a float; an int beyond all floats is infinite."""
+    """Return an int or float as a float; an int beyond all floats is infinite."""
     if isinstance(x, bool) or not isinstance(x, int | float):
         raise Fault
     try:
@@ -80,14 +80,14 @@ def number(x: object) -> float:
 
 
 def clamped(value: Value, sensor: Sensor) -> Value:
-    """`value` within the sensor's range, element by element."""
+    """Return `value` within the sensor's range, element by element."""
     if isinstance(value, tuple):
         return tuple(clamp(x, sensor.low, sensor.high) for x in value)
     return clamp(value, sensor.low, sensor.high)
 
 
 def clamp(x: ScalarValue, low: float | None, high: float | None) -> ScalarValue:
-    """`x`, or the bound that it is beyond."""
+    """Return `x`, or the bound that it is beyond."""
     if low is not None and x < low:
         return low
     if high is not None and x > high:
@@ -96,7 +96,7 @@ def clamp(x: ScalarValue, low: float | None, high: float | None) -> ScalarValue:
 
 
 def default_of(sensor: Sensor) -> Value | None:
-    """What stands in where the sensor is missing: an array's scalar default fills the array."""
+    """Return the value that stands in where the sensor is missing: a scalar default fills an array."""
     if (
         isinstance(sensor.type, Array)
         and sensor.default is not None
@@ -120,19 +120,22 @@ def declared_command(actuator: Actuator, command: Sequence[ScalarValue]) -> tupl
 
 
 class ModuleFrame(Mapping[str, Value]):
-    """What `step` is given: what the module reads, by name, in base units; `t` in s since the first frame."""
+    """The input of `step`: the values that the module reads, in base units; `t`: s since the first frame."""
 
     def __init__(self, t: float, values: dict[str, Value]) -> None:
         self.t = t
         self._values = values
 
     def __getitem__(self, name: str) -> Value:
+        """Return the value of a name."""
         return self._values[name]
 
     def __iter__(self) -> Iterator[str]:
+        """Return an iterator over the names."""
         return iter(self._values)
 
     def __len__(self) -> int:
+        """Return the number of names."""
         return len(self._values)
 
 
@@ -163,7 +166,7 @@ class PythonRunner:
         self._answers: list[tuple[int, Command]] = []  # with the time from which each stands
 
     def step(self, t_ns: int, frame: ModuleFrame) -> tuple[Command, bool]:
-        """The command that stands in a frame in which all that is read is there; whether it went wrong."""
+        """Return the command of a frame in which nothing it reads is missing, and True if it went wrong."""
         if self.module.rate_ns is None:
             return self._call(frame)
         failed = False
@@ -190,7 +193,7 @@ class PythonRunner:
         return tuple(self._field(f.type, result[f.name]) for f in self._fields)
 
     def _field(self, of: Scalar, x: object) -> ScalarValue:
-        """NaN is a number here: a command that is not finite is a fault of its own."""
+        """Check a field. NaN is accepted here: a command that is not finite is a fault of its own."""
         if not isinstance(of, Bool | Enum) and isinstance(x, float) and math.isnan(x):
             return x
         return typed_scalar(of, x)

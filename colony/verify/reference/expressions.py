@@ -17,7 +17,7 @@ from colony.ir.types import Array, ScalarValue, Value
 from colony.verify.reference.functions import NAN, binary, element_at, function, unary
 
 Memory = dict[tuple[int, tuple[int, ...], int], Any]
-"""What memory functions remember; an absent key is a call that was never evaluated (see `remember`)."""
+"""State of the memory functions; an absent key is a call that was never evaluated (see `remember`)."""
 
 Loop = tuple[tuple[str, int], ...]
 """The variables of the enclosing reductions and their values, outermost first."""
@@ -25,7 +25,7 @@ Loop = tuple[tuple[str, int], ...]
 
 @dataclass(slots=True, kw_only=True)
 class Moment:
-    """All that is known in one frame, in base units. What a mapping does not hold is missing.
+    """Everything known in one frame, in base units. What a mapping does not hold is missing.
 
     Mutable: filled in the order in which a frame is computed.
     """
@@ -45,7 +45,7 @@ class Moment:
 
 
 def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> bool:
-    """Whether something that `e` needs is missing; `own` are lets that count as there."""
+    """Return True if something that `e` needs is missing; `own` are lets that count as present."""
     match e:
         case ir.SensorValue(name=name):
             return name not in moment.sensors
@@ -62,7 +62,7 @@ def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> bo
 
 
 def evaluate(e: ir.Expression, moment: Moment, memory: Memory, loop: Loop = ()) -> Value:
-    """The value of `e`, for which nothing is missing; its memory moves on."""
+    """Return the value of `e`, for which nothing is missing; its memory moves on."""
 
     def value(of: ir.Expression) -> Value:
         return evaluate(of, moment, memory, loop)
@@ -100,7 +100,7 @@ def evaluate(e: ir.Expression, moment: Moment, memory: Memory, loop: Loop = ()) 
 
 
 def leaf(e: ir.Expression, moment: Moment, loop: Loop) -> Value:
-    """The value of an expression without operands."""
+    """Return the value of an expression without operands."""
     match e:
         case ir.Constant(value=value):
             return value
@@ -136,7 +136,7 @@ def leaf(e: ir.Expression, moment: Moment, loop: Loop) -> Value:
 
 
 def each(of: Callable[..., ScalarValue], *operands: Value) -> Value:
-    """`of` the operands, element by element where one is an array; a scalar stands for all elements."""
+    """Apply `of` element by element where an operand is an array; a scalar stands for all elements."""
     sizes = [len(x) for x in operands if isinstance(x, tuple)]
     if not sizes:
         return of(*operands)
@@ -144,24 +144,26 @@ def each(of: Callable[..., ScalarValue], *operands: Value) -> Value:
 
 
 def filled(value: Value, e: ir.Expression) -> Value:
-    """`value`, repeated where `e` is an array and the value a scalar."""
+    """Return `value`, repeated where `e` is an array and the value a scalar."""
     if isinstance(e.type, Array) and not isinstance(value, tuple):
         return (value,) * e.type.size
     return value
 
 
 def elements(value: Value) -> tuple[ScalarValue, ...]:
+    """Return the elements of an array's value."""
     assert isinstance(value, tuple)
     return value
 
 
 def scalar(value: Value) -> ScalarValue:
+    """Return a value that is a scalar."""
     assert not isinstance(value, tuple)
     return value
 
 
 def window_indices(e: ir.Window, center: float) -> list[float]:
-    """The indices that a window takes from its array, in order; NaN where the center is not finite."""
+    """Return the indices that a window takes from its array, in order; NaN where the center is not finite."""
     size, reach = len_of(e.array), e.reach
     if not math.isfinite(center):
         return [NAN] * (2 * reach + 1)
@@ -169,6 +171,7 @@ def window_indices(e: ir.Window, center: float) -> list[float]:
 
 
 def len_of(e: ir.Expression) -> int:
+    """Return the number of elements of an array."""
     assert isinstance(e.type, Array)
     return e.type.size
 
@@ -177,7 +180,7 @@ def len_of(e: ir.Expression) -> int:
 
 
 def call(e: ir.Call, moment: Moment, memory: Memory, loop: Loop) -> Value:
-    """A pure function of an array, of several scalars, or element by element."""
+    """Evaluate a pure function of an array, of several scalars, or element by element."""
     if e.function in ir.INDEX_FUNCTIONS:
         return index_function(e.function, e.arguments[0], moment, memory, loop)
     arguments = [evaluate(a, moment, memory, loop) for a in e.arguments]
@@ -187,7 +190,7 @@ def call(e: ir.Call, moment: Moment, memory: Memory, loop: Loop) -> Value:
 
 
 def index_function(of: ir.Function, e: ir.Expression, moment: Moment, memory: Memory, loop: Loop) -> float:
-    """The index of the least or greatest; of a slice or window, its index in the whole array."""
+    """Return the index of the least or greatest; of a slice or window, its index in the whole array."""
     match e:
         case ir.Slice(array=array, indices=indices):
             whole = elements(evaluate(array, moment, memory, loop))
@@ -201,7 +204,7 @@ def index_function(of: ir.Function, e: ir.Expression, moment: Moment, memory: Me
 
 
 def reduce(e: ir.Reduce, moment: Moment, memory: Memory, loop: Loop) -> ScalarValue:
-    """A reduction over a variable; body and condition are evaluated for each of its values."""
+    """Evaluate a reduction over a variable: body and condition for each of its values."""
     taken = []
     for k in range(e.low, e.high + 1):
         inner = (*loop, (e.variable, k))
@@ -215,7 +218,7 @@ def reduce(e: ir.Reduce, moment: Moment, memory: Memory, loop: Loop) -> ScalarVa
 
 
 def recall(e: ir.MemoryCall, arguments: list[Value], moment: Moment, memory: Memory, loop: Loop) -> Value:
-    """A memory function: each element of an array, and each loop index, has memory of its own."""
+    """Evaluate a memory function: each element of an array, and each loop index, has memory of its own."""
     path = tuple(k for _, k in loop)
     sizes = [len(a) for a in arguments if isinstance(a, tuple)]
     results = []
@@ -228,7 +231,7 @@ def recall(e: ir.MemoryCall, arguments: list[Value], moment: Moment, memory: Mem
 
 
 def remember(e: ir.MemoryCall, x: list[ScalarValue], last: Any, t_ns: int) -> tuple[ScalarValue, Any]:
-    """The value of a memory function now, and what it remembers from now on; `last` is None at first."""
+    """Return the present value of a memory function and its new state; `last` is None at first."""
     match e.function:
         case ir.Memory.PREVIOUS:
             return (x[1] if last is None else last), x[0]

@@ -17,7 +17,7 @@ NAN = math.nan
 
 
 def unary(operator: Unary, x: ScalarValue) -> ScalarValue:
-    """`-x`, `not x`."""
+    """Return `-x`, `not x`."""
     match operator:
         case Unary.NEGATE:
             return -x
@@ -28,7 +28,7 @@ def unary(operator: Unary, x: ScalarValue) -> ScalarValue:
 
 
 def binary(operator: Binary, x: ScalarValue, y: ScalarValue) -> ScalarValue:
-    """`x operator y`; both operands have been evaluated, whatever the operator."""
+    """Return `x operator y`; both operands have been evaluated, whatever the operator."""
     match operator:
         case Binary.ADD:
             return x + y
@@ -61,7 +61,7 @@ def binary(operator: Binary, x: ScalarValue, y: ScalarValue) -> ScalarValue:
 
 
 def function(of: Function, x: Sequence[ScalarValue]) -> ScalarValue:
-    """A function of the values `x`: all that are reduced, or the arguments in order."""
+    """Return a function of the values `x`: all that are reduced, or the arguments in order."""
     match of:
         case Function.MIN:
             return least(x)
@@ -94,7 +94,7 @@ def function(of: Function, x: Sequence[ScalarValue]) -> ScalarValue:
 
 
 def of_one(of: Function, x: float) -> float:
-    """A function of one number."""
+    """Return a function of one number."""
     match of:
         case Function.ABS:
             return abs(x)
@@ -117,7 +117,7 @@ def of_one(of: Function, x: float) -> float:
 
 
 def divide(x: float, y: float) -> float:
-    """IEEE 754: a division by zero gives an infinity, or NaN for 0 / 0 and NaN / 0."""
+    """Divide by IEEE 754: a division by zero gives an infinity, or NaN for 0 / 0 and NaN / 0."""
     if y != 0:
         return x / y
     if x == 0 or math.isnan(x):
@@ -126,18 +126,18 @@ def divide(x: float, y: float) -> float:
 
 
 def modulo(x: float, y: float) -> float:
-    """The remainder with the sign of `y`; NaN for y = 0."""
+    """Return the remainder with the sign of `y`; NaN for y = 0."""
     return NAN if y == 0 else x % y
 
 
 def angle_difference(a: float, b: float) -> float:
-    """How far `a` is from `b`, in degrees: above -180, up to 180."""
+    """Return the angle from `b` to `a` in degrees: above -180, up to 180."""
     d = modulo(a - b, 360.0)
     return d - 360.0 if d > 180.0 else d
 
 
 def least(x: Sequence[float]) -> float:
-    """The first of the least; NaN if any is NaN, or there is none."""
+    """Return the first of the least; NaN if any is NaN, or there is none."""
     if not x or any(math.isnan(v) for v in x):
         return NAN
     best = x[0]
@@ -148,7 +148,7 @@ def least(x: Sequence[float]) -> float:
 
 
 def greatest(x: Sequence[float]) -> float:
-    """The first of the greatest; NaN if any is NaN, or there is none."""
+    """Return the first of the greatest; NaN if any is NaN, or there is none."""
     if not x or any(math.isnan(v) for v in x):
         return NAN
     best = x[0]
@@ -159,7 +159,7 @@ def greatest(x: Sequence[float]) -> float:
 
 
 def total(x: Sequence[float]) -> float:
-    """The sum from the left, beginning with the first (so that -0.0 alone stays); 0 of nothing."""
+    """Return the sum from the left, beginning with the first (so that -0.0 alone stays); 0 of nothing."""
     if not x:
         return 0.0
     result = x[0]
@@ -169,7 +169,7 @@ def total(x: Sequence[float]) -> float:
 
 
 def first_index(x: Sequence[float], better: Callable[[float, float], bool]) -> int:
-    """Where the best stands, the first of equals; NaN loses to any number; 0 where all are NaN."""
+    """Return the index of the best element, the first of equals; NaN loses to numbers; 0 if all are NaN."""
     best = 0
     for i, v in enumerate(x):
         if better(v, x[best]) or (math.isnan(x[best]) and not math.isnan(v)):
@@ -178,12 +178,12 @@ def first_index(x: Sequence[float], better: Callable[[float, float], bool]) -> i
 
 
 def whole(rounding: Callable[[float], int], x: float) -> float:
-    """`x` rounded, with its sign also where the result is zero; NaN and infinities stay."""
+    """Return `x` rounded, with its sign also where the result is zero; NaN and infinities stay."""
     return math.copysign(float(rounding(x)), x) if math.isfinite(x) else x
 
 
 def element_at(array: tuple[ScalarValue, ...], index: float) -> ScalarValue:
-    """The element at `index`, rounded (halves to even) and taken modulo the size.
+    """Return the element at `index`, rounded (halves to even) and taken modulo the size.
 
     An index that is not finite gives NaN, or False of an array of bools.
     """

@@ -29,7 +29,7 @@ from colony.verify.reference.memory import recalled
 
 
 class Interpreter:
-    """Executes `program` (an `ir.frame.Executor`). Mutable: it has all of the program's memory.
+    """An executor of `program` (see `ir.frame.Executor`). Mutable: it has all of the program's memory.
 
     If `answered`, Python modules are not run: `step` is given what they answered.
 
@@ -85,11 +85,11 @@ class Interpreter:
         return self._frame(frame.t_ns, readings, {s.name: s.factor for s in sensors})
 
     def step_in_base_units(self, t_ns: int, readings: Mapping[str, Reading]) -> Outcome:
-        """One frame, its readings in base units already, as tests and proofs give them."""
+        """Execute one frame with readings in base units, as tests and proofs give them."""
         return self._frame(t_ns, readings, {s.name: 1.0 for s in self.program.robot.sensors})
 
     def value_of(self, expression: Expression) -> Value | None:
-        """The value of a contract expression in the last frame, None where it reads something missing.
+        """Return the value of a contract expression in the last frame, None where it reads something missing.
 
         Its memory, if it has any, moves on: to be called once a frame.
         """
@@ -98,12 +98,12 @@ class Interpreter:
         return None if missing(expression, moment) else evaluate(expression, moment, self._memory)
 
     def is_active(self, name: str) -> bool:
-        """Whether a module or wire put a command on its output in the last frame."""
+        """Return True if a module or wire put a command on its output in the last frame."""
         assert self._moment is not None, "no frame yet"
         return self._moment.outputs[name] is not None
 
     def is_silent(self, module: str) -> bool:
-        """Whether a module was silent in the last frame, as something that it reads was missing."""
+        """Return True if a module was silent in the last frame because a value that it reads was missing."""
         return module in self._silent
 
     def _frame(self, t_ns: int, readings: Mapping[str, Reading], factors: dict[str, float]) -> Outcome:
@@ -156,7 +156,7 @@ class Interpreter:
                     assert_never(derived)
 
     def _machine(self, machine: ir.Machine, moment: Moment) -> None:
-        """The first transition from the present phase; every condition is evaluated, for its memory."""
+        """Take the first transition from the present phase; evaluate every condition, for its memory."""
         phase = scalar(moment.states[machine.name])
         taken: float | None = None
         for transition in machine.transitions:
@@ -185,7 +185,7 @@ class Interpreter:
             moment.outputs[module.name] = module.name if heard else None
 
     def _module(self, module: ir.Module, moment: Moment) -> tuple[ScalarValue, ...] | None:
-        """The command put on the output, with no fields where the module has no `do`; None for nothing.
+        """Return the command put on the output, without fields if the module has no `do`; None for nothing.
 
         Unless the module is silent everything in it is evaluated, whether or not its predicate holds.
         """
@@ -236,7 +236,7 @@ class Interpreter:
                 moment.winners[wire.actuator] = output
 
     def _wiring(self, wiring: ir.Wiring, moment: Moment, node: tuple[str | int, ...]) -> str | None:
-        """The module whose output gets through `wiring`; None where nothing does: it is not active."""
+        """Return the module whose output gets through `wiring`; None if it is not active."""
         if isinstance(wiring, ir.Use):
             return moment.outputs[wiring.name]
         last = len(wiring.operands) - 1
@@ -255,7 +255,7 @@ class Interpreter:
         return inferior
 
     def _dominates(self, active: bool, window_ns: int, moment: Moment, node: tuple[str | int, ...]) -> bool:
-        """Whether the dominant side is active, or was less than the time constant ago."""
+        """Return True if the dominant side is active, or was less than the time constant ago."""
         if active:
             self._dominated[node] = moment.t_ns
         return active or (node in self._dominated and moment.t_ns - self._dominated[node] < window_ns)
@@ -263,7 +263,7 @@ class Interpreter:
     # --- what is sent ----------------------------------------------------------------------------
 
     def _limits(self) -> list[tuple[ir.Limit, float]]:
-        """The limits that apply in this frame with their bounds, in the order written."""
+        """Return the limits that apply in this frame with their bounds, in the order written."""
         applying = []
         for limit in self.program.limits:
             condition = True if limit.condition is None else self.value_of(limit.condition)
@@ -307,7 +307,7 @@ class Interpreter:
         limits: list[tuple[ir.Limit, float]],
         records: list[Record],
     ) -> ScalarValue:
-        """Field `i` of a command within its limits, then within its range; recorded where it was not."""
+        """Return field `i` of a command within its limits, then within its range; record changes."""
         field, lowered = actuator.fields[i], False
         for limit, bound in limits:
             if limit.field_index == i:
@@ -321,7 +321,7 @@ class Interpreter:
         return inside
 
     def _idle(self, actuator: ir.Actuator, winner: str | None, fault: str | None, moment: Moment) -> Decision:
-        """The idle command, which is neither limited nor clamped; nothing for `idle hold`."""
+        """Return the idle command, which is neither limited nor clamped; nothing for `idle hold`."""
         if actuator.idle is None:
             return Decision(actuator.name, winner, None, fault)
         moment.sent.update({(actuator.name, i): x for i, x in enumerate(actuator.idle)})
@@ -329,7 +329,7 @@ class Interpreter:
 
 
 def _memory_cells(program: ir.Program) -> list[tuple[ir.State | ir.Machine, ScalarValue]]:
-    """Every state and machine with what it holds at first."""
+    """Return every state and machine with its initial value."""
     cells: list[tuple[ir.State | ir.Machine, ScalarValue]] = []
     for derived in program.derived:
         match derived:

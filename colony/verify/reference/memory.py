@@ -22,7 +22,7 @@ _FUNCTION = re.compile(
 
 
 class Recalled(NamedTuple):
-    """Memory functions, when dominant sides were last active, and states, as an interpreter has them."""
+    """The memory of an interpreter: memory functions, last activities of dominant sides, and states."""
 
     functions: Memory
     dominated: dict[tuple[str | int, ...], int]
@@ -57,8 +57,10 @@ def recalled(program: ir.Program, memory: ProgramMemory, initial: dict[str, Scal
 
 
 def _remembered(call: e.MemoryCall, parts: Parts, first_ns: int) -> Any:
-    """What `expressions.remember` remembers of a call: None at first, and where nothing depends
-    on it, so that cells are left out."""
+    """Return the state that `expressions.remember` keeps of a call.
+
+    None at first, and where nothing depends on it, so that cells are left out.
+    """
     match call.function, parts:
         case _, {"started": False}:
             return None

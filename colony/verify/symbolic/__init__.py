@@ -1,1 +1,1 @@
-"""What a program means, as formulas for z3: one frame, from the memory before it to the memory after it."""
+"""The meaning of a program as formulas for z3: one frame, from the memory before it to that after it."""

@@ -50,7 +50,7 @@ from colony.verify.symbolic.numbers import (
 from colony.verify.symbolic.system import UNBOUNDED, Bounds, Inexact, Number, Operation, Reason
 
 FEW_WHOLES = 40
-"""Up to so many, whole numbers are told apart by comparisons; more are a constant of sort Int."""
+"""Maximum number of whole numbers that comparisons enumerate; more are a constant of sort Int."""
 
 ZERO = constant(0.0)
 
@@ -65,14 +65,14 @@ class Arithmetic:
     # --- sums ------------------------------------------------------------------------------------
 
     def add(self, x: Number, y: Number) -> Number:
-        """`x + y`."""
+        """Return `x + y`."""
         result = added(x, y)
         if result.cases or result is x or result is y or is_exact_whole(result.bounds):
             return result
         return self._rounds(result, "a sum", grows=not (_is_small(x) or _is_small(y)))
 
     def subtract(self, x: Number, y: Number) -> Number:
-        """`x - y`."""
+        """Return `x - y`."""
         if x.cases and y.cases:
             known = by_folding(lambda v, w: v - w, (x, y))
             if known is not None:
@@ -80,7 +80,7 @@ class Arithmetic:
         return self.add(x, negated(y))
 
     def _rounds(self, x: Number, what: str, grows: bool = True) -> Number:
-        """A number that the program rounds; `grows`: it may be beyond all floats though no operand is."""
+        """Return a number that the program rounds; `grows`: it may overflow though no operand does."""
         return self._blamed(x, Inexact.ROUNDING, f"{what}: reals in place of floats", grows)
 
     def _abstracted(self, x: Number, text: str, grows: bool = False) -> Number:
@@ -97,7 +97,7 @@ class Arithmetic:
     # --- products --------------------------------------------------------------------------------
 
     def multiply(self, x: Number, y: Number) -> Number:
-        """`x * y`."""
+        """Return `x * y`."""
         known = by_folding(lambda v, w: v * w, (x, y))
         if known is not None:
             return known
@@ -114,7 +114,7 @@ class Arithmetic:
         return result
 
     def _times(self, x: Number, factor: float) -> Number:
-        """`x` times a constant."""
+        """Return `x` times a constant."""
         if math.isnan(factor):
             return constant(math.nan)
         if factor == 0:
@@ -151,7 +151,7 @@ class Arithmetic:
     # --- quotients -------------------------------------------------------------------------------
 
     def divide(self, x: Number, y: Number) -> Number:
-        """`x / y`."""
+        """Return `x / y`."""
         known = by_folding(divide, (x, y))
         if known is not None:
             return known
@@ -160,7 +160,7 @@ class Arithmetic:
         return self._quotient(x, y)
 
     def _over(self, x: Number, divisor: float, loose_zero: bool) -> Number:
-        """`x` divided by a constant, of which a zero may have either sign."""
+        """Return `x` divided by a constant, of which a zero may have either sign."""
         if math.isnan(divisor):
             return constant(math.nan)
         if divisor == 0 and loose_zero:
@@ -196,7 +196,7 @@ class Arithmetic:
     # --- remainders ------------------------------------------------------------------------------
 
     def modulo(self, x: Number, y: Number) -> Number:
-        """`mod(x, y)`."""
+        """Return `mod(x, y)`."""
         known = by_folding(modulo, (x, y))
         if known is not None:
             return known
@@ -235,7 +235,7 @@ class Arithmetic:
         return result if same_side or is_exact_whole(bounds) else self._rounds(result, "`mod`", grows=False)
 
     def angle_difference(self, a: Number, b: Number) -> Number:
-        """How far `a` is from `b`, in degrees: above -180, up to 180."""
+        """Return the angle from `b` to `a` in degrees: above -180, up to 180."""
         turned = self.modulo(self.subtract(a, b), constant(360.0))
         if turned.cases:
             known = by_folding(lambda d: d - 360.0 if d > 180.0 else d, (turned,))
@@ -248,17 +248,19 @@ class Arithmetic:
     # --- whole numbers ---------------------------------------------------------------------------
 
     def floor(self, x: Number) -> Number:
+        """Return the greatest whole number that is not above `x`."""
         return self._whole(x, Function.FLOOR, self.floor_of)
 
     def ceil(self, x: Number) -> Number:
+        """Return the least whole number that is not below `x`."""
         return self._whole(x, Function.CEIL, lambda v: negated(self.floor_of(negated(v))))
 
     def round(self, x: Number) -> Number:
-        """The nearest whole number, halves to even."""
+        """Return the nearest whole number, halves to even."""
         return self._whole(x, Function.ROUND, self.round_of)
 
     def _whole(self, x: Number, function: Function, of: Callable[[Number], Number]) -> Number:
-        """NaN and infinities stay."""
+        """Return a rounded number; NaN and infinities stay."""
         known = by_folding(lambda v: of_one(function, v), (x,))
         if known is not None:
             return known
@@ -271,7 +273,7 @@ class Arithmetic:
         return Number(value, x.nan, x.infinite, replace(rounded.bounds, whole=False))
 
     def floor_of(self, x: Number) -> Number:
-        """The floor of a finite number; few are told apart by comparisons, which is quicker to solve."""
+        """Return the floor of a finite number; comparisons enumerate a few values, which solves faster."""
         if x.bounds.whole:
             return x
         low, high = bounding.floors(x.bounds)
@@ -284,7 +286,7 @@ class Arithmetic:
         return of_whole(term, _whole_bounds(low, high))
 
     def round_of(self, x: Number) -> Number:
-        """The nearest whole number to a finite one, halves to even."""
+        """Return the nearest whole number to a finite one, halves to even."""
         if x.bounds.whole:
             return x
         low, high = bounding.rounds(x.bounds)
@@ -301,7 +303,7 @@ class Arithmetic:
         return of_whole(term, _whole_bounds(low, high))
 
     def _steps(self, low: int, high: int, reaches: Callable[[int], z3.BoolRef]) -> Number:
-        """The greatest n of low .. high that is reached, by cases."""
+        """Return the greatest n of low .. high that is reached, by cases."""
         steps = [reaches(n) for n in range(low + 1, high + 1)]
         cases = []
         for i in range(high - low + 1):
@@ -313,7 +315,7 @@ class Arithmetic:
     # --- functions of one number -----------------------------------------------------------------
 
     def absolute(self, x: Number) -> Number:
-        """`abs(x)`, exactly."""
+        """Return `abs(x)`, exactly."""
         known = by_folding(abs, (x,))
         if known is not None:
             return known
@@ -324,7 +326,7 @@ class Arithmetic:
         return replace(result, bounds=Bounds(bottom, top, x.bounds.whole))
 
     def sign(self, x: Number) -> Number:
-        """-1, 0 or 1; NaN of NaN."""
+        """Return -1, 0 or 1; NaN of NaN."""
         known = by_folding(lambda v: of_one(Function.SIGN, v), (x,))
         if known is not None:
             return known
@@ -334,7 +336,7 @@ class Arithmetic:
         return by_cases(((math.nan, x.nan), (1.0, up), (-1.0, down), (0.0, zero)))
 
     def square_root(self, x: Number) -> Number:
-        """`sqrt(x)`; NaN below 0."""
+        """Return `sqrt(x)`; NaN below 0."""
         known = by_folding(lambda v: of_one(Function.SQRT, v), (x,))
         if known is not None:
             return known
@@ -346,7 +348,7 @@ class Arithmetic:
         return self._abstracted(Number(term, nan, x.infinite, bounds), "`sqrt`: only bounds are known")
 
     def sine(self, x: Number, function: Function) -> Number:
-        """`sin(x)` or `cos(x)`; NaN of an infinity."""
+        """Return `sin(x)` or `cos(x)`; NaN of an infinity."""
         known = by_folding(lambda v: of_one(function, v), (x,))
         if known is not None:
             return known
@@ -359,7 +361,7 @@ class Arithmetic:
         return self._abstracted(Number(term, either(x.nan, x.infinite), FALSE, bounds), text)
 
     def arc_tangent(self, y: Number, x: Number) -> Number:
-        """`atan2(y, x)` in degrees."""
+        """Return `atan2(y, x)` in degrees."""
         known = by_folding(lambda v, w: math.degrees(math.atan2(v, w)), (y, x))
         if known is not None:
             return known
@@ -373,7 +375,7 @@ class Arithmetic:
         return self._abstracted(Number(term, nan, FALSE, bounds), text)
 
     def clamp(self, x: Number, low: Number, high: Number) -> Number:
-        """`min(max(x, low), high)`."""
+        """Return `min(max(x, low), high)`."""
         return least((greatest((x, low)), high))
 
 
@@ -381,7 +383,7 @@ class Arithmetic:
 
 
 def _is_small(x: Number) -> bool:
-    """Whether a finite float plus `x` is never beyond all floats."""
+    """Return True if a finite float plus `x` is never beyond all floats."""
     low, high = x.bounds.low, x.bounds.high
     return low is not None and high is not None and max(-low, high) < _SMALL
 
@@ -396,19 +398,19 @@ def _infinite_times_zero(x: Number, y: Number) -> z3.BoolRef:
 
 
 def finite_or_infinite(x: Number) -> z3.BoolRef:
-    """Not NaN."""
+    """Return the condition that `x` is not NaN."""
     return negation(x.nan)
 
 
 def _or_nan(nan: z3.BoolRef, x: Number) -> Number:
-    """`x`, or NaN."""
+    """Return `x`, or NaN."""
     if is_false(nan):
         return x
     return select_number(nan, constant(math.nan), x) if x.cases else replace(x, nan=either(nan, x.nan))
 
 
 def scaled_or_cases(x: Number, factor: Fraction) -> Number:
-    """`x` times a real; case by case in exact reals, which are not floats any more."""
+    """Return `x` times a real; case by case in exact reals, which are not floats any more."""
     whole = whole_of(x)
     if whole is None:
         return scaled(x, factor)
@@ -416,11 +418,12 @@ def scaled_or_cases(x: Number, factor: Fraction) -> Number:
 
 
 def integer_value(n: int) -> z3.ArithRef:
+    """Return the term of an integer."""
     return real(n)
 
 
 def _reaches(x: z3.ArithRef, n: int) -> z3.BoolRef:
-    """Whether a real rounds to `n` or more, halves to even."""
+    """Return the condition that a real rounds to `n` or more, halves to even."""
     half = real(Fraction(2 * n - 1, 2))
     return cast(z3.BoolRef, x >= half if n % 2 == 0 else x > half)
 

@@ -1,4 +1,4 @@
-"""What is known of operations that are not linear: intervals, signs, and linear bounds.
+"""Facts about operations that are not linear: intervals, signs, and linear bounds.
 
 Every formula is true of the real result, whatever the operands are within their bounds; so it can be assumed,
 and never leaves a frame without a model. It is also true of the float that the program computes, unless it is
@@ -25,12 +25,12 @@ _FLOATS = Fraction(2**1023)
 
 
 def within_floats(x: Bounds) -> bool:
-    """Whether no number within is beyond all floats."""
+    """Return True if no number within the bounds is beyond all floats."""
     return x.low is not None and x.high is not None and x.low >= -_FLOATS and x.high <= _FLOATS
 
 
 def of_floats(x: Bounds) -> Bounds:
-    """Of what a number within `x` is rounded to; no end where that may be an infinity."""
+    """Return the bounds of a number within `x` after rounding; no end where that may be an infinity."""
     low = None if x.low is None or x.low < -_FLOATS else _nearest(x.low)
     high = None if x.high is None or x.high > _FLOATS else _nearest(x.high)
     return Bounds(low, high, x.whole)
@@ -41,7 +41,7 @@ def _nearest(x: Fraction) -> Fraction:
 
 
 def rounded(x: Bounds) -> Bounds:
-    """Of a number within `x`, and of what it is rounded to."""
+    """Return bounds that hold for a number within `x` before and after rounding."""
     floats = of_floats(x)
     low = None if floats.low is None or x.low is None else min(x.low, floats.low)
     high = None if floats.high is None or x.high is None else max(x.high, floats.high)
@@ -49,7 +49,7 @@ def rounded(x: Bounds) -> Bounds:
 
 
 def product(x: Bounds, y: Bounds) -> Bounds:
-    """Of a product."""
+    """Return the bounds of a product."""
     if None in (x.low, x.high, y.low, y.high):
         positive = _at_least_zero(x) and _at_least_zero(y)
         return Bounds(Fraction(0) if positive else None, None)
@@ -68,7 +68,7 @@ def _ends(x: Bounds) -> tuple[Fraction, Fraction]:
 
 
 def quotient(x: Bounds, y: Bounds) -> Bounds:
-    """Of a quotient by finite numbers; nothing where they may be 0."""
+    """Return the bounds of a quotient by finite numbers; no bounds where they may be 0."""
     if y.low is not None and y.low > 0:
         inverse = Bounds(Fraction(0) if y.high is None else 1 / y.high, 1 / y.low)
     elif y.high is not None and y.high < 0:
@@ -79,25 +79,25 @@ def quotient(x: Bounds, y: Bounds) -> Bounds:
 
 
 def modulo(y: Bounds) -> Bounds:
-    """Of a remainder by `y`: between 0 and it."""
+    """Return the bounds of a remainder by `y`: between 0 and `y`."""
     low = None if y.low is None else min(y.low, Fraction(0))
     high = None if y.high is None else max(y.high, Fraction(0))
     return Bounds(low, high)
 
 
 def square_root(x: Bounds) -> Bounds:
-    """Of a square root, roughly."""
+    """Return rough bounds of a square root."""
     high = None if x.high is None else _root_above(x.high)
     return Bounds(Fraction(0), high)
 
 
 def _root_above(x: Fraction) -> Fraction:
-    """A float that is at least the root, rounded as it may be."""
+    """Return a float that is at least the root, rounded as it may be."""
     return Fraction(math.nextafter(math.sqrt(float(max(x, Fraction(0)))), math.inf)) if x < 10**300 else x
 
 
 def arc_tangent(y: Number, x: Number) -> Bounds:
-    """Of `atan2(y, x)`; the sign of `y` bounds it, but -0.0 may count as below 0."""
+    """Return the bounds of `atan2(y, x)` from the sign of `y`; -0.0 may count as below 0."""
     half = 90 if x.bounds.low is not None and x.bounds.low > 0 else 180
     low = 0 if y.bounds.low is not None and y.bounds.low > 0 else -half
     high = 0 if y.bounds.high is not None and y.bounds.high < 0 else half
@@ -105,7 +105,7 @@ def arc_tangent(y: Number, x: Number) -> Bounds:
 
 
 def floors(x: Bounds) -> tuple[int | None, int | None]:
-    """Of the floor."""
+    """Return the bounds of the floor."""
     return (
         None if x.low is None else math.floor(x.low),
         None if x.high is None else math.floor(x.high),
@@ -113,7 +113,7 @@ def floors(x: Bounds) -> tuple[int | None, int | None]:
 
 
 def rounds(x: Bounds) -> tuple[int | None, int | None]:
-    """Of the nearest whole number, halves to even."""
+    """Return the bounds of the nearest whole number, halves to even."""
     return None if x.low is None else round(x.low), None if x.high is None else round(x.high)
 
 
@@ -121,7 +121,7 @@ def rounds(x: Bounds) -> tuple[int | None, int | None]:
 
 
 def between(term: z3.ArithRef, bounds: Bounds) -> Iterator[z3.BoolRef]:
-    """That a term is within bounds."""
+    """Yield the conditions that a term is within bounds."""
     if bounds.low is not None:
         yield cast(z3.BoolRef, term >= real(bounds.low))
     if bounds.high is not None:
@@ -129,7 +129,7 @@ def between(term: z3.ArithRef, bounds: Bounds) -> Iterator[z3.BoolRef]:
 
 
 def within(x: Number, bounds: Bounds) -> z3.BoolRef:
-    """`x`, where it is finite, is within `bounds`."""
+    """Return the condition that `x`, where it is finite, is within `bounds`."""
     inside = all_of(between(x.value, bounds))
     return inside if always_finite(x) else implied(finite(x), inside)
 
@@ -139,7 +139,7 @@ def _zero(x: Number) -> z3.BoolRef:
 
 
 def _sign_rules(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """The sign of a product or quotient; that of small ones may round to 0."""
+    """Yield the sign of a product or quotient; small ones may round to 0."""
     like = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
     unlike = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
     yield implied(like, cast(z3.BoolRef, p >= 0))
@@ -147,7 +147,7 @@ def _sign_rules(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
 
 
 def of_product(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator[Known]:
-    """The sign of a product, 0 times anything, and linear bounds."""
+    """Yield the sign of a product, 0 times anything, and linear bounds."""
     both_finite = both(finite(x), finite(y))
     known = [*_sign_rules(p, x, y), implied(either(_zero(x), _zero(y)), cast(z3.BoolRef, p == 0))]
     for formula in (*known, *between(p, rounded(bounds))):
@@ -160,7 +160,7 @@ def of_product(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator
 
 
 def _infinite_sign(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """A result that is infinite has the sign of its operands."""
+    """Yield the conditions that an infinite result has the sign of its operands."""
     infinite = either(x.infinite, y.infinite)
     like = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
     unlike = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
@@ -169,7 +169,7 @@ def _infinite_sign(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]
 
 
 def _envelope(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """McCormick's linear bounds of a product, from each pair of ends."""
+    """Yield McCormick's linear bounds of a product, from each pair of ends."""
     v, w, a, b = x.value, y.value, x.bounds, y.bounds
     for s, t, below in (
         (a.low, b.low, True),
@@ -185,7 +185,7 @@ def _envelope(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
 def of_quotient(
     q: z3.ArithRef, x: Number, y: Number, by_zero: z3.BoolRef, nan: z3.BoolRef, bounds: Bounds, precise: bool
 ) -> Iterator[Known]:
-    """The sign of a quotient and its bounds; by zero it is infinite with either sign."""
+    """Yield the sign of a quotient and its bounds; by zero it is infinite with either sign."""
     usual = all_of((finite(x), finite(y), negation(by_zero)))
     known = [*_sign_rules(q, x, y), implied(_zero(x), cast(z3.BoolRef, q == 0))]
     for formula in (*known, *between(q, rounded(bounds))):
@@ -204,7 +204,7 @@ def of_quotient(
 
 
 def _linear_quotient(q: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """Where the divisor is above 0, the quotient is between the dividend over each of its ends."""
+    """Yield linear bounds of a quotient: for a divisor above 0 it is between the dividend over its ends."""
     low, high = y.bounds.low, y.bounds.high
     if low is None or low <= 0:
         return
@@ -219,7 +219,7 @@ def _linear_quotient(q: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRe
 
 
 def of_modulo(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator[Known]:
-    """A remainder is between 0 and the divisor; by an infinity it is the dividend, or that infinity."""
+    """Yield that a remainder is between 0 and the divisor; by an infinity it is the dividend or infinite."""
     there = negation(nan)
     usual = both(there, negation(y.infinite))
     yield implied(both(usual, positive_value(y)), all_of(map(_bool, (r >= 0, r <= y.value)))), False
@@ -232,7 +232,7 @@ def of_modulo(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator
 
 
 def choose_sign(r: z3.ArithRef, y: Number) -> z3.BoolRef:
-    """`r` has the sign of `y`."""
+    """Return the condition that `r` has the sign of `y`."""
     return any_of((both(positive_value(y), _bool(r > 0)), both(negative_value(y), _bool(r < 0))))
 
 
@@ -241,7 +241,7 @@ def _bool(formula: object) -> z3.BoolRef:
 
 
 def of_square_root(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[Known]:
-    """A root is at least 0, and between 1 and its square."""
+    """Yield that a root is at least 0, and between 1 and its square."""
     there = negation(nan)
     yield implied(there, _bool(r >= 0)), False
     yield implied(both(there, _bool(x.value > 0)), _bool(r > 0)), False
@@ -254,7 +254,7 @@ def of_square_root(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[Known
 
 
 def of_arc_tangent(r: z3.ArithRef, y: Number, x: Number) -> Iterator[z3.BoolRef]:
-    """The quadrant of an angle, and the half of it; the sign of zero is not known."""
+    """Yield the quadrant of an angle, and the half of it; the sign of zero is not known."""
     yield all_of(map(_bool, (r >= -180, r <= 180)))
     yield implied(positive_value(y), _bool(r >= 0))
     yield implied(negative_value(y), _bool(r <= 0))

@@ -1,4 +1,4 @@
-"""What grows while a program is encoded: constants, what is known of them, memory, and reasons."""
+"""State of the encoding of a program: constants and facts about them, memory, and reasons."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Made = TypeVar("Made")
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """What a number in memory may be, found by going round until nothing is added."""
+    """The possible values of a number in memory, found by iterating until nothing is added."""
 
     nan: bool
     infinite: bool
@@ -39,7 +39,7 @@ class Shape:
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Builder:
-    """Mutable: collects the parts of a `System`. Terms are kept alive, so that their ids stay theirs."""
+    """A collector of the parts of a `System`. Mutable. Keeps terms alive, so that their ids stay unique."""
 
     precise: bool
     shapes: Mapping[str, Shape]  # of memory, by name, as far as known
@@ -54,23 +54,23 @@ class Builder:
     _opened: dict[str, int] = field(default_factory=dict)  # cells by name, of which the next is not known yet
 
     def name(self, hint: str) -> str:
-        """A name that no other constant of this program has."""
+        """Return a name that no other constant of this program has."""
         count = self._names[hint] = self._names.get(hint, 0) + 1
         return hint if count == 1 else f"{hint}#{count}"
 
     def once(self, key: tuple[Any, ...], make: Callable[[], Made]) -> Made:
-        """What `make` made when `key` came first."""
+        """Return the result of `make`, which is called only the first time for each `key`."""
         if key not in self._made:
             self._made[key] = make()
         return cast(Made, self._made[key])
 
     def keep(self, *terms: z3.ExprRef) -> tuple[int, ...]:
-        """The ids of terms, which now are no others'."""
+        """Return the ids of terms and keep the terms alive, so that no other term gets these ids."""
         self.kept.extend(terms)
         return tuple(x.get_id() for x in terms)
 
     def key(self, *scalars: Scalar) -> tuple[int, ...]:
-        """What tells scalars apart: the ids of their terms."""
+        """Return a key that identifies scalars: the ids of their terms."""
         return tuple(i for x in scalars for i in self._key(x))
 
     def _key(self, x: Scalar) -> tuple[int, ...]:
@@ -79,12 +79,15 @@ class Builder:
     # --- facts -----------------------------------------------------------------------------------
 
     def assume(self, about: z3.ExprRef, formula: z3.BoolRef, of_reals: bool = False) -> None:
+        """Assume a formula about a term; `of_reals`: only reals meet it."""
         self._add(Fact(FactKind.ASSUMPTION, about, formula, of_reals))
 
     def define(self, about: z3.ExprRef, formula: z3.BoolRef) -> None:
+        """Define a term by a formula."""
         self._add(Fact(FactKind.DEFINITION, about, formula))
 
     def invariant(self, about: z3.ExprRef, formula: z3.BoolRef) -> None:
+        """State an invariant of a term."""
         self._add(Fact(FactKind.INVARIANT, about, formula))
 
     def _add(self, fact: Fact) -> None:
@@ -94,7 +97,7 @@ class Builder:
     def auxiliary(
         self, operation: Operation, operands: tuple[Number, ...], sort: z3.SortRef
     ) -> tuple[z3.ArithRef, bool]:
-        """The constant for this operation of these operands, and whether it is new."""
+        """Return the constant for this operation of these operands, and whether it is new."""
         key = (operation, self.key(*operands))
         new = key not in self._made
 
@@ -106,7 +109,7 @@ class Builder:
         return self.once(key, make), new
 
     def overflow(self, x: Number, span: Span) -> z3.BoolRef:
-        """Whether the program's float is infinite where the real `x` is not: never, of reals."""
+        """Return the condition that the program's float is infinite, the real `x` not: never, of reals."""
         constant, new = self.auxiliary(Operation.OVERFLOW, (x,), z3.BoolSort())
         beyond = cast(z3.BoolRef, constant)
         if new:
@@ -115,7 +118,7 @@ class Builder:
         return beyond
 
     def named(self, x: Scalar, hint: str) -> Scalar:
-        """`x` with a constant in place of its value where that is a larger term."""
+        """Return `x` with a constant in place of its value where that is a larger term."""
         if not isinstance(x, Number) or x.cases or x.value.num_args() == 0:
             return x
         if x.whole is not None:
@@ -152,7 +155,7 @@ class Builder:
     # --- memory ----------------------------------------------------------------------------------
 
     def open_cell(self, name: str, sort: z3.SortRef, initial: z3.ExprRef) -> z3.ExprRef:
-        """The old value of new memory; to be closed."""
+        """Return the old value of new memory; to be closed."""
         old = z3.Const(name, sort)
         self._opened[name] = len(self.cells)
         self.cells.append(Cell(name=name, old=old, next=old, initial=initial))

@@ -23,13 +23,13 @@ from colony.verify.symbolic.system import UNBOUNDED, Bounds, Case, Number
 Result = TypeVar("Result", float, bool)
 
 MOST_CASES = 64
-"""Of how many floats a number is known to be one, at most."""
+"""Maximum number of floats that a number with known cases may be."""
 
 GREATEST = Fraction(sys.float_info.max)
 
 
 def constant(x: float) -> Number:
-    """The float `x`."""
+    """Return the float `x`."""
     cases = ((x, TRUE),)
     if math.isnan(x):
         return Number(real(0), TRUE, FALSE, cases=cases)
@@ -42,7 +42,7 @@ def constant(x: float) -> Number:
 
 
 def constant_of(x: Number) -> float | None:
-    """The float that `x` is, where it is a constant."""
+    """Return the float that `x` is, where it is a constant."""
     return x.cases[0][0] if len(x.cases) == 1 else None
 
 
@@ -51,7 +51,7 @@ ANY_ZERO = Number(real(0), FALSE, FALSE, Bounds(Fraction(0), Fraction(0), True),
 
 
 def by_cases(cases: Iterable[Case], loose_zero: bool = False) -> Number:
-    """The number that is each float where its condition holds; exactly one of the conditions does.
+    """Return the number that is each float where its condition holds; exactly one of the conditions does.
 
     `loose_zero`: the one that is 0 may be -0.0 as well.
     """
@@ -73,7 +73,7 @@ def by_cases(cases: Iterable[Case], loose_zero: bool = False) -> Number:
 
 
 def with_cases(value: z3.ArithRef, cases: tuple[Case, ...]) -> Number:
-    """The number `value` of which the cases are known."""
+    """Return the number `value` with known cases."""
     nan = any_of(c for x, c in cases if math.isnan(x))
     infinite = any_of(c for x, c in cases if math.isinf(x))
     known = [constant(x).bounds for x, _ in cases if not math.isnan(x)]
@@ -89,7 +89,7 @@ def _float_of(key: tuple[float, float] | None) -> float:
 
 
 def whole_of(x: Number) -> z3.ArithRef | None:
-    """`x` as a term of sort Int, where it is whole; of an infinity, its sign."""
+    """Return `x` as a term of sort Int, where it is whole; for an infinity, its sign."""
     if x.whole is not None or not x.cases:
         return x.whole
     signs = [(v if math.isfinite(v) else math.copysign(1.0, v), c) for v, c in x.cases if not math.isnan(v)]
@@ -105,15 +105,15 @@ def whole_of(x: Number) -> z3.ArithRef | None:
 
 
 def folded(of: Callable[..., Result], operands: Sequence[Number]) -> list[tuple[Result, z3.BoolRef]]:
-    """What a function gives in each combination of cases; empty where there are too many.
+    """Return a function's result in each combination of cases; empty where there are too many.
 
-    The function must not tell the zeros apart.
+    The function must not distinguish the two zeros.
     """
     return [(of(*values), condition) for values, condition in _combinations(operands)]
 
 
 def by_folding(of: Callable[..., float], operands: Sequence[Number]) -> Number | None:
-    """A function of numbers, each of which can be only a few floats, bit for bit; None of others."""
+    """Apply a function bit for bit to numbers that can be only a few floats each; None for others."""
     cases: list[Case] = []
     loose = [x.loose_zero for x in operands]
     loose_zero = False
@@ -129,7 +129,7 @@ def by_folding(of: Callable[..., float], operands: Sequence[Number]) -> Number |
 
 
 def _combinations(operands: Sequence[Number]) -> list[tuple[tuple[float, ...], z3.BoolRef]]:
-    """All combinations of cases, and when each applies; none where they are too many."""
+    """Return all combinations of cases with their conditions; none where they are too many."""
     if not 0 < math.prod(len(x.cases) for x in operands) <= MOST_CASES:
         return []
     rows = product(*(x.cases for x in operands))
@@ -137,7 +137,7 @@ def _combinations(operands: Sequence[Number]) -> list[tuple[tuple[float, ...], z
 
 
 def hull(x: Bounds, y: Bounds) -> Bounds:
-    """What is known of a number that is one or the other."""
+    """Return bounds of a number that is within `x` or within `y`."""
     low = None if x.low is None or y.low is None else min(x.low, y.low)
     high = None if x.high is None or y.high is None else max(x.high, y.high)
     return Bounds(low, high, x.whole and y.whole)

@@ -1,4 +1,4 @@
-"""What a formula depends on, transitively: through definitions, and through memory to the frames before."""
+"""The cone of a formula: its dependencies through definitions, and through memory on earlier frames."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Cone:
 
 
 def cone(system: System, terms: Iterable[z3.ExprRef]) -> Cone:
-    """The cone of influence of `terms`: the least part of `system` that they depend on."""
+    """Return the cone of influence of `terms`: the least part of `system` that they depend on."""
     graph = system.graph
     cells = {c.old.get_id(): c for c in system.cells}
     met: set[int] = set()
@@ -63,7 +63,7 @@ def cone(system: System, terms: Iterable[z3.ExprRef]) -> Cone:
 
 
 def whole_cone(system: System) -> Cone:
-    """All of a system as a cone, inputs on which nothing depends among it."""
+    """Return all of a system as a cone, including unused inputs."""
     everything: list[z3.ExprRef] = [system.now, *(c.old for c in system.cells)]
     everything += [*system.assumptions, *system.definitions]
     for sensor in system.sensors.values():

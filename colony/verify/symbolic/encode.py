@@ -78,7 +78,7 @@ def _claim(contract: Contract, builder: Builder, moment: Moment) -> Claim:
 
 
 def by_constant(facts: Sequence[Fact]) -> dict[int, tuple[Fact, ...]]:
-    """Facts by the id of what they are about."""
+    """Group facts by the id of their subject."""
     found: dict[int, list[Fact]] = {}
     for fact in facts:
         found.setdefault(fact.about.get_id(), []).append(fact)
@@ -86,6 +86,6 @@ def by_constant(facts: Sequence[Fact]) -> dict[int, tuple[Fact, ...]]:
 
 
 def with_reasons(system: System) -> System:
-    """`system`, with what each claim depends on that is inexact."""
+    """Return `system` with the inexact terms that each claim depends on."""
     claims = (replace(c, inexact=reasons_of(system, c.speaks, c.holds)) for c in system.claims)
     return replace(system, claims=tuple(claims))

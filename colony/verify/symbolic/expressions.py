@@ -31,7 +31,7 @@ Loop = tuple[tuple[str, int], ...]
 
 @dataclass(frozen=True, slots=True)
 class Positions:
-    """What an index means: whether it is finite, and for each element of the array whether it is that."""
+    """The meaning of an index: the condition that it is finite, and for each element that it is meant."""
 
     there: z3.BoolRef
     at: tuple[z3.BoolRef, ...]
@@ -42,12 +42,12 @@ def _positions(there: z3.BoolRef, at: Sequence[z3.BoolRef]) -> Positions:
 
 
 def lifted(value: ScalarValue) -> Scalar:
-    """A constant of the language."""
+    """Return a constant of the language."""
     return truth(value) if isinstance(value, bool) else constant(value)
 
 
 def each(of: Callable[..., Scalar], *operands: Term) -> Term:
-    """`of` the operands, element by element where one is an array; a scalar stands for all elements."""
+    """Apply `of` element by element where an operand is an array; a scalar stands for all elements."""
     sizes = [len(x) for x in operands if isinstance(x, tuple)]
     if not sizes:
         return of(*operands)
@@ -55,11 +55,13 @@ def each(of: Callable[..., Scalar], *operands: Term) -> Term:
 
 
 def scalar(value: Term) -> Scalar:
+    """Return a term that is a scalar."""
     assert not isinstance(value, tuple)
     return value
 
 
 def elements(value: Term) -> tuple[Scalar, ...]:
+    """Return the elements of an array's term."""
     assert isinstance(value, tuple)
     return value
 
@@ -79,16 +81,19 @@ class Expressions:
     loop: Loop = ()
 
     def scalar(self, e: ir.Expression) -> Scalar:
+        """Return the term of a scalar expression."""
         return scalar(self.value(e))
 
     def number(self, e: ir.Expression) -> Number:
+        """Return the term of a number."""
         return number(self.scalar(e))
 
     def boolean(self, e: ir.Expression) -> z3.BoolRef:
+        """Return the term of a condition."""
         return boolean(self.scalar(e))
 
     def value(self, e: ir.Expression) -> Term:
-        """The value of `e`, for which nothing is missing where it matters."""
+        """Return the value of `e`, for which nothing is missing where it matters."""
         arithmetic = Arithmetic(self.builder, e.span)
         match e:
             case ir.UnaryOperation(operator=operator, operand=operand):
@@ -175,7 +180,7 @@ class Expressions:
                 return tuple(_element(array, positions, j) for j in range(-reach, reach + 1))
 
     def _positions(self, index: ir.Expression, size: int) -> Positions:
-        """Which element of an array an index means."""
+        """Return the conditions under which an index means each element of an array."""
         x = self.number(index)
         builder = self.builder
         return builder.once(("positions", builder.key(x), size), lambda: self._found(x, index, size))
@@ -209,7 +214,7 @@ class Expressions:
         return each(lambda *x: function(e.function, x, arithmetic), *values)
 
     def _index_function(self, of: ir.Function, e: ir.Expression) -> Number:
-        """The index of the least or greatest; of a slice or window, its index in the whole array."""
+        """Return the index of the least or greatest; of a slice or window, its index in the whole array."""
         match e:
             case ir.Slice(indices=indices):
                 values, names = elements(self.value(e)), [constant(float(i)) for i in indices]
@@ -236,7 +241,7 @@ def _within(x: Scalar, low: Scalar, high: Scalar) -> z3.BoolRef:
 
 
 def _filled(value: Term, e: ir.Expression) -> Term:
-    """`value`, repeated where `e` is an array and the value a scalar."""
+    """Return `value`, repeated where `e` is an array and the value a scalar."""
     if isinstance(e.type, Array) and not isinstance(value, tuple):
         return (value,) * e.type.size
     return value
@@ -248,7 +253,7 @@ def _size(e: ir.Expression) -> int:
 
 
 def _element(array: Sequence[Scalar], positions: Positions, offset: int) -> Scalar:
-    """The element `offset` after the position; NaN or false where there is none."""
+    """Return the element `offset` after the position; NaN or false where there is none."""
     none: Scalar = constant(math.nan) if isinstance(array[0], Number) else FALSE
     result: Scalar | None = None
     for k, here in enumerate(positions.at):
@@ -259,7 +264,7 @@ def _element(array: Sequence[Scalar], positions: Positions, offset: int) -> Scal
 
 
 def _index_at(positions: Positions, offset: int) -> Number:
-    """The index `offset` after the position; NaN where there is none."""
+    """Return the index `offset` after the position; NaN where there is none."""
     size = len(positions.at)
     cases = [(float((k + offset) % size), here) for k, here in enumerate(positions.at)]
     return by_cases([*cases, (math.nan, negation(positions.there))])

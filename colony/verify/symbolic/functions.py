@@ -31,17 +31,19 @@ Taken = tuple[Scalar, z3.BoolRef]
 
 
 def number(x: Scalar) -> Number:
+    """Return a scalar that is a number."""
     assert isinstance(x, Number)
     return x
 
 
 def boolean(x: Scalar) -> z3.BoolRef:
+    """Return a scalar that is a condition."""
     assert not isinstance(x, Number)
     return x
 
 
 def unary(operator: Unary, x: Scalar) -> Scalar:
-    """`-x`, `not x`."""
+    """Return `-x`, `not x`."""
     match operator:
         case Unary.NEGATE:
             return negated(number(x))
@@ -52,7 +54,7 @@ def unary(operator: Unary, x: Scalar) -> Scalar:
 
 
 def binary(operator: Binary, x: Scalar, y: Scalar, arithmetic: Arithmetic) -> Scalar:
-    """`x operator y`."""
+    """Return `x operator y`."""
     match operator:
         case Binary.ADD:
             return arithmetic.add(number(x), number(y))
@@ -67,7 +69,7 @@ def binary(operator: Binary, x: Scalar, y: Scalar, arithmetic: Arithmetic) -> Sc
 
 
 def relation(operator: Binary, x: Scalar, y: Scalar) -> z3.BoolRef:
-    """An operator that gives a truth."""
+    """Return the result of an operator that gives a truth value."""
     match operator:
         case Binary.LESS:
             return compared(number(x), number(y), "<")
@@ -96,7 +98,7 @@ def _equal(x: Scalar, y: Scalar) -> z3.BoolRef:
 
 
 def function(of: Function, x: Sequence[Scalar], arithmetic: Arithmetic) -> Scalar:
-    """A function of the values `x`: all that are reduced, or the arguments in order."""
+    """Return a function of the values `x`: all that are reduced, or the arguments in order."""
     match of:
         case Function.CLAMP:
             return arithmetic.clamp(number(x[0]), number(x[1]), number(x[2]))
@@ -138,7 +140,7 @@ def _of_one(of: Function, x: Number, arithmetic: Arithmetic) -> Number:
 
 
 def reduction(of: Function, taken: Sequence[Taken], arithmetic: Arithmetic) -> Scalar:
-    """A function of those values that are taken."""
+    """Return a function of the values that are taken."""
     there = [(x, taken_) for x, taken_ in taken if not is_false(taken_)]
     match of:
         case Function.ANY:
@@ -159,7 +161,7 @@ def reduction(of: Function, taken: Sequence[Taken], arithmetic: Arithmetic) -> S
 
 
 def count(truths: Sequence[z3.BoolRef], arithmetic: Arithmetic) -> Number:
-    """How many are true, by cases as long as they are few."""
+    """Return the number of true conditions, by cases as long as they are few."""
     total = constant(0.0)
     for b in truths:
         total = arithmetic.add(total, by_cases(((1.0, b), (0.0, negation(b)))))
@@ -167,7 +169,7 @@ def count(truths: Sequence[z3.BoolRef], arithmetic: Arithmetic) -> Number:
 
 
 def _total(taken: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -> Number:
-    """The sum from the left, beginning with the first (so that -0.0 alone stays); 0 of nothing."""
+    """Return the sum from the left, beginning with the first (so that -0.0 alone stays); 0 of nothing."""
     total = constant(-0.0)  # adds nothing to any number, -0.0 included
     for i, (x, condition) in enumerate(taken):
         added = x if i == 0 else arithmetic.add(total, x)
@@ -178,7 +180,7 @@ def _total(taken: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -
 
 
 def _best(of: Function, taken: Sequence[tuple[Number, z3.BoolRef]]) -> Number:
-    """The least or greatest; NaN if any is NaN, or there is none."""
+    """Return the least or greatest; NaN if any is NaN, or there is none."""
     choose = least if of is Function.MIN else greatest
     best, some = constant(math.nan), FALSE
     for x, condition in taken:
@@ -189,7 +191,7 @@ def _best(of: Function, taken: Sequence[tuple[Number, z3.BoolRef]]) -> Number:
 
 
 def index_of(of: Function, values: Sequence[Number], indices: Sequence[Number]) -> Number:
-    """The index that belongs to the first of the least or greatest; NaN loses to any number."""
+    """Return the index that belongs to the first of the least or greatest; NaN loses to any number."""
     best, index = values[0], indices[0]
     for x, i in zip(values[1:], indices[1:], strict=True):
         beats = compared(x, best, "<") if of is Function.INDEX_OF_MIN else compared(best, x, "<")

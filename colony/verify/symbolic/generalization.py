@@ -1,10 +1,10 @@
-"""A system in which whatever is inexact may be anything near: what is proved of it holds bit for bit.
+"""A system in which each inexact term may be any nearby value: proofs about it hold bit for bit.
 
-A float that the program rounds is a real within known bounds, but which one the reals do not tell. So each
-inexact term becomes a constant of its own, free within bounds that rounding does not leave (it is monotone);
-equal terms become the same one, since the program computes them alike. Facts that only reals meet are left
-out, and a number may overflow where it may be beyond all floats. All runs of the program, in floats, are runs
-of what comes out; so is much else, and a counterexample in it means nothing.
+A float that the program rounds is a real within known bounds, but the reals do not determine which one. So
+each inexact term becomes a constant of its own, free within bounds that rounding does not leave (it is
+monotone); equal terms become the same one, since the program computes them alike. Facts that only reals meet
+are left out, and a number may overflow where it may be beyond all floats. All runs of the program, in floats,
+are runs of the result; so is much else, and a counterexample in it means nothing.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from colony.verify.symbolic.system import (
 )
 
 BEYOND = 2**1023
-"""Only what is at least this large can be rounded to an infinity."""
+"""The least number that can be rounded to an infinity."""
 
 
 def generalized(system: System) -> System:
-    """`system`, made so general that its claims, where they are valid, hold bit for bit in floats.
+    """Return `system`, made so general that its claims, where they are valid, hold bit for bit in floats.
 
     Their `inexact` holds only what could not be generalized, and modules in Python, which may answer
     anything in either. To be used for proofs alone.
@@ -51,7 +51,7 @@ def generalized(system: System) -> System:
 
 
 class _Generalization:
-    """`term` replaces the largest inexact terms in one."""
+    """A generalization in progress: `term` replaces the largest inexact terms in one."""
 
     def __init__(self, system: System) -> None:
         self.before = system
@@ -128,7 +128,7 @@ class _Generalization:
     # --- facts -----------------------------------------------------------------------------------
 
     def _facts(self) -> Iterable[Fact]:
-        """What floats meet, too."""
+        """Return the facts that floats meet, too."""
         for facts in self.before.facts.values():
             for fact in facts:
                 if not fact.of_reals:
@@ -149,7 +149,7 @@ class _Generalization:
                 yield Fact(FactKind.ASSUMPTION, auxiliary.constant, formula)
 
     def _left(self) -> dict[int, Blamed]:
-        """What is still inexact."""
+        """Return the terms that are still inexact."""
         return {
             key: blamed
             for key, blamed in self.before.inexact.items()
@@ -158,6 +158,6 @@ class _Generalization:
 
 
 def _can_be_free(blamed: Blamed) -> bool:
-    """Whether a term stands for one float, and is no constant already."""
+    """Return True if a term stands for one float, and is not a constant already."""
     kind = blamed.reason.kind
     return kind is not Inexact.PYTHON and not blamed.unlike and blamed.term.num_args() > 0

@@ -8,7 +8,7 @@ import z3
 
 
 class Graph:
-    """Mutable: remembers what each term is made of as it is first met, and keeps terms alive."""
+    """The structure of terms, recorded when they are first met; keeps terms alive. Mutable."""
 
     def __init__(self) -> None:
         self._operands: dict[int, tuple[int, ...]] = {}
@@ -16,7 +16,7 @@ class Graph:
         self._kept: list[z3.ExprRef] = []
 
     def add(self, terms: Iterable[z3.ExprRef]) -> list[int]:
-        """The ids of terms, all of whose parts are known from now on."""
+        """Return the ids of terms; all their parts are known from now on."""
         roots = list(terms)
         waiting = list(roots)
         while waiting:
@@ -33,9 +33,9 @@ class Graph:
         return [term.get_id() for term in roots]
 
     def operands(self, key: int) -> tuple[int, ...]:
-        """The ids of what the term with this id is made of."""
+        """Return the ids of the operands of the term with this id."""
         return self._operands[key]
 
     def constant(self, key: int) -> z3.ExprRef | None:
-        """The term with this id, if it is a constant that is not interpreted."""
+        """Return the term with this id, if it is an uninterpreted constant."""
         return self._constants.get(key)

@@ -31,7 +31,7 @@ from colony.verify.symbolic.system import (
 
 
 def begin(builder: Builder) -> Moment:
-    """Time: 0 in the first frame, and later in each than in the one before it."""
+    """Start the encoding with time: 0 in the first frame, and later in each than in the one before."""
     now = z3.Int("now")
     begun_name, last_name = builder.name("begun"), builder.name("last")
     begun = cast(z3.BoolRef, builder.open_cell(begun_name, z3.BoolSort(), FALSE))
@@ -48,7 +48,7 @@ def begin(builder: Builder) -> Moment:
 
 
 def sense(program: Program, builder: Builder, moment: Moment) -> dict[str, SensorInput]:
-    """Every sensor: in range and of its type where it is present, else its default or missing."""
+    """Return every sensor: in range and of its type where present, else its default or missing."""
     inputs = {}
     for sensor in program.robot.sensors:
         present = z3.Bool(f"{sensor.name}?")
@@ -74,7 +74,7 @@ def _elements(sensor: Sensor, builder: Builder) -> tuple[Scalar, ...]:
 
 
 def _reading(name: str, of: ScalarType, low: float | None, high: float | None, builder: Builder) -> Scalar:
-    """A value of a type, never NaN; infinite where no range forbids it."""
+    """Return a value of a type, never NaN; infinite where no range forbids it."""
     match of:
         case Bool():
             return z3.Bool(name)
@@ -97,7 +97,7 @@ def _reading(name: str, of: ScalarType, low: float | None, high: float | None, b
 
 
 def _beyond(value: z3.ArithRef, low: float | None, high: float | None) -> z3.BoolRef:
-    """The signs that an infinite reading may have: no range ends on that side."""
+    """Return the signs that an infinite reading may have: no range ends on that side."""
     up = (cast(z3.BoolRef, value == 1),) if high is None else ()
     down = (cast(z3.BoolRef, value == -1),) if low is None else ()
     return any_of((*up, *down))

@@ -29,29 +29,32 @@ def _array(terms: Sequence[z3.ExprRef]) -> object:
 
 
 def is_true(x: z3.BoolRef) -> bool:
-    """Whether `x` is `TRUE`, which is all that these functions make of what is known."""
+    """Return True if `x` is `TRUE`, the only form in which these functions return a known truth."""
     return x is TRUE
 
 
 def is_false(x: z3.BoolRef) -> bool:
+    """Return True if `x` is `FALSE`."""
     return x is FALSE
 
 
 def is_negation(x: z3.BoolRef) -> bool:
-    """Whether `x` is a `not`."""
+    """Return True if `x` is a `not`."""
     return bool(z3.Z3_get_decl_kind(_CONTEXT, z3.Z3_get_app_decl(_CONTEXT, x.as_ast())) == z3.Z3_OP_NOT)
 
 
 def same(x: z3.ExprRef, y: z3.ExprRef) -> bool:
-    """Whether these are the very same term: z3 makes equal terms once."""
+    """Return True if these are the very same term: z3 makes equal terms once."""
     return x is y or bool(x.get_id() == y.get_id())
 
 
 def truth(x: bool) -> z3.BoolRef:
+    """Return the constant of a truth value."""
     return TRUE if x else FALSE
 
 
 def negation(x: z3.BoolRef) -> z3.BoolRef:
+    """Return the negation of a formula, simplified."""
     if is_true(x):
         return FALSE
     if is_false(x):
@@ -60,6 +63,7 @@ def negation(x: z3.BoolRef) -> z3.BoolRef:
 
 
 def all_of(formulas: Iterable[z3.BoolRef]) -> z3.BoolRef:
+    """Return the conjunction of formulas, simplified."""
     kept = _kept(formulas, neutral=TRUE, absorbing=FALSE)
     if kept is None:
         return FALSE
@@ -69,6 +73,7 @@ def all_of(formulas: Iterable[z3.BoolRef]) -> z3.BoolRef:
 
 
 def any_of(formulas: Iterable[z3.BoolRef]) -> z3.BoolRef:
+    """Return the disjunction of formulas, simplified."""
     kept = _kept(formulas, neutral=FALSE, absorbing=TRUE)
     if kept is None:
         return TRUE
@@ -80,7 +85,7 @@ def any_of(formulas: Iterable[z3.BoolRef]) -> z3.BoolRef:
 def _kept(
     formulas: Iterable[z3.BoolRef], neutral: z3.BoolRef, absorbing: z3.BoolRef
 ) -> list[z3.BoolRef] | None:
-    """The formulas that matter, each once; None where one, or one and its negation, decides."""
+    """Return the relevant formulas, each once; None where a formula, or a pair of opposites, decides."""
     kept: dict[int, z3.BoolRef] = {}
     for x in formulas:
         if x is absorbing:
@@ -93,19 +98,22 @@ def _kept(
 
 
 def both(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
+    """Return the conjunction of two formulas."""
     return all_of((x, y))
 
 
 def either(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
+    """Return the disjunction of two formulas."""
     return any_of((x, y))
 
 
 def implied(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
-    """`x implies y`."""
+    """Return `x implies y`."""
     return any_of((negation(x), y))
 
 
 def equivalent(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
+    """Return the equivalence of two formulas, simplified."""
     if same(x, y):
         return TRUE
     for one, other in ((x, y), (y, x)):
@@ -117,7 +125,7 @@ def equivalent(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
 
 
 def choice(condition: z3.BoolRef, yes: z3.BoolRef, no: z3.BoolRef) -> z3.BoolRef:
-    """`if condition then yes else no` of truths."""
+    """Return `if condition then yes else no` of truths."""
     if is_true(condition) or same(yes, no):
         return yes
     if is_false(condition):
@@ -134,7 +142,7 @@ def choice(condition: z3.BoolRef, yes: z3.BoolRef, no: z3.BoolRef) -> z3.BoolRef
 
 
 def pick(condition: z3.BoolRef, yes: Sorted, no: Sorted) -> Sorted:
-    """`if condition then yes else no` of terms of one sort."""
+    """Return `if condition then yes else no` of terms of one sort."""
     if is_true(condition) or same(yes, no):
         return yes
     if is_false(condition):
@@ -150,11 +158,11 @@ def _ite(condition: z3.BoolRef, yes: Sorted, no: Sorted) -> Sorted:
 
 @lru_cache(maxsize=4096)
 def real(x: Fraction | int) -> z3.RatNumRef:
-    """The numeral of sort Real."""
+    """Return the numeral of sort Real."""
     return z3.RealVal(str(x))
 
 
 @lru_cache(maxsize=4096)
 def integer(x: int) -> z3.IntNumRef:
-    """The numeral of sort Int."""
+    """Return the numeral of sort Int."""
     return z3.IntVal(x)

@@ -1,7 +1,8 @@
-"""The memory functions of the language: cells, and what is read from them.
+"""The memory functions of the language: cells, and the values read from them.
 
-Each call moves on where its owner is evaluated (`moves`). Cells that begin alike and are told the same terms
-are the same forever: they are made once, so that a contract may speak of the memory of a module or node.
+Each call moves on where its owner is evaluated (`moves`). Cells that start with the same value and are given
+the same terms are the same forever: they are made once, so that a contract may refer to the memory of a
+module or node.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def recall(
     moves: z3.BoolRef,
     hint: str,
 ) -> Scalar:
-    """The value of a memory function of scalars now; its cells move on where `moves`."""
+    """Return the value of a memory function of scalars now; its cells move on where `moves`."""
     memory = Memory(builder, moment, moves, f"{hint}.{e.function.value}")
     match e.function:
         case ir.Memory.PREVIOUS:
@@ -87,21 +88,21 @@ class Memory:
         self.hint = hint
 
     def evaluated(self) -> z3.BoolRef:
-        """Whether there was a frame before this one in which memory moved on."""
+        """Return the condition that memory moved on in an earlier frame."""
         if is_true(self.moves):
             return self.moment.begun
         key = ("evaluated", *self.builder.keep(self.moves))
         return self.builder.once(key, lambda: self._ever("evaluated", self.moves))
 
     def _ever(self, what: str, event: z3.BoolRef) -> z3.BoolRef:
-        """Whether `event` was true in a frame before this one."""
+        """Return the condition that `event` was true in an earlier frame."""
         ever, close = self._flag(what)
         close(either(ever, event))
         self.builder.invariant(ever, implied(ever, self.moment.begun))
         return ever
 
     def _flag(self, what: str) -> tuple[z3.BoolRef, Callable[[z3.BoolRef], None]]:
-        """A new cell, false at first, and what says what it is after the frame."""
+        """Return a new cell, false at first, and the function that sets its value after the frame."""
         name = self.builder.name(f"{self.hint}.{what}")
         old = cast(z3.BoolRef, self.builder.open_cell(name, z3.BoolSort(), FALSE))
         return old, lambda x: self.builder.close_cell(name, x)
@@ -109,7 +110,7 @@ class Memory:
     # --- values ----------------------------------------------------------------------------------
 
     def last(self, x: Scalar, of: ScalarType, initial: ScalarValue | None = None) -> Scalar:
-        """`x` at the last frame in which memory moved on; `initial` (or whatever) before the first."""
+        """Return `x` at the last frame in which memory moved on; `initial` (or whatever) before the first."""
         start = any_value(of) if initial is None else initial
         key = ("last", repr(start), *self.builder.keep(self.moves), *self.builder.key(x))
 
@@ -121,14 +122,14 @@ class Memory:
         return self.builder.once(key, make)
 
     def previous(self, x: Scalar, of: ScalarType, initial: Scalar) -> Scalar:
-        """`x` at the last frame in which memory moved on, at first `initial`."""
+        """Return `x` at the last frame in which memory moved on, at first `initial`."""
         start = _known(initial)
         if start is not None:
             return self.last(x, of, start)
         return select(self.evaluated(), self.last(x, of), initial)
 
     def captured(self, x: Scalar, of: ScalarType, key: Scalar, key_type: ScalarType) -> Scalar:
-        """`x` as it was at the first frame with the present key."""
+        """Return `x` as it was at the first frame with the present key."""
         known = _known(key)
         if known is not None:
             stands = truth(known == known)  # a NaN is never the same key
@@ -148,7 +149,7 @@ class Memory:
         return self.builder.once(("captured", *of_terms), make)
 
     def latch(self, set_: z3.BoolRef, reset: z3.BoolRef) -> z3.BoolRef:
-        """`v = (v or set) and not reset`, seen at once."""
+        """Return `v = (v or set) and not reset`, with immediate effect."""
 
         def make() -> z3.BoolRef:
             old, close = self._flag("set")
@@ -161,7 +162,7 @@ class Memory:
     # --- times -----------------------------------------------------------------------------------
 
     def held(self, b: z3.BoolRef, duration_ns: int) -> z3.BoolRef:
-        """`b`, or that it was true less than `duration_ns` ago."""
+        """Return the condition that `b` is true, or was true less than `duration_ns` ago."""
         if duration_ns <= 0:
             return b
         ever, time = self._time_of(both(self.moves, b))
@@ -169,7 +170,7 @@ class Memory:
         return either(b, both(ever, recent))
 
     def _time_of(self, event: z3.BoolRef) -> tuple[z3.BoolRef, z3.ArithRef]:
-        """Whether `event` was true in a frame before this one, and when last."""
+        """Return the condition that `event` was true in an earlier frame, and the last time of it."""
 
         def make() -> tuple[z3.BoolRef, z3.ArithRef]:
             return self._ever("ever", event), self._time("time", event)
@@ -177,7 +178,7 @@ class Memory:
         return self.builder.once(("time of", *self.builder.keep(event)), make)
 
     def _time(self, what: str, event: z3.BoolRef) -> z3.ArithRef:
-        """The time of the last frame with `event`, 0 before the first."""
+        """Return the time of the last frame with `event`, 0 before the first."""
         time, close = self._open_time(what)
         close(pick(event, self.moment.now, time))
         return time
@@ -189,7 +190,7 @@ class Memory:
         return time, lambda x: self.builder.close_cell(name, x)
 
     def elapsed_ns(self, b: z3.BoolRef) -> z3.ArithRef:
-        """The time since `b` became true, 0 while it is false."""
+        """Return the time since `b` became true, 0 while it is false."""
         on = _truth(self.last(b, Bool(), False))
         became = all_of((self.moves, b, negation(on)))
         key = ("since", *self.builder.keep(became))
@@ -197,7 +198,7 @@ class Memory:
         return pick(both(b, on), self.moment.now - since, cast(z3.ArithRef, integer(0)))
 
     def every(self, duration_ns: int) -> z3.BoolRef:
-        """At first, and then when `duration_ns` have passed since it was last true."""
+        """Return the condition that is true at first, and then `duration_ns` after it was last true."""
 
         def make() -> z3.BoolRef:
             time, close = self._open_time("time")
@@ -215,7 +216,7 @@ class Memory:
 def remembered(
     builder: Builder, hint: str, of: ScalarType, initial: ScalarValue
 ) -> tuple[Scalar, Callable[[Scalar], None]]:
-    """A scalar in memory as it was before the frame, and what says what it is afterwards."""
+    """Return a scalar's value before the frame, and the function that sets its value afterwards."""
     name = builder.name(hint)
     if isinstance(of, Bool):
         old = builder.open_cell(name, z3.BoolSort(), truth(bool(initial)))
@@ -237,7 +238,7 @@ def _enumerator(
 
 
 def enumerator(term: z3.ArithRef, of: Enum) -> Number:
-    """A term that is one of the members."""
+    """Return a number that is one of the members."""
     values = sorted({v for _, v in of.members})
     if len(values) == 1:
         return constant(values[0])
@@ -245,7 +246,7 @@ def enumerator(term: z3.ArithRef, of: Enum) -> Number:
 
 
 def _number(builder: Builder, name: str, start: Number) -> tuple[Scalar, Callable[[Scalar], None]]:
-    """A number; what its shape rules out needs no cell."""
+    """Return a number in memory; cells exist only for what its shape allows."""
     shape = builder.shapes.get(name, shape_of(start))
     nan = infinite = FALSE
     if shape.nan:
@@ -276,7 +277,7 @@ def _number(builder: Builder, name: str, start: Number) -> tuple[Scalar, Callabl
 
 
 def _signed(x: Number) -> z3.BoolRef:
-    """The sign that an infinite number may have."""
+    """Return the sign that an infinite number may have."""
     up = FALSE if x.bounds.high is not None else cast(z3.BoolRef, x.value > 0)
     down = FALSE if x.bounds.low is not None else cast(z3.BoolRef, x.value < 0)
     return either(up, down)
@@ -289,12 +290,12 @@ def _whole(x: Number) -> z3.ArithRef:
 
 
 def shape_of(x: Number) -> Shape:
-    """What a number may be."""
+    """Return the possible values of a number."""
     return Shape(not is_false(x.nan), not is_false(x.infinite), x.bounds)
 
 
 def _known(x: Scalar) -> ScalarValue | None:
-    """The constant that a scalar is."""
+    """Return the constant that a scalar is."""
     if isinstance(x, Number):
         return constant_of(x)
     return True if is_true(x) else False if is_false(x) else None

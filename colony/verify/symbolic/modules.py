@@ -23,7 +23,7 @@ from colony.verify.symbolic.system import ModuleTerms, Number, PythonInput, Scal
 
 
 class Declarations:
-    """Encodes what a program declares, in the order of a frame. Mutable: fills the moment."""
+    """An encoder of a program's declarations, in the order of a frame. Mutable: fills the moment."""
 
     def __init__(self, program: ir.Program, builder: Builder, moment: Moment) -> None:
         self.program = program
@@ -32,12 +32,13 @@ class Declarations:
         self._set_next: dict[str, Callable[[Scalar], None]] = {}
 
     def expressions(self, moves: z3.BoolRef, hint: str, own: frozenset[str] = frozenset()) -> Expressions:
+        """Return an encoder of expressions that moves memory on where `moves` holds."""
         return Expressions(builder=self.builder, moment=self.moment, moves=moves, hint=hint, own=own)
 
     # --- states ----------------------------------------------------------------------------------
 
     def states(self) -> None:
-        """The old values of all states and machines."""
+        """Read the old values of all states and machines."""
         for derived in self.program.derived:
             match derived:
                 case ir.State(name=name, type=type_, initial=initial):
@@ -61,6 +62,7 @@ class Declarations:
     # --- derived values --------------------------------------------------------------------------
 
     def derived(self) -> None:
+        """Encode all derived values."""
         for derived in self.program.derived:
             match derived:
                 case ir.Let(name=name, expression=expression):
@@ -85,7 +87,7 @@ class Declarations:
         return self.builder.named(value, name)
 
     def _machine(self, machine: ir.Machine) -> None:
-        """The first transition from the present phase of which the condition is true."""
+        """Take the first transition from the present phase whose condition is true."""
         phase = cast(Number, self.moment.states[machine.name])
         result, untaken = phase, negation(FALSE)
         for transition in machine.transitions:
@@ -119,7 +121,7 @@ class Declarations:
         return found, python
 
     def _module(self, module: ir.Module) -> ModuleTerms:
-        """Unless it is silent everything in it is evaluated, whether or not its predicate holds."""
+        """Encode a module: unless it is silent, all of it is evaluated, even if its predicate is false."""
         fields = module.command.fields if module.command else ()
         following = [s.next for s in module.states if s.next is not None]
         everything: list[Expression] = [let.expression for let in module.lets]

@@ -14,7 +14,7 @@ from colony.verify.symbolic.system import Scalar, Term
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Moment:
-    """Mutable. What is missing somewhere has a value too, which means nothing there."""
+    """The values of one frame. Mutable. A missing value has a term too, which means nothing there."""
 
     now: z3.ArithRef
     begun: z3.BoolRef
@@ -32,7 +32,7 @@ class Moment:
 
 
 def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> z3.BoolRef:
-    """Where something that `e` needs is missing; `own` are lets that count as there."""
+    """Return the condition that something `e` needs is missing; `own` are lets that count as present."""
     match e:
         case ir.SensorValue(name=name):
             return moment.missing[name]
@@ -49,5 +49,5 @@ def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> z3
 
 
 def needed_for(condition: z3.BoolRef, e: ir.Expression, moment: Moment, own: Set[str]) -> z3.BoolRef:
-    """Where `e` is evaluated in what is evaluated where `condition`: nothing that it needs is missing."""
+    """Return the condition under which `e` is evaluated: `condition`, and nothing it needs is missing."""
     return both(condition, negation(missing(e, moment, own)))

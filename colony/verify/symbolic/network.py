@@ -17,14 +17,14 @@ from colony.verify.symbolic.moment import Moment
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """What may be on a wire: for each module whose output can get there when it does, and when any does."""
+    """The output of a wire: for each module the condition that its output arrives, and that any arrives."""
 
     by: Mapping[str, z3.BoolRef]
     active: z3.BoolRef
 
 
 class NetworkEncoder:
-    """Encodes the wires, in an order in which each stands after what it is made of. Mutable."""
+    """An encoder of the wires, each after its operands. Mutable."""
 
     def __init__(self, program: ir.Program, builder: Builder, moment: Moment) -> None:
         self.program = program
@@ -54,7 +54,7 @@ class NetworkEncoder:
                 assert_never(wiring)
 
     def _chain(self, chain: ir.Chain, operands: list[Output], wire: str) -> Output:
-        """Each operand but the last dominates what follows it."""
+        """Return the output of a chain: each operand but the last dominates what follows it."""
         count = len(operands) - 1
         dominates = [
             self._dominates(operands[i].active, chain.windows_ns[i], f"{wire}.{chain.relation}")
@@ -68,12 +68,15 @@ class NetworkEncoder:
         return Output(_through(chain, operands, dominates), rest)
 
     def _dominates(self, active: z3.BoolRef, window_ns: int, hint: str) -> z3.BoolRef:
-        """Whether the dominant side is active, or was less than the time constant ago."""
+        """Return the condition that the dominant side is active, or was less than the time constant ago."""
         return Memory(self.builder, self.moment, TRUE, hint).held(active, window_ns)
 
 
 def _through(chain: ir.Chain, operands: list[Output], dominates: list[z3.BoolRef]) -> dict[str, z3.BoolRef]:
-    """Which module's output gets through a chain: that of the first operand that is not dominated."""
+    """Return, for each module, the condition that its output gets through a chain.
+
+    The output of a chain is that of the first operand that is not dominated.
+    """
     found: dict[str, list[z3.BoolRef]] = {}
     clear = TRUE  # nothing before this operand dominates
     for i, operand in enumerate(operands):

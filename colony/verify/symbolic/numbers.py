@@ -48,16 +48,17 @@ EXACT_WHOLE = Fraction(2**53)
 
 
 def of_whole(term: z3.ArithRef, bounds: Bounds = UNBOUNDED) -> Number:
-    """A term of sort Int as a number."""
+    """Return a term of sort Int as a number."""
     return Number(z3.ToReal(term), FALSE, FALSE, replace(bounds, whole=True), term)
 
 
 def finite(x: Number) -> z3.BoolRef:
-    """Where `x` is neither NaN nor infinite."""
+    """Return the condition that `x` is neither NaN nor infinite."""
     return negation(either(x.nan, x.infinite))
 
 
 def always_finite(x: Number) -> bool:
+    """Return True if `x` is known to be finite in every run."""
     return is_false(x.nan) and is_false(x.infinite)
 
 
@@ -74,7 +75,7 @@ def hull_of(x: Number, y: Number) -> Bounds:
 
 
 def bounds_apart(x: Number, old: Number) -> Bounds | None:
-    """The bounds of what `x` is where it is not just `old`; None if it always is."""
+    """Return the bounds of `x` where it is not just `old`; None if it always is."""
     if same(x.value, old.value):
         return None
     parts = [bounds_apart(branch, old) for branch in x.branches]
@@ -85,7 +86,7 @@ def bounds_apart(x: Number, old: Number) -> Bounds | None:
 
 
 def is_exact_whole(bounds: Bounds) -> bool:
-    """Whether all numbers within are integers that are floats."""
+    """Return True if all numbers within the bounds are integers that floats represent exactly."""
     if not bounds.whole or bounds.low is None or bounds.high is None:
         return False
     return bounds.low >= -EXACT_WHOLE and bounds.high <= EXACT_WHOLE
@@ -95,7 +96,7 @@ def is_exact_whole(bounds: Bounds) -> bool:
 
 
 def compared(x: Number, y: Number, relation: str) -> z3.BoolRef:
-    """`x relation y` for `<`, `<=`, `==`: false where one is NaN."""
+    """Return `x relation y` for `<`, `<=`, `==`: false where one is NaN."""
     rows = folded(_RELATIONS[relation], (x, y))
     if rows:
         return any_of(condition for holds, condition in rows if holds)
@@ -120,7 +121,7 @@ _RELATIONS: dict[str, Callable[[float, float], bool]] = {
 
 
 def _known(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
-    """What the bounds decide of numbers that are not NaN."""
+    """Return the relation of two numbers that are not NaN, where their bounds decide it."""
     a, b = x.bounds, y.bounds
     below = a.high is not None and b.low is not None and a.high < b.low
     above = a.low is not None and b.high is not None and a.low > b.high
@@ -152,7 +153,7 @@ def _finite_comparison(x: Number, y: Number, relation: str) -> z3.BoolRef:
 
 
 def _infinite_comparison(one: Number, other: Number, relation: str, swapped: bool) -> z3.BoolRef:
-    """`one relation other` (`other relation one` if swapped) where `one` is infinite."""
+    """Return `one relation other` (`other relation one` if swapped) where `one` is infinite."""
     up, down = positive_value(one), negative_value(one)
     other_up, other_down = (
         both(other.infinite, positive_value(other)),
@@ -168,12 +169,12 @@ def _infinite_comparison(one: Number, other: Number, relation: str, swapped: boo
 
 
 def positive_value(x: Number) -> z3.BoolRef:
-    """Whether `value` is above 0."""
+    """Return the condition that `value` is above 0."""
     return _against_zero(x, ">")
 
 
 def negative_value(x: Number) -> z3.BoolRef:
-    """Whether `value` is below 0."""
+    """Return the condition that `value` is below 0."""
     return _against_zero(x, "<")
 
 
@@ -187,7 +188,7 @@ def _against_zero(x: Number, relation: str) -> z3.BoolRef:
 
 
 def equal(x: Scalar, y: Scalar) -> z3.BoolRef:
-    """Equality as floats have it: NaN equals nothing."""
+    """Return the equality of floats: NaN equals nothing."""
     if isinstance(x, Number) and isinstance(y, Number):
         return compared(x, y, "==")
     assert not isinstance(x, Number)
@@ -199,7 +200,7 @@ def equal(x: Scalar, y: Scalar) -> z3.BoolRef:
 
 
 def select(condition: z3.BoolRef, yes: Scalar, no: Scalar) -> Scalar:
-    """`yes` where `condition`, else `no`."""
+    """Return `yes` where `condition`, else `no`."""
     if isinstance(yes, Number):
         assert isinstance(no, Number)
         return select_number(condition, yes, no)
@@ -234,7 +235,7 @@ def select_number(condition: z3.BoolRef, yes: Number, no: Number) -> Number:
 
 
 def negated(x: Number) -> Number:
-    """`-x`, exactly."""
+    """Return `-x`, exactly."""
     known = by_folding(lambda v: -v, (x,))
     if known is not None:
         return known
@@ -246,7 +247,7 @@ def negated(x: Number) -> Number:
 
 
 def added(x: Number, y: Number) -> Number:
-    """`x + y` over the reals."""
+    """Return `x + y` over the reals."""
     known = by_folding(lambda v, w: v + w, (x, y))
     if known is not None:
         return known
@@ -274,12 +275,12 @@ def _sum_bounds(x: Bounds, y: Bounds) -> Bounds:
 
 
 def equal_signs(x: Number, y: Number) -> z3.BoolRef:
-    """Whether two values that are not 0 have the same sign."""
+    """Return the condition that two values other than 0 have the same sign."""
     return choice(positive_value(x), positive_value(y), negation(positive_value(y)))
 
 
 def scaled(x: Number, factor: Fraction) -> Number:
-    """`x` times a real that is not 0, over the reals."""
+    """Return `x` times a real that is not 0, over the reals."""
     ends = [None if end is None else end * factor for end in (x.bounds.low, x.bounds.high)]
     low, high = ends if factor > 0 else ends[::-1]
     times = whole_of(x) if factor.denominator == 1 else None
@@ -293,12 +294,12 @@ def scaled(x: Number, factor: Fraction) -> Number:
 
 
 def least(numbers: Sequence[Number]) -> Number:
-    """The first of the least; NaN if any is NaN, or there is none."""
+    """Return the first of the least; NaN if any is NaN, or there is none."""
     return _best(numbers, lambda one, best: compared(one, best, "<"), lower=True)
 
 
 def greatest(numbers: Sequence[Number]) -> Number:
-    """The first of the greatest; NaN if any is NaN, or there is none."""
+    """Return the first of the greatest; NaN if any is NaN, or there is none."""
     return _best(numbers, lambda one, best: compared(best, one, "<"), lower=False)
 
 
@@ -319,7 +320,7 @@ def _best(numbers: Sequence[Number], better: Callable[[Number, Number], z3.BoolR
 
 
 def _best_bounds(x: Number, y: Number, lower: bool) -> Bounds:
-    """The bounds of the lesser (greater) of two, where neither is NaN."""
+    """Return the bounds of the lesser (greater) of two, where neither is NaN."""
     whole = x.bounds.whole and y.bounds.whole
     lows = [b for b in (x.bounds.low, y.bounds.low) if b is not None]
     highs = [b for b in (x.bounds.high, y.bounds.high) if b is not None]

@@ -1,4 +1,4 @@
-"""Why a formula is not bit for bit what the program computes: everything inexact in its cone."""
+"""Reasons for inexactness: why a formula in a cone is not bit for bit what the program computes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from colony.verify.symbolic.system import Reason, System
 
 
 def reasons_of(system: System, *terms: z3.ExprRef) -> tuple[Reason, ...]:
-    """All that `terms` depend on, over all frames, that is not exact; each reason once.
+    """Return all inexact terms that `terms` depend on, over all frames; each reason once.
 
     Comparisons, choices, least and greatest, negation, constants, and whatever is only copied are exact.
     """

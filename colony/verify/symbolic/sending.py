@@ -1,4 +1,4 @@
-"""What is sent: the winner's command within limits and range, or the idle one (language reference, Limit)."""
+"""The command sent: the winner's within limits and range, or the idle one (language reference, Limit)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Bound:
 
 
 def limits(program: ir.Program, builder: Builder, moment: Moment) -> list[Bound]:
-    """All limits, in the order written."""
+    """Return all limits, in the order written."""
     found = []
     for limit in program.limits:
         hint = f"limit {limit.actuator}"
@@ -49,7 +49,7 @@ def limits(program: ir.Program, builder: Builder, moment: Moment) -> list[Bound]
 
 
 def as_finite(x: Number) -> Number:
-    """`x` where it is finite."""
+    """Return the condition that `x` is finite."""
     known = x.cases if all(math.isfinite(v) for v, _ in x.cases) else ()
     return replace(x, nan=FALSE, infinite=FALSE, cases=known)
 
@@ -61,7 +61,7 @@ def send(
     builder: Builder,
     moment: Moment,
 ) -> ActuatorTerms:
-    """What an actuator is sent; where a field of the winner's command is not finite, the idle command."""
+    """Encode the command sent; the idle command where a field of the winner's command is not finite."""
     wins = {m: w for m, w in moment.wins[actuator.name].items() if not is_false(w)}
     commands = [modules[m].command for m in wins]
     fit = [
@@ -86,7 +86,7 @@ def send(
 def _field(
     field: ir.ActuatorField, fit: Sequence[z3.BoolRef], values: Sequence[Scalar], bounds: Sequence[Bound]
 ) -> Scalar:
-    """One field of the winner's command, which is fit to be sent, within limits and range."""
+    """Return one field of the winner's command, which is fit to be sent, within limits and range."""
     if not values:
         return FALSE if isinstance(field.type, Bool) else constant(0.0)
     result = _plain(values[-1])
@@ -100,7 +100,7 @@ def _plain(x: Scalar) -> Scalar:
 
 
 def _bounded(x: Number, field: ir.ActuatorField, bounds: Sequence[Bound]) -> Number:
-    """A finite field within its limits, in the order written, then within the actuator's range."""
+    """Return a finite field within its limits, in the order written, then within the actuator's range."""
     for b in bounds:
         beyond = compared(b.bound, x, "<") if b.limit.relation == "<=" else compared(x, b.bound, "<")
         x = select_number(both(b.applies, beyond), b.bound, x)
@@ -112,7 +112,7 @@ def _bounded(x: Number, field: ir.ActuatorField, bounds: Sequence[Bound]) -> Num
 
 
 def _leaves(x: Scalar, field: ir.ActuatorField, builder: Builder) -> z3.BoolRef:
-    """Whether a field is finite in its declared unit, too, in which it leaves."""
+    """Return the condition that a field is finite in its declared unit, in which it is sent."""
     if not isinstance(x, Number) or field.factor >= 1:
         return TRUE
     most = constant(sys.float_info.max * field.factor)

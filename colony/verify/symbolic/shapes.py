@@ -1,9 +1,9 @@
-"""What numbers in memory may be, found by encoding a frame again and again.
+"""Possible values of numbers in memory, found by encoding a frame repeatedly.
 
-At first each is taken to stay what it is at first. What the frame then makes of it is added, and ends that
-move are given up, until nothing new comes: that is preserved by every frame. It is mostly too wide, as one
-wide number makes others wide; so the search goes down once, to what is written to memory then, and takes that
-if it is preserved as well.
+Each number is first assumed to keep its initial value. The values that the frame then gives it are added, and
+ends that move are given up, until nothing new is added: the result is preserved by every frame. It is mostly
+too wide, as one wide number widens others; so the search narrows once, to the values then written to memory,
+and takes those if they are preserved as well.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from colony.verify.symbolic.numbers import bounds_apart
 from colony.verify.symbolic.system import Bounds, System
 
 Attempt = Callable[[Mapping[str, Shape]], tuple[Builder, System]]
-"""Encodes with memory of these shapes, by name, and of its first shape where there is none."""
+"""An encoder with memory of given shapes, by name; other memory keeps its first shape."""
 
 DESCENTS = 3
-"""So often what was written to memory may turn out too narrow by a little."""
+"""Number of times that the values written to memory may turn out slightly too narrow."""
 
 
 def settled(attempt: Attempt) -> System:
-    """The system whose shapes of memory are preserved by every frame."""
+    """Return the system whose shapes of memory are preserved by every frame."""
     shapes: dict[str, Shape] = {}
     while True:
         builder, system = attempt(shapes)
@@ -52,7 +52,7 @@ def _descended(attempt: Attempt, shapes: dict[str, Shape]) -> System | None:
 
 
 def _written(builder: Builder) -> dict[str, Shape]:
-    """For memory that changes: what it is at first, or what is written to it, taken to be finite."""
+    """Return, for memory that changes, its initial shape and what is written to it, taken to be finite."""
     found = {}
     for name, (start, _, _) in builder.held.items():
         if name in builder.shapes:
@@ -62,7 +62,7 @@ def _written(builder: Builder) -> dict[str, Shape]:
 
 
 def _needed(builder: Builder, name: str) -> Shape:
-    """What a number in memory is at first, or where a frame changes it."""
+    """Return the values of a number in memory: its initial value, and those that a frame changes it to."""
     start, old, after = builder.held[name]
     bounds, apart = start.bounds, bounds_apart(after, old)
     if apart is not None:
@@ -72,7 +72,7 @@ def _needed(builder: Builder, name: str) -> Shape:
 
 
 def _wider(builder: Builder) -> dict[str, tuple[Shape, Shape]]:
-    """Memory of which the shape was taken too narrow: that shape, and one with what was added."""
+    """Return memory whose shape was too narrow: that shape, and a wider one."""
     found = {}
     for name, (start, _, _) in builder.held.items():
         assumed, needed = builder.shapes.get(name, shape_of(start)), _needed(builder, name)
@@ -84,7 +84,7 @@ def _wider(builder: Builder) -> dict[str, tuple[Shape, Shape]]:
 
 
 def _given_up(assumed: Shape, needed: Shape) -> Shape:
-    """`needed`, without the ends that moved."""
+    """Return `needed`, without the ends that moved."""
     old, new = assumed.bounds, needed.bounds
     low = new.low if new.low == old.low else None
     high = new.high if new.high == old.high else None

@@ -1,4 +1,4 @@
-"""Many terms with the same parts replaced."""
+"""Replacement of the same parts in many terms."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ class Substitution:
         self._done: dict[int, tuple[z3.ExprRef, z3.ExprRef]] = {}
 
     def __call__(self, term: Sorted) -> Sorted:
+        """Return the term with all replacements made."""
         key = term.get_id()
         if key not in self._done:
             self._done[key] = (term, self._replaced(term))

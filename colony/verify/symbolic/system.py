@@ -6,7 +6,7 @@ All formulas are over constants of three kinds: the *inputs* of the frame (free 
 
 Time is a whole number (z3's Int) of nanoseconds since the first frame, which is at 0. Numbers are extended
 reals: rounding and overflow are left out, NaN and the infinities are not, nor is the sign of zero. `Reason`
-tells what of this a formula depends on.
+states which of these a formula depends on.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from colony.verify.symbolic.graph import Graph
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What is known of a number that is not NaN: both ends in, None for no end.
+    """Bounds of a number that is not NaN: both ends included, None for no end.
 
     An end also rules out the infinity beyond it. `whole`: it is an integer, or infinite.
     """
@@ -44,12 +44,14 @@ Case: TypeAlias = tuple[float, z3.BoolRef]
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """An extended real. Where `nan`, it is NaN; else where `infinite`, infinite with the sign of `value`
-    (which is not 0 then); else `value`. `nan` and `infinite` are the constant false wherever that is known.
+    """An extended real.
 
-    The rest is known besides: `bounds`; `whole`, the same value as a term of sort Int, where it is whole;
-    `cases`, where it can be only a few floats (one: a constant), of which exactly one applies, and the one
-    that is 0 may be -0.0 as well if `loose_zero`; `nanoseconds`, of a time; `branches`, the numbers of which
+    Where `nan`, it is NaN; else where `infinite`, infinite with the sign of `value` (which is not 0 then);
+    else `value`. `nan` and `infinite` are the constant false wherever that is known.
+
+    The other attributes are facts about it: `bounds`; `whole`, the same value as a term of sort Int, where it
+    is whole; `cases`, where it can be only a few floats (one: a constant), of which exactly one applies, and
+    the case 0 may be -0.0 as well if `loose_zero`; `nanoseconds`, of a time; `branches`, the numbers of which
     it is one, where it was made by a choice.
     """
 
@@ -73,7 +75,7 @@ Term: TypeAlias = Scalar | tuple[Scalar, ...]
 
 @unique
 class Inexact(Enum):
-    """Why a formula is not bit for bit what the program computes."""
+    """The kinds of difference between a formula and what the program computes, bit for bit."""
 
     ROUNDING = auto()  # reals in place of floats: the sum, product or quotient could round, or overflow
     ABSTRACTED = auto()  # sin, cos, atan2, sqrt, a product of variables: only bounds and signs are known
@@ -82,7 +84,7 @@ class Inexact(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """`kind`, where in the program, and what is inexact there, in words."""
+    """A reason for inexactness: `kind`, the place in the program, and a description."""
 
     kind: Inexact
     span: Span
@@ -104,9 +106,9 @@ class Blamed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """Memory: `old` is the constant that it is before the frame, `next` the formula for what it is after it.
+    """A memory cell: `old` is its constant before the frame, `next` the formula for its value after it.
 
-    `initial` is a value of z3; `name` is unique, and tells people whose memory it is.
+    `initial` is a value of z3; `name` is unique, and shows people whose memory it is.
     """
 
     name: str
@@ -117,7 +119,7 @@ class Cell:
 
 @unique
 class Operation(Enum):
-    """What an auxiliary constant stands for, of its operands; partial ones mean nothing elsewhere."""
+    """The operation that an auxiliary constant results from; partial operations mean nothing elsewhere."""
 
     PRODUCT = auto()
     QUOTIENT = auto()
@@ -146,7 +148,7 @@ class Auxiliary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorInput:
-    """What a sensor gives in the frame: `present` says whether its server gave a good value.
+    """The input of a sensor in the frame. `present`: its server gave a good value.
 
     `elements` are its values in base units (one for a scalar), within the range; where it is not present
     they mean nothing.
@@ -158,7 +160,7 @@ class SensorInput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PythonInput:
-    """What a module in Python answers: whether it commands, and the fields (free, may be any number)."""
+    """The answer of a module in Python: whether it commands, and the fields (free, may be any number)."""
 
     answers: z3.BoolRef
     fields: tuple[Scalar, ...]
@@ -179,10 +181,10 @@ class ModuleTerms:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActuatorTerms:
-    """What is sent. `wins` gives for each module of the actuator's wiring when it is the winner.
+    """The output of an actuator. `wins` gives for each module of its wiring the condition that it wins.
 
-    `commanded`: its command was sent (not so where it was not finite). `sent` are the fields after limits and
-    clamping, in base units; for `idle hold` they mean something only where `commanded`.
+    `commanded`: the winner's command was sent (not so where it was not finite). `sent` are the fields after
+    limits and clamping, in base units; for `idle hold` they mean something only where `commanded`.
     """
 
     wins: Mapping[str, z3.BoolRef]
@@ -203,7 +205,7 @@ class Claim:
 
 @unique
 class FactKind(Enum):
-    """Among which formulas of a system a fact stands."""
+    """The group of a system's formulas that a fact belongs to."""
 
     ASSUMPTION = auto()
     DEFINITION = auto()

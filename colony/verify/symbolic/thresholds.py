@@ -18,7 +18,7 @@ _LONGEST = 1e12  # seconds; more than a program waits, and far from where floats
 
 
 def against_constants(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
-    """`x relation y`, for `<`, `<=`, `==`, of a time and a constant in either order; None of others."""
+    """Return `x relation y` (`<`, `<=`, `==`) of a time and a constant in either order; else None."""
     if x.nanoseconds is not None and _are_usual(y):
         time = x.nanoseconds
         return any_of(both(condition, _before(time, v, relation)) for v, condition in y.cases)
@@ -33,7 +33,7 @@ def _are_usual(x: Number) -> bool:
 
 
 def _before(time: z3.ArithRef, constant: float, relation: str) -> z3.BoolRef:
-    """`time relation constant`."""
+    """Return `time relation constant`."""
     match relation:
         case "<":
             return negation(_reaches(time, constant))
@@ -44,7 +44,7 @@ def _before(time: z3.ArithRef, constant: float, relation: str) -> z3.BoolRef:
 
 
 def _after(time: z3.ArithRef, constant: float, relation: str) -> z3.BoolRef:
-    """`constant relation time`."""
+    """Return `constant relation time`."""
     match relation:
         case "<":
             return _exceeds(time, constant)
@@ -55,12 +55,12 @@ def _after(time: z3.ArithRef, constant: float, relation: str) -> z3.BoolRef:
 
 
 def _reaches(time: z3.ArithRef, constant: float) -> z3.BoolRef:
-    """Whether a time is `constant` or more."""
+    """Return the condition that a time is `constant` or more."""
     return _from(time, least_reaching(constant))
 
 
 def _exceeds(time: z3.ArithRef, constant: float) -> z3.BoolRef:
-    """Whether a time is more than `constant`."""
+    """Return the condition that a time is more than `constant`."""
     return _from(time, least_reaching(math.nextafter(constant, math.inf)))
 
 
@@ -69,7 +69,7 @@ def _from(time: z3.ArithRef, nanoseconds: int) -> z3.BoolRef:
 
 
 def least_reaching(constant: float) -> int:
-    """The fewest nanoseconds, from 0 on, that are `constant` seconds or more as a float."""
+    """Return the fewest nanoseconds, from 0 on, that are `constant` seconds or more as a float."""
     below, there = -1, 1
     while there / 1e9 < constant:
         there *= 2

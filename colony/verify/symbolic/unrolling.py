@@ -27,7 +27,7 @@ class Unrolling:
         self._renamings: list[Substitution] = []
 
     def at(self, i: int, term: Sorted) -> Sorted:
-        """`term` in frame i. What is not in the cone keeps its name: ask for nothing that is not."""
+        """Return `term` in frame i. Constants outside the cone keep their names: ask only for terms in it."""
         while len(self._renamings) <= i:
             frame = len(self._renamings)
             named = [z3.Const(f"{c.decl().name()}@{frame}", c.sort()) for c in self._constants]
@@ -35,21 +35,21 @@ class Unrolling:
         return self._renamings[i](term)
 
     def step(self, i: int) -> tuple[z3.BoolRef, ...]:
-        """What holds in frame i, and how memory goes from it to frame i + 1."""
+        """Return the formulas of frame i, and of the memory from it to frame i + 1."""
         return (*self.frame(i), *self.moves(i))
 
     def frame(self, i: int) -> tuple[z3.BoolRef, ...]:
-        """The assumptions and definitions of frame i."""
+        """Return the assumptions and definitions of frame i."""
         return tuple(self.at(i, x) for x in (*self.cone.assumptions, *self.cone.definitions))
 
     def moves(self, i: int) -> tuple[z3.BoolRef, ...]:
-        """Each cell at i + 1 is what frame i made of it."""
+        """Return the equations between each cell at i + 1 and its value after frame i."""
         return tuple(cast(z3.BoolRef, self.at(i + 1, c.old) == self.at(i, c.next)) for c in self.cone.cells)
 
     def initial(self) -> tuple[z3.BoolRef, ...]:
-        """Every cell at 0 is what it is before the first frame."""
+        """Return the equations between each cell at 0 and its initial value."""
         return tuple(cast(z3.BoolRef, self.at(0, c.old) == c.initial) for c in self.cone.cells)
 
     def invariants(self, i: int) -> tuple[z3.BoolRef, ...]:
-        """What is true of the cells before frame i in every run."""
+        """Return the invariants of the cells before frame i."""
         return tuple(self.at(i, x) for x in self.cone.invariants)

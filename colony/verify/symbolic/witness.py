@@ -1,4 +1,4 @@
-"""From a model of z3 to what people can read and the interpreter can run: readings and answers."""
+"""Readings and answers of a z3 model, in the form that people read and the interpreter runs."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _snapshot(model: z3.ModelRef, unrolling: Unrolling, i: int) -> Snapshot:
 
 
 def _time(model: z3.ModelRef, unrolling: Unrolling, i: int) -> int:
-    """The time of frame i; frames follow each other by the frame period where nothing depends on time."""
+    """Return the time of frame i: one frame period after another where nothing depends on time."""
     system = unrolling.system
     if system.now.get_id() not in unrolling.cone.visited:
         return i * system.program.robot.frame_ns
@@ -52,7 +52,7 @@ def _time(model: z3.ModelRef, unrolling: Unrolling, i: int) -> int:
 
 
 def _depends(given: SensorInput, met: frozenset[int]) -> bool:
-    """Whether anything depends on a sensor."""
+    """Return True if any formula depends on the sensor."""
     terms = [given.present]
     for x in given.elements:
         terms += [x.infinite] if isinstance(x, Number) else [x]
@@ -67,7 +67,7 @@ def _reading(model: z3.ModelRef, unrolling: Unrolling, i: int, sensor: Sensor, g
 
 
 def _sensed(x: ScalarValue, of: ScalarType, sensor: Sensor) -> ScalarValue:
-    """A value that the sensor can have: what nothing depends on may be anything in a model."""
+    """Return a value that the sensor can have: a model may give anything where nothing depends on it."""
     if isinstance(of, Enum):
         members = [v for _, v in of.members]
         return x if x in members else members[0]
@@ -78,7 +78,7 @@ def _sensed(x: ScalarValue, of: ScalarType, sensor: Sensor) -> ScalarValue:
 
 
 def value_in(model: z3.ModelRef, unrolling: Unrolling, i: int, x: Scalar) -> ScalarValue:
-    """What a scalar of the system is in frame i of a model, as the nearest float."""
+    """Return the value of a scalar of the system in frame i of a model, as the nearest float."""
     if not isinstance(x, Number):
         return _truth(model, unrolling.at(i, x))
     if _truth(model, unrolling.at(i, x.nan)):
@@ -98,7 +98,7 @@ def _truth(model: z3.ModelRef, term: z3.BoolRef) -> bool:
 
 
 def _rational(value: z3.ExprRef) -> Fraction:
-    """A numeral of a model; an algebraic one to more digits than a float has."""
+    """Return a numeral of a model; an algebraic one to more digits than a float has."""
     if isinstance(value, z3.AlgebraicNumRef):
         value = value.approx(_DIGITS)
     if isinstance(value, z3.IntNumRef):
@@ -108,7 +108,7 @@ def _rational(value: z3.ExprRef) -> Fraction:
 
 
 def _nearest(value: Fraction) -> float:
-    """The nearest finite float."""
+    """Return the nearest finite float."""
     try:
         return float(value)
     except OverflowError:

@@ -1,4 +1,4 @@
-"""Do all executors of a program do the same? The reference interpreter is held against each of the others.
+"""Agreement of all executors of a program: each is compared to the reference interpreter.
 
 Outcomes are compared bit for bit: -0.0 is not 0.0, and NaN is NaN.
 """
@@ -19,7 +19,7 @@ from colony.ir.program import Program, in_declared_units
 from colony.verify.reference.interpreter import Interpreter
 
 Factory = Callable[[Compilation], Executor]
-"""Makes an executor of a compiled program, in its initial memory."""
+"""A maker of an executor of a compiled program, in its initial memory."""
 
 
 def _clients(compilation: Compilation) -> Executor:
@@ -58,6 +58,7 @@ class Disagreement:
     found: Outcome | str
 
     def __str__(self) -> str:
+        """Return the frame, the trace, and what was expected and found."""
         lines = [f"{self.executor}: differs from the reference in frame {len(self.trace) - 1}"]
         lines += [f"  frame {i}: t = {f.t_ns} ns, {dict(f.readings)}" for i, f in enumerate(self.trace)]
         if isinstance(self.found, str):
@@ -154,7 +155,7 @@ class Clients:
         )
 
     def restart(self) -> None:
-        """Go on from the initial memory, with Python modules built anew."""
+        """Restart from the initial memory, with new instances of the Python modules."""
         self._interpreter = Interpreter(self._program)
         for process in self._processes:
             process.restart()
@@ -187,7 +188,7 @@ def client_disagreement(program: Program, trace: Sequence[Frame]) -> Disagreemen
 
 
 def _decided(program: Program, like: Decision, steps: Mapping[tuple[str, str], ClientStep]) -> Decision:
-    """What the server would do with the requests of all clients of an actuator."""
+    """Return the decision that the server would make from all requests of an actuator's clients."""
     active = [(m, step) for (a, m), step in steps.items() if a == like.actuator and step.active]
     actuator = next(a for a in program.robot.actuators if a.name == like.actuator)
     winner = " and ".join(m for m, _ in active) or None

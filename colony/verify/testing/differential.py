@@ -1,4 +1,4 @@
-"""Many traces for one program: do all executors do the same, what does each module do, do contracts hold?
+"""Tests of one program over many traces: agreement of executors, coverage of modules, contracts.
 
     for report in try_traces(program, count=1000, seed=1):
         print(report.drawn)
@@ -39,7 +39,7 @@ FRAMES = 12
 """The most frames of a trace."""
 
 Trial = Callable[[Compilation, Sequence[Frame], int], Disagreement | None]
-"""Holds a program to something over a trace, given a seed for what it draws itself, such as faults."""
+"""A check over a trace, given a seed for its own random draws, such as faults."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +66,7 @@ class Breach:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nondeterministic:
-    """A class in Python of which two objects, given the same frames, answered differently in the last one."""
+    """A Python class of which two objects, given the same frames, answered differently in the last one."""
 
     module: PythonModule
     trace: tuple[Frame, ...]
@@ -125,13 +125,13 @@ def try_traces(
 
 @runtime_checkable
 class _Restartable(Executor, Protocol):
-    """An executor that can begin anew with another trace, which is quicker than making one."""
+    """An executor that can restart with another trace, which is quicker than making one."""
 
     def restart(self) -> None: ...
 
 
 class _Run(NamedTuple):
-    """What the reference did over a trace: outcomes, and by frame the active and the silent modules."""
+    """The reference's run over a trace: outcomes, and by frame the active and the silent modules."""
 
     outcomes: tuple[Outcome, ...]
     active: tuple[tuple[str, ...], ...]
@@ -140,7 +140,7 @@ class _Run(NamedTuple):
 
 
 class _Examination:
-    """Mutable: the report, and executors that are used again."""
+    """An examination in progress. Mutable: the report, and executors that are reused."""
 
     def __init__(
         self,
@@ -167,7 +167,7 @@ class _Examination:
         self.report = Report(seed=seed, asked=count, drawn=0, frames=0, modules=self._modules())
 
     def go_on(self) -> None:
-        """One more trace, or what the last one showed is shrunk."""
+        """Examine one more trace, or shrink the finding of the last one."""
         if self._to_shrink:
             self._to_shrink.pop(0)()
         elif self.report.disagreement is None and self.report.drawn < self.report.asked:
@@ -213,7 +213,7 @@ class _Examination:
         return _Run(tuple(outcomes), tuple(active), tuple(silent), tuple(patterns))
 
     def _nondeterministic(self, trace: Sequence[Frame], run: _Run) -> Nondeterministic | None:
-        """The first module in Python in which a second interpreter parts from the first."""
+        """Return the first module in Python in which two interpreters differ."""
         if not self._python:
             return None
         again = self._reference(trace)
@@ -224,7 +224,7 @@ class _Examination:
         return None
 
     def _suspect(self, one: _Run, other: _Run, at: int) -> PythonModule:
-        """Who answered differently: told by activity, by what it sent, or by what it raised."""
+        """Return the module that answered differently, by activity, by its command, or by its exception."""
         for module in self._python:
             seen = [
                 (
@@ -280,14 +280,14 @@ class _Examination:
         self._to_shrink.append(shrink)
 
     def _put(self, breach: Breach) -> None:
-        """Among the others, in the order of the program."""
+        """Insert a breach in the order of the program."""
         known = {b.contract.name: b for b in self.report.breaches} | {breach.contract.name: breach}
         self._know(breaches=tuple(known[c.name] for c in self._program.contracts if c.name in known))
 
     # --- executors and trials --------------------------------------------------------------------
 
     def _difference(self, trace: tuple[Frame, ...], expected: Sequence[Outcome]) -> bool:
-        """Whether one of the executors differs from the reference."""
+        """Return True if one of the executors differs from the reference."""
         for name, make in self._executors.items():
             found = disagreement(
                 self._program, trace, {name: partial(self._used_again, name)}, expected, self._compilation
@@ -300,7 +300,7 @@ class _Examination:
         return False
 
     def _used_again(self, name: str, compilation: Compilation) -> Executor:
-        """An executor in its initial memory: the one that had the last trace, or a new one."""
+        """Return an executor in its initial memory: the one that had the last trace, or a new one."""
         used = self._made.get(name)
         if isinstance(used, _Restartable):
             used.restart()
@@ -329,7 +329,7 @@ class _Examination:
         trace: tuple[Frame, ...],
         attempt: Callable[[tuple[Frame, ...]], Disagreement | None],
     ) -> None:
-        """Executors disagree; shrunk later, where it comes again without the traces before."""
+        """Record that executors disagree; shrink later, where it recurs without the traces before."""
         self._know(disagreement=found)
 
         def fails(frames: tuple[Frame, ...]) -> int | None:

@@ -25,6 +25,7 @@ class Choices:
         return self._random.randint(0, most) if most > 0 else 0
 
     def between(self, fewest: int, most: int) -> int:
+        """Return a number between two ends, both included."""
         return fewest + self.upto(most - fewest)
 
     def several(self, fewest: int, most: int) -> int:

@@ -1,4 +1,4 @@
-"""Runs the examples of a program (its `test` blocks) in the reference interpreter.
+"""Execution of a program's examples (its `test` blocks) in the reference interpreter.
 
 An expectation that is false, or that says nothing because it reads something missing, fails; and so does a
 contract that is broken in any frame of an example.
@@ -52,7 +52,7 @@ class ExampleFailure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExampleResult:
-    """How an example came out; it passed when nothing failed. `frames` is how many it has."""
+    """The result of an example; it passed when nothing failed. `frames` is its number of frames."""
 
     name: str
     span: Span
@@ -61,6 +61,7 @@ class ExampleResult:
 
     @property
     def passed(self) -> bool:
+        """True if nothing failed."""
         return not self.failures
 
 
@@ -152,7 +153,7 @@ class _Run:
                 self.expect(expectation, (id(step), i), t_ns, outcome)
 
     def give(self, given: Given, t_ns: int) -> None:
-        """Take an assignment over; it stays until the sensor is given anew."""
+        """Apply an assignment; it stays until the sensor is assigned again."""
         sensor = self.sensors[given.sensor]
         before = self.readings.get(sensor.name)
         self.readings[sensor.name] = assigned(sensor, given, before)
@@ -188,7 +189,7 @@ class _Run:
     # --- what was there instead ------------------------------------------------------------------
 
     def found(self, expression: ir.Expression, outcome: Outcome) -> Iterator[str]:
-        """A fact for each thing that `expression` names, each once, and what was recorded."""
+        """Yield a fact for each name in `expression`, each once, and for each record."""
         facts = dict.fromkeys(
             fact for leaf in ir.subexpressions(expression) for fact in self.fact(leaf, outcome) if fact
         )
@@ -223,7 +224,7 @@ class _Run:
                 return
 
     def decided(self, name: str, outcome: Outcome) -> str:
-        """`drive by cruise, velocity = 300 mm/s`."""
+        """Return `drive by cruise, velocity = 300 mm/s`."""
         actuator = next(a for a in self.program.robot.actuators if a.name == name)
         decision = next(d for d in outcome.decisions if d.actuator == name)
         return ", ".join((f"{name} {_decider(decision)}", *self.sent(actuator)))
@@ -249,8 +250,10 @@ _MOST_ELEMENTS = 8
 
 
 def shown(value: Value, of: Type, unit: str = "") -> str:
-    """Return a value in this unit, else the base unit, or an enumerator by its name; of long arrays the first
-    elements."""
+    """Return a value in this unit, else the base unit, or an enumerator by its name.
+
+    Of long arrays it shows the first elements.
+    """
     if not isinstance(value, tuple):
         return _scalar(value, element_type(of), unit)
     assert isinstance(of, Array)
@@ -274,5 +277,5 @@ def _scalar(value: ScalarValue, of: Scalar, unit: str) -> str:
 
 
 def _number(x: float) -> str:
-    """Up to 9 digits, as a person writes them."""
+    """Return up to 9 digits, as a person writes them."""
     return f"{x:.9g}"

@@ -25,7 +25,7 @@ from colony.verify.testing.scope import (
 
 
 class Expressions:
-    """Writes expressions over one scope. `depth` bounds how many operators nest."""
+    """A writer of expressions over one scope. `depth` bounds the nesting of operators."""
 
     def __init__(self, choices: Choices, scope: Scope) -> None:
         self.choices = choices
@@ -37,6 +37,7 @@ class Expressions:
         return self.choices.one(scalars)
 
     def scalar(self, of: Scalar, depth: int) -> str:
+        """Return the text of an expression of a scalar type."""
         match of:
             case Bool():
                 return self.bool(depth)
@@ -54,6 +55,7 @@ class Expressions:
     # --- bools -----------------------------------------------------------------------------------
 
     def bool(self, depth: int) -> str:
+        """Return the text of a condition."""
         if depth <= 0 or self.choices.rarely(5):
             there = [f"fresh({n.text})" for n in self.scope.names if n.fresh]
             if there and self.choices.rarely(6):
@@ -127,9 +129,11 @@ class Expressions:
     # --- enums -----------------------------------------------------------------------------------
 
     def member(self, of: Enum) -> str:
+        """Return the text of an enumerator."""
         return f"{of.name}.{self.choices.one(of.members)[0]}"
 
     def enum(self, of: Enum, depth: int) -> str:
+        """Return the text of an expression of an enum."""
         if depth <= 0 or of.kind == "machine" or self.choices.rarely():
             return self.choices.one((*self.atoms(of), f"{of.name}.{of.members[0][0]}", self.member(of)))
         condition, yes, no = self.bool(depth - 1), self.enum(of, depth - 1), self.enum(of, depth - 1)
@@ -148,10 +152,12 @@ class Expressions:
         )
 
     def literal(self, of: Dimension) -> str:
+        """Return the text of a constant of a dimension."""
         text = self.choices.one(LITERALS[of])
         return f"(-{text})" if self.choices.rarely(4) else text
 
     def quantity(self, of: Dimension, depth: int) -> str:
+        """Return the text of an expression of a dimension."""
         if depth <= 0 or self.choices.rarely(5):
             return self._quantity_leaf(of)
         makers: list[Callable[[Dimension, int], str]] = [self._sum, self._product, self._several]
@@ -161,7 +167,7 @@ class Expressions:
         return self.choices.one(makers)(of, depth - 1)
 
     def _quantity_leaf(self, of: Dimension) -> str:
-        """Mostly what changes from frame to frame; made from a bool if nothing has the dimension."""
+        """Return mostly a value that changes each frame; made from a bool if nothing has the dimension."""
         params = self.scope.constants.get(of, ())
         if self.choices.rarely(4):
             return self.choices.one(params) if params else self.literal(of)
@@ -210,7 +216,7 @@ class Expressions:
                 return f"({self.quantity(NUMBER, depth - 1)} * {self.quantity(of, depth)})"
 
     def _several(self, of: Dimension, depth: int) -> str:
-        """Functions of numbers of one dimension that give one of it."""
+        """Return a function of numbers of one dimension that gives one of it."""
         function = self.choices.one(
             ("min", "max", "round", "sum", "abs", "clamp", "max", "ceil", "min", "mean", "sqrt", "floor")
         )
@@ -238,7 +244,7 @@ class Expressions:
         return self._comprehension(function, Quantity(of), depth)
 
     def _own(self, of: Dimension, depth: int) -> str:
-        """What only numbers, angles or times can be made from."""
+        """Return the text of an expression that only numbers, angles or times have."""
         if of == ANGLE:
             d = self.dimension()
             if self.choices.rarely(2):
@@ -274,6 +280,7 @@ class Expressions:
     # --- arrays ----------------------------------------------------------------------------------
 
     def arrays(self, of: Scalar) -> list[NamedArray]:
+        """Return the arrays in scope with elements of this type."""
         return [
             NamedArray(text=n.text, type=n.type)
             for n in self.scope.names
@@ -316,7 +323,7 @@ class Expressions:
         return self._bool_array(size, depth - 1) if of == BOOL else self._number_array(of, size, depth - 1)
 
     def _compared(self, size: int, depth: int) -> str:
-        """An array of bools from one of numbers, element by element."""
+        """Return an array of bools from one of numbers, element by element."""
         one = self.choices.one(
             [n for n in self.scope.names if isinstance(n.type, Array) and n.type.size == size]
         )
@@ -380,7 +387,7 @@ class Expressions:
                 return f"(if {self.bool(depth)} then {one} else {other})"
 
     def _index_function(self, depth: int) -> str:
-        """Where the least or greatest of some array of numbers stands; `now()` where there is none."""
+        """Return the index of the least or greatest element of an array of numbers; `now()` if none."""
         have = [
             e for n in self.scope.names if isinstance(e := element_type(n.type), Quantity) and e != n.type
         ]
@@ -390,7 +397,7 @@ class Expressions:
         return f"{self.choices.one(('index_of_min', 'index_of_max'))}({array})"
 
     def _element(self, one: NamedArray, depth: int) -> str:
-        """An element by a constant index, or by one that is computed from something read."""
+        """Return an element by a constant index, or by one that is computed from a reading."""
         numbers = self.scope.of(PLAIN)
         if numbers and self.choices.rarely(3):
             return f"{one.text}[{self.choices.one(numbers)} + {self.quantity(NUMBER, depth - 1)}]"
@@ -413,6 +420,7 @@ class Expressions:
     # --- parts -----------------------------------------------------------------------------------
 
     def duration(self) -> str:
+        """Return the text of a duration."""
         return f"{self.choices.one(DURATIONS_MS)} ms"
 
     def key(self, depth: int) -> str:

@@ -42,7 +42,7 @@ def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Fra
 
 
 def _written(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
-    """Now and then, how a test of the program begins: to a place where people found it worth to look."""
+    """Return, now and then, the beginning of a test of the program, which leads to interesting places."""
     if not program.tests or not choices.rarely(3):
         return ()
     written = frames_of(program, choices.one(program.tests))
@@ -96,7 +96,7 @@ def durations_of(program: Program) -> list[int]:
 
 
 def _times_compared(program: Program) -> list[int]:
-    """What `elapsed` and `now` may be compared with, in nanoseconds, the first few."""
+    """Return the first few times that `elapsed` and `now` may be compared with, in nanoseconds."""
     found: dict[int, None] = {}
     for node in nodes(program):
         match node:
@@ -109,4 +109,4 @@ def _times_compared(program: Program) -> list[int]:
 
 
 _LONGEST_S = 86_400.0
-"""Longer ones are no waiting times."""
+"""Longest time, in seconds, that counts as a waiting time."""

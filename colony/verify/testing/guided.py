@@ -1,4 +1,4 @@
-"""Traces for one program, drawn with what the earlier ones did in mind.
+"""Traces for one program, drawn with regard to earlier ones.
 
 Most of what a behavior can do needs several conditions at once, one after the other: traces that know nothing
 of each other rarely meet them. So the first way to every pattern of activity is kept, and later traces go on
@@ -17,7 +17,7 @@ from colony.verify.testing.frames import draw_trace, gaps_of, sensors_read, thre
 from colony.verify.testing.readings import draw_reading
 
 LONGEST = 48
-"""Frames of a way; a trace that goes on from it may have a few more than others."""
+"""Number of frames of a way; a trace that continues from it may have a few more."""
 
 _FEW = 4
 
@@ -31,7 +31,7 @@ class _Place:
 
 
 class Guide:
-    """Draws the traces of a program, and learns from them. Mutable: the places that it knows.
+    """A drawer of a program's traces that learns from them. Mutable: the places that it knows.
 
     Args:
         max_frames: of a trace, unless it goes on from a longer way.
@@ -68,12 +68,12 @@ class Guide:
                 known.way = tuple(trace[: i + 1])
 
     def _place(self, choices: Choices) -> _Place:
-        """Of three places the one that was met least."""
+        """Return the least visited of three random places."""
         places = [*self._places.values()]
         return min((choices.one(places) for _ in range(3)), key=lambda place: place.met)
 
     def _next(self, choices: Choices, last: Frame) -> dict[str, Reading]:
-        """The readings of a frame, with a few changed, or some as they were elsewhere."""
+        """Return the readings of a frame, with a few changed, or some as they were elsewhere."""
         readings = dict(last.readings)
         if not self._sensors or choices.rarely(4):
             return readings

@@ -42,7 +42,7 @@ class Port:
 
 
 class Wirings:
-    """Draws wirings over a growing list of ports. Mutable: `add` extends it."""
+    """A drawer of wirings over a growing list of ports. Mutable: `add` extends it."""
 
     def __init__(
         self, choices: Choices, ports: Sequence[Port], windows_ns: Sequence[int] = WINDOWS_NS
@@ -57,9 +57,11 @@ class Wirings:
         return [p for p in self.ports if p.actuators == {actuator}]
 
     def add(self, name: str, wiring: Wiring) -> None:
+        """Add a wiring under a name."""
         self.ports.append(Port(name=name, actuators=self.outputs(wiring)))
 
     def outputs(self, wiring: Wiring) -> frozenset[str | None]:
+        """Return the actuators that the modules of a wiring command."""
         match wiring:
             case Use(name=name):
                 return next(p.actuators for p in self.ports if p.name == name)
@@ -69,7 +71,7 @@ class Wirings:
                 return frozenset[str | None]().union(*map(self.outputs, operands))
 
     def _another(self, among: Sequence[Port]) -> Port:
-        """One of `among`, mostly not the one before: a module that only meets itself shows nothing."""
+        """Return one of `among`, mostly not the one before: a module that only meets itself shows nothing."""
         others = [p for p in among if p.name != self._before] or list(among)
         port = self.choices.one(among if self.choices.rarely(6) else others)
         self._before = port.name
@@ -135,7 +137,7 @@ def draw_network(choices: Choices, max_modules: int, max_wires: int) -> Program:
 
 
 def _module(i: int, actuator: str | None) -> Module:
-    """Applicable where the sensor `p<i>` is true; it commands its own number."""
+    """Return a module that is applicable where the sensor `p<i>` is true, and commands its own number."""
     number = Constant(type=PLAIN, value=float(i + 1))
     return Module(
         name=f"m{i}",
@@ -155,7 +157,7 @@ def _actuator(name: str) -> Actuator:
 
 
 def _silence(name: str) -> Contract:
-    """Broken where `name` is active, so that activity shows in outcomes."""
+    """Return a contract that is broken where `name` is active, so that activity shows in outcomes."""
     active = IsActive(type=BOOL, name=name)
     return Contract(
         name=f"{name}_is_silent", expression=UnaryOperation(type=BOOL, operator=Unary.NOT, operand=active)

@@ -37,7 +37,7 @@ Constants = dict[Dimension, tuple[str, ...]]
 
 
 def _more(constants: Constants, dimension: Dimension, name: str) -> Constants:
-    """`constants` with one more param."""
+    """Return `constants` with one more param."""
     return {**constants, dimension: (*constants.get(dimension, ()), name)}
 
 
@@ -108,7 +108,7 @@ class _Text:
         self.add("}")
 
     def range(self, most: int) -> str:
-        """A range in the declared unit, or none."""
+        """Return a range in the declared unit, or none."""
         if not self.choices.rarely(2):
             return ""
         return f" range {self.choices.one(('-1', '0', '-0.5'))} .. {self.choices.between(1, most)}"
@@ -139,7 +139,7 @@ class _Text:
     # --- derived values --------------------------------------------------------------------------
 
     def file_level(self) -> None:
-        """Params, states, lets and a machine, each reading those above it."""
+        """Write params, states, lets and a machine, each reading those above it."""
         for i in range(self.choices.upto(1)):
             self.param(f"c{i}", "")
         states = []
@@ -165,7 +165,7 @@ class _Text:
         return name, dimension
 
     def state(self, name: str, of: Scalar) -> str:
-        """A state's declaration; its type is written, or shows in its constant."""
+        """Return a state's declaration; its type is written, or follows from its constant."""
         if isinstance(of, Quantity):
             declared = {SPEED: "mm/s", TURN_RATE: "deg/s"}.get(of.dimension) or UNITS[of.dimension][0]
             initial = Expressions(self.choices, Scope()).literal(of.dimension)
@@ -182,7 +182,7 @@ class _Text:
             self.readable(f"g{i}", type_, fresh=True)
 
     def some_type(self) -> Type:
-        """Mostly a scalar type; else the type of an array that there is."""
+        """Return mostly a scalar type; else the type of an array in scope."""
         arrays = [n.type for n in self.scope.names if isinstance(n.type, Array)]
         if arrays and self.choices.rarely(3):
             return self.choices.one(arrays)
@@ -226,7 +226,7 @@ class _Text:
         self.ports.append(Port(name=name, actuators=frozenset({actuator})))
 
     def own_memory(self, name: str) -> list[Named]:
-        """Lets and a state of a module; their names hide one another's across modules, on purpose."""
+        """Return lets and a state of a module; their names hide one another's across modules, on purpose."""
         members: list[Named] = []
         for i in range(self.choices.upto(2)):
             type_ = self.some_type()
@@ -260,7 +260,7 @@ class _Text:
         self.ports.append(Port(name=name, actuators=frozenset({"drive"})))
 
     def variations(self) -> None:
-        """A module declared from another, sometimes with its param set anew."""
+        """Write a module derived from another, sometimes with an overridden param."""
         originals = [i for i, line in enumerate(self.lines) if line.startswith("module m") and "{" in line]
         for start in originals[:1]:
             if not self.choices.rarely() or "python" in self.lines[start]:
@@ -275,14 +275,14 @@ class _Text:
             self.ports.append(Port(name="other", actuators=actuators))
 
     def watches(self) -> None:
-        """Modules that show values as they are, bit for bit; elsewhere most only decide something."""
+        """Write modules that show values as they are, bit for bit; elsewhere most only decide something."""
         for i, of in enumerate(self.seen):
             self.add(f"module watch{i} {{\n  when true\n  do probe{i}(seen = {self.write(of, 3)})\n}}")
 
     # --- network, limits, contracts --------------------------------------------------------------
 
     def network(self) -> list[str]:
-        """The wiring, in the order drawn or the reverse; the names of its wires."""
+        """Return the wiring, in the order drawn or the reverse, and the names of its wires."""
         actuators = ["drive", *(["light"] * self.light)]
         wirings = Wirings(self.choices, self.ports, WINDOWS_NS)
         wires = draw_wires(wirings, actuators, 3, 2)

@@ -30,7 +30,7 @@ ODD_READINGS: tuple[Reading, ...] = (
 """Readings that are wrong for most sensors, each in its way."""
 
 PLAIN_NUMBERS = (0.0, 1.0, 2, -1, -0.0, 2.5, 100.0, 0.5, -7.25, 1e12)
-"""In declared units, for any sensor."""
+"""Plain numbers in declared units, for any sensor."""
 
 Thresholds = Mapping[Dimension, tuple[float, ...]]
 """Numbers of each dimension, in base units, sorted."""
@@ -75,7 +75,7 @@ def draw_reading(choices: Choices, sensor: Sensor, thresholds: Thresholds) -> Re
 def _elements(
     choices: Choices, of: Scalar, size: int, sensor: Sensor, thresholds: Thresholds
 ) -> list[ScalarValue | int]:
-    """All alike; alike but for a run of them, which may go round the end; or of a few values, or of many.
+    """Draw elements: all equal; equal but for a run, which may wrap around; from a few values or many.
 
     A program asks for the least of a region, or how many are near: elements that have nothing to do with each
     other would give it the same answer every time.
@@ -116,7 +116,7 @@ def _scalar(choices: Choices, of: Scalar, sensor: Sensor, thresholds: Thresholds
 
 
 def _number(choices: Choices, numbers: list[float]) -> float:
-    """At one of some numbers, between two neighbors, beyond them, or as near to one as a float can be."""
+    """Return one of some numbers, or one between two neighbors, beyond them, or the nearest float to one."""
     between = [a + (b - a) / 2 for a, b in pairwise(numbers)]
     beyond = [numbers[-1] * 2 + 1, numbers[0] - abs(numbers[0]) - 1]
     match choices.upto(4):

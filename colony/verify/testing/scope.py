@@ -45,7 +45,7 @@ class NamedArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scope:
-    """What expressions of one place may use. `promises` are bools that only contracts may ask."""
+    """The names that expressions of one place may use. `promises` are bools that only contracts may read."""
 
     names: tuple[Named, ...] = ()
     enums: tuple[Enum, ...] = ()
@@ -55,7 +55,9 @@ class Scope:
     constants: dict[Dimension, tuple[str, ...]] = field(default_factory=dict)  # params
 
     def of(self, type_: Type) -> list[str]:
+        """Return the names of this type."""
         return [n.text for n in self.names if n.type == type_]
 
     def with_names(self, *names: Named) -> Scope:
+        """Return the scope with more names."""
         return replace(self, names=(*self.names, *names))

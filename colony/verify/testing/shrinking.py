@@ -1,4 +1,4 @@
-"""Shrinks a run that shows something to what it takes: few frames, simple readings, regular times.
+"""Minimization of a run that shows something: few frames, simple readings, regular times.
 
 Delta debugging (Zeller and Hildebrandt, 2002) over frames, then over the readings of one sensor after the
 other, then over times, until nothing more can go. Every step is tried: what is left does show it.
@@ -51,7 +51,7 @@ def shrunk(
 
 
 class Shrinker(Generic[Given]):
-    """Makes a run smaller, step by step. Mutable: the best run so far, and how much patience is left."""
+    """A stepwise minimizer of a run. Mutable: the best run so far, and the patience that is left."""
 
     def __init__(
         self,
@@ -181,14 +181,14 @@ def with_reading(frame: Given, sensor: str, reading: Reading) -> Given:
 
 
 class _Plainer:
-    """Readings in declared units: false, the first enumerator, 0, and what is rounder."""
+    """Plainer readings in declared units: false, the first enumerator, 0, and rounder numbers."""
 
     def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterator[Reading]:
         """Yield a plain reading, the first and the last."""
         yield from (_plain(sensor), readings[0], readings[-1])
 
     def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterator[Reading]:
-        """Yield what is plainer; what is no reading of the sensor may be missing as well."""
+        """Yield plainer readings; an invalid reading of the sensor may be missing as well."""
         plain = _plain(sensor)
         if repr(reading) in (repr(plain), "None"):
             return
@@ -202,7 +202,7 @@ class _Plainer:
 
 
 def _plainer_elements(plain: ScalarValue, elements: list[ScalarValue | int]) -> Iterator[Reading]:
-    """Halves, quarters, ... of an array plain; then rounded."""
+    """Yield halves, quarters, ... of an array plain; then rounded."""
     size = len(elements) // 2
     while size:
         for first in range(0, len(elements), size):
@@ -222,7 +222,7 @@ def _plain(sensor: Sensor) -> Reading:
 
 
 def _plain_scalar(sensor: Sensor) -> ScalarValue:
-    """False, the first enumerator, or what is nearest to 0 in the range; in declared units."""
+    """Return false, the first enumerator, or what is nearest to 0 in the range; in declared units."""
     of, low, high = element_type(sensor.type), sensor.low, sensor.high
     if isinstance(of, Quantity) and low is not None and low > 0:
         return low / sensor.factor

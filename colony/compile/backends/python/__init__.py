@@ -1,0 +1,1 @@
+"""The back end that generates a program as a Python class."""

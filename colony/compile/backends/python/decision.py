@@ -1,4 +1,4 @@
-"""Statements for what an actuator is sent once its winner is known.
+"""Statements that decide what an actuator is sent once its winner is known.
 
 A command that is known or seen to be finite and within limits and range goes out as it is; any other is left
 to `settle`.
@@ -42,6 +42,7 @@ class DecisionText:
         self.target = names.decision[self.name]
 
     def lines(self) -> list[str]:
+        """Return the statements that decide what the actuator is sent."""
         if not self.plan.groups:
             return self.idle(by=self.observed)
         lines = [f"if {self.by} is None:", *_indented(self.idle(by=False))]
@@ -55,7 +56,7 @@ class DecisionText:
         return [*lines, f"el{first}", *rest]
 
     def idle(self, by: bool) -> list[str]:
-        """The idle command, or nothing for `idle hold`."""
+        """Return the idle command, or nothing for `idle hold`."""
         idle = self.actuator.idle
         leaving = in_declared_units(idle, self.actuator.fields)
         shown = "None" if leaving is None else values(leaving)
@@ -69,7 +70,7 @@ class DecisionText:
         return lines
 
     def command(self, checks: list[str]) -> list[str]:
-        """The winner's command: as it is where the checks hold, else by `settle`."""
+        """Return the winner's command: as it is where the checks hold, else by `settle`."""
         leaving = self.leaving(self.fields)
         usual = [f"{self.target} = ({self.name!r}, {self.by}, {leaving}, None)"]
         if self.observed:
@@ -90,11 +91,12 @@ class DecisionText:
         )
 
     def constants(self) -> list[str]:
-        """What `settle` is given, as a statement of the module."""
+        """Return the bounds that `settle` is given, as a statement of the module."""
         bounds = _tuple([_field(f) for f in self.actuator.fields])
         return [f"{self.names.bounds[self.name]} = {bounds}"]
 
     def settled(self) -> list[str]:
+        """Return the statements that call `settle`."""
         limits = " + ".join(self.limit(limit) for limit in self.plan.actuator.limits) or "()"
         idle = "None" if self.actuator.idle is None else values(self.actuator.idle)
         bounds = self.names.bounds[self.name]
@@ -119,14 +121,14 @@ class DecisionText:
         return lines
 
     def limit(self, limit: LimitCode) -> str:
-        """A limit as `settle` takes it, if it applies."""
+        """Return a limit as `settle` takes it, if it applies."""
         bound = self.expressions.text(limit.bound).text
         one = f"(({limit.field_index}, {limit.relation == '<='}, {bound}),)"
         applies = self.expressions.text(limit.applies)
         return one if applies.text == "True" else f"({one} if {applies.inside(Binding.OR)} else ())"
 
     def checks(self) -> list[str]:
-        """Tests that a command goes out as it is, leaving out those that hold of every client."""
+        """Return tests that a command needs no `settle`, without those that hold for every client."""
         checks = []
         for limit in self.plan.actuator.limits:
             field = self.fields[limit.field_index]
@@ -139,6 +141,7 @@ class DecisionText:
         return checks
 
     def field_checks(self, i: int, field: ActuatorField) -> list[str]:
+        """Return the checks that a field needs before its value may be sent, given its known ranges."""
         if isinstance(field.type, Bool):
             return []
         clients = [c.client for g in self.plan.groups for c in g.clients]

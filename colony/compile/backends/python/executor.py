@@ -1,4 +1,4 @@
-"""Generated Python as an executor."""
+"""An executor that runs generated Python."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from colony.text.source import NOWHERE
 
 
 class PythonExecutor:
-    """Steps an instance of a generated class (an `ir.frame.Executor`). Mutable: that has all memory."""
+    """An executor of a generated class (see `ir.frame.Executor`). Mutable: the object has all memory."""
 
     def __init__(self, program: Any) -> None:
         self.program = program
         self._step = program.step
 
     def step(self, frame: Frame) -> Outcome:
-        """One frame."""
+        """Execute one frame."""
         decisions, records, breaches = self._step(frame.t_ns, frame.readings, frame.taken_ns)
         return Outcome(tuple(map(Decision._make, decisions)), tuple(map(Record._make, records)), breaches)
 
     def restart(self) -> None:
-        """Go on from the initial memory, with Python modules built anew."""
+        """Restart from the initial memory, with new instances of the Python modules."""
         self.program = type(self.program)()
         self._step = self.program.step
 

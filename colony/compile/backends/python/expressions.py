@@ -59,7 +59,7 @@ class Expressions:
             self._texts.append(self._text(at, op) if placement.uses[at] else TRUE)
 
     def text(self, value: int) -> Text:
-        """A value as an expression, for a statement behind the slot where it was said to be used."""
+        """Return a value as an expression, for a statement behind the slot where it was said to be used."""
         return self._texts[value]
 
     def _text(self, at: int, op: Op) -> Text:
@@ -145,7 +145,7 @@ class Expressions:
         return Text(f"({listed},)", Binding.ATOM, depth)
 
     def _slice(self, elements: tuple[int, ...]) -> str | None:
-        """Elements of one sensor that follow each other, as a slice; None for others."""
+        """Return consecutive elements of one sensor as a slice; None for others."""
         first, last = self.code.ops[elements[0]], self.code.ops[elements[-1]]
         if not (isinstance(first, SensorElement) and isinstance(last, SensorElement)):
             return None

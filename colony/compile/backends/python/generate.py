@@ -1,4 +1,4 @@
-"""Generates a program as one readable Python class that needs nothing but the standard `math`.
+"""Generation of a program as one readable Python class that needs nothing but the standard `math`.
 
 Its `step(t_ns, readings)` gives `(decisions, records, breaches)` as plain tuples, in the order and form of
 `colony.ir.frame`. The clients of an actuator are a chain of `if`s in the order of priority, which ends with
@@ -88,7 +88,7 @@ class _Generator:
         self.lines.append("")
 
     def before(self, slot: int, indent: int) -> None:
-        """The statements that belong to a slot."""
+        """Add the statements that belong to a slot."""
         self.add(indent, *self.expressions.statements.get(slot, ()))
 
     def text(self, value: int) -> str:
@@ -101,7 +101,7 @@ class _Generator:
         return f"from {call.module_path} import {call.class_name} as {_class_name(self.names, call)}"
 
     def initial(self) -> None:
-        """The class up to `__init__`, which has the memory."""
+        """Add the class up to `__init__`, which has the memory."""
         attributes = [self.names.cells[cell] for cell in self.cells]
         attributes += [self.names.python[call.module] for call in self.code.python]
         if self.timed:
@@ -172,7 +172,7 @@ class _Generator:
     # --- actuators -------------------------------------------------------------------------------
 
     def actuator(self, plan: ActuatorPlan) -> None:
-        """The chain of clients, and then the decision."""
+        """Add the chain of clients, and then the decision."""
         name = plan.actuator.actuator.name
         by = self.names.by[name]
         self.blank()
@@ -190,7 +190,7 @@ class _Generator:
         self.constants += decision.constants()
 
     def group(self, plan: ActuatorPlan, group: GroupPlan) -> bool:
-        """Clients in a row; whether the text behind them can be reached."""
+        """Add consecutive clients; return True if the text behind them can be reached."""
         indent = 3
         self.before(group.slot, indent)
         if group.present is not None:
@@ -200,7 +200,7 @@ class _Generator:
         return group.present is not None or not always
 
     def client(self, plan: ActuatorPlan, client: ClientPlan, indent: int) -> bool:
-        """One client; whether its guard always holds where it is reached."""
+        """Add one client; return True if its guard always holds where it is reached."""
         guard = self.text(client.client.guard)
         where = _place(client.client)
         self.before(client.slot, indent)
@@ -253,7 +253,7 @@ def _class_name(names: Names, call: PythonCall) -> str:
 
 
 def _place(client: ClientCode) -> str:
-    """The module, its priority and where it is written, for a comment."""
+    """Return the module, its priority and where it is written, for a comment."""
     source, line = client.span.source, client.span.source.position(client.span.start)[0]
     where = "" if client.span.source.name == "<none>" else f", {source.name}:{line}"
     return _comment(f"{client.module}, priority {client.priority}{where}")
@@ -264,5 +264,5 @@ def _comment(text: str) -> str:
 
 
 def _words(lines: list[str]) -> set[str]:
-    """Every word in the lines, for what they need brought along."""
+    """Return every word in the lines, to find the definitions that they need."""
     return {word for line in lines for word in re.findall(r"[A-Za-z_]\w*", line)}

@@ -13,7 +13,7 @@ from colony.ir.types import Array, Bool, ScalarValue, Value, element_type
 
 
 def constants(sensors: tuple[Sensor, ...]) -> list[str]:
-    """What the quick tests compare with, as statements of the module."""
+    """Return the constants that the quick tests compare with, as statements of the module."""
     found = set()
     for sensor in sensors:
         if isinstance(sensor.type, Array):
@@ -27,7 +27,7 @@ def _types(kind: str, size: int) -> str:
 
 
 def take(sensor: Sensor, get: str, names: Names) -> list[str]:
-    """The statements for one sensor: its value (or what stands in for it), and whether it is fresh."""
+    """Return the statements for one sensor: its value (or stand-in), and its freshness."""
     value, fresh = names.sensors[sensor.name], names.fresh[sensor.name]
     converted = sensor.factor != 1.0 and not isinstance(element_type(sensor.type), Bool)
     reading = "reading" if converted else value
@@ -42,7 +42,7 @@ def take(sensor: Sensor, get: str, names: Names) -> list[str]:
 
 
 def _if(tests: list[str]) -> list[str]:
-    """A condition that all tests hold, on one line if it is short."""
+    """Return the condition that all tests hold, on one line if it is short."""
     line = f"if {' and '.join(tests)}:"
     if len(line) <= 96:
         return [line]
@@ -50,7 +50,7 @@ def _if(tests: list[str]) -> list[str]:
 
 
 def _usual(sensor: Sensor, reading: str, value: str) -> list[str]:
-    """The quick tests of a scalar; where it has to be converted they do that, too."""
+    """Return the quick tests of a scalar; they also convert it where necessary."""
     if isinstance(sensor.type, Bool):
         return [f"{reading} is True or {reading} is False"]
     tests, numbers = [f"type({reading}) is float"], members(sensor)
@@ -65,7 +65,7 @@ def _usual(sensor: Sensor, reading: str, value: str) -> list[str]:
 
 
 def _usual_array(sensor: Sensor, reading: str, value: str) -> list[str]:
-    """The quick tests of an array."""
+    """Return the quick tests of an array."""
     assert isinstance(sensor.type, Array)
     kind, numbers = sensor.type.element, members(sensor)
     name = "bool" if isinstance(kind, Bool) else "float"
@@ -84,14 +84,14 @@ def _usual_array(sensor: Sensor, reading: str, value: str) -> list[str]:
 
 
 def _in_range(sensor: Sensor, x: str) -> str:
-    """A test of the range, which NaN fails; empty where there is no range."""
+    """Return a test of the range, which NaN fails; empty where there is no range."""
     tests = [f"{literal(sensor.low).text} <= {x}"] if sensor.low is not None else []
     tests += [f"{x} <= {literal(sensor.high).text}"] if sensor.high is not None else []
     return " and ".join(tests)
 
 
 def _unusual(sensor: Sensor, reading: str) -> str:
-    """The call that takes any reading in."""
+    """Return the call that takes in any reading."""
     kind, array = element_type(sensor.type), isinstance(sensor.type, Array)
     parts = [repr(sensor.name), reading]
     if isinstance(sensor.type, Array):
@@ -105,7 +105,7 @@ def _unusual(sensor: Sensor, reading: str) -> str:
 
 
 def values(value: Value) -> str:
-    """A value as a constant; an array of equal elements as a product."""
+    """Return a value as a constant; an array of equal elements as a product."""
     if not isinstance(value, tuple):
         return literal(value).text
     if len(value) > 4 and all(_same(x, value[0]) for x in value):

@@ -1,4 +1,4 @@
-"""Where in a program the text of a value belongs.
+"""The layout of a generated program: the places where the text of a value may stand.
 
 A program is a tree of regions: the body of the function, blocks in it, branches in those. A region has slots
 in the order of the text, and each statement that uses values has a slot before it, where those values can be
@@ -23,12 +23,12 @@ class Layout:
     known: list[frozenset[int]] = field(default_factory=lambda: [frozenset()])  # by region: values that hold
 
     def slot(self, region: int) -> int:
-        """A new slot at the end of the text so far, in `region`."""
+        """Return a new slot at the end of the text so far, in `region`."""
         self._region.append(region)
         return len(self._region) - 1
 
     def region(self, slot: int, holds: int | None = None) -> int:
-        """A new region behind `slot`, entered only where the value `holds` is true."""
+        """Return a new region behind `slot`, entered only where the value `holds` is true."""
         outer = self._region[slot]
         self._parent_slot.append(slot)
         self._depth.append(self._depth[outer] + 1)
@@ -36,11 +36,11 @@ class Layout:
         return len(self._parent_slot) - 1
 
     def known_at(self, slot: int) -> frozenset[int]:
-        """Values that are true wherever `slot` is reached."""
+        """Return values that are true wherever `slot` is reached."""
         return self.known[self._region[slot]]
 
     def join(self, a: int, b: int) -> int:
-        """The last slot that comes before `a` and `b` and is always passed on the way to each."""
+        """Return the last slot that comes before `a` and `b` and is always passed on the way to each."""
         regions, parents, depths = self._region, self._parent_slot, self._depth
         while regions[a] != regions[b]:
             if depths[regions[a]] >= depths[regions[b]]:

@@ -1,4 +1,4 @@
-"""What things are called in a generated program: much as in the source, and never twice the same."""
+"""Names in a generated program: close to those of the source, and unique."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Names:
     """Names of variables and attributes. Mutable: every name given is taken."""
 
     def __init__(self, code: Code, taken: frozenset[str]) -> None:
-        """`taken` are the names of functions that the program brings along."""
+        """Start with the names `taken` by functions that the program includes."""
         self._taken = {*_RESERVED, *_OURS, *taken}
         self._hints = code.names
         self.sensors = {s.name: self.new(s.name) for s in code.sensors}
@@ -52,11 +52,11 @@ class Names:
         self.cells = [self.new(c.name) for c in code.cells]
 
     def value(self, number: int) -> str:
-        """A new name for a value of the Code."""
+        """Return a new name for a value of the Code."""
         return self.new(self._hints.get(number, f"v{number}"))
 
     def new(self, wanted: str) -> str:
-        """`wanted` as an identifier, with a number behind it if that is taken."""
+        """Return `wanted` as an identifier, with a number behind it if that is taken."""
         base = re.sub(r"\W", "_", wanted)
         if not base.isascii() or not base.isidentifier() or base.startswith("_"):
             base = "v" + re.sub(r"[^A-Za-z0-9_]", "_", base)

@@ -1,4 +1,4 @@
-"""Which values of a Code get a name in a generated program, and where they are computed."""
+"""The choice of the values of a Code that get a name in a generated program, and of their places."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from colony.execute.code import Apply, Code, OldCell, Op, Table, operands
 
 
 def is_atom(op: Op) -> bool:
-    """Whether its text is a name or constant anyway."""
+    """Return True if the value's text is a name or constant already."""
     return not isinstance(op, Apply | OldCell | Table)
 
 
 class Placement:
-    """Where values are used, and so where they are computed. Mutable: filled by `use`, then `settle`d.
+    """The places where values are used and computed. Mutable: filled by `use`, then `settle`d.
 
-    After that, `uses` is how often each value is needed (0: never), `slot` where it is computed, and `named`
-    whether it gets a name there or stands as an expression where it is used.
+    After `settle`, `uses` is the number of uses of each value (0: never), `slot` is the place where it is
+    computed, and `named` is true if it gets a name there and false if it stands as an expression at its use.
     """
 
     def __init__(self, code: Code, layout: Layout, known: list[Range]) -> None:
@@ -31,11 +31,12 @@ class Placement:
         self.named = bytearray(len(code.ops))
 
     def use(self, value: int, slot: int, times: int = 1) -> None:
-        """The statement behind `slot` needs `value`, and mentions it so many times."""
+        """Record that the statement behind `slot` needs `value`, and mentions it `times` times."""
         self.slot[value] = slot if self.uses[value] == 0 else self.layout.join(self.slot[value], slot)
         self.uses[value] += times
 
     def use_all(self, values: Iterable[int], slot: int) -> None:
+        """Record that the statement behind `slot` needs each of `values` once."""
         for value in values:
             self.use(value, slot)
 

@@ -20,6 +20,8 @@ from colony.execute.code import ActuatorCode, ClientCode, Code, ContractCode, Li
 
 @dataclass(frozen=True, slots=True)
 class ClientPlan:
+    """The places of a client in the generated program."""
+
     client: ClientCode
     slot: int
     body: int
@@ -36,7 +38,7 @@ class GroupPlan:
 
 @dataclass(frozen=True, slots=True)
 class ActuatorPlan:
-    """`slot` is before the clients, `after` behind them, `limits` further on, where there is a winner."""
+    """The plan of an actuator: `slot` before the clients, `after` behind, `limits` if there is a winner."""
 
     actuator: ActuatorCode
     slot: int
@@ -57,6 +59,8 @@ class CommitPlan:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
+    """The outline of the generated program: all parts with their places."""
+
     python: tuple[tuple[PythonCall, int], ...]
     actuators: tuple[ActuatorPlan, ...]
     contracts: tuple[tuple[ContractCode, int], ...]
@@ -65,7 +69,7 @@ class Plan:
 
 
 def make_plan(code: Code, layout: Layout, placement: Placement) -> Plan:
-    """The outline for `code`; fills `layout`, and tells `placement` what is used where."""
+    """Return the outline for `code`; fills `layout`, and reports all uses to `placement`."""
     python = tuple((call, _python(call, layout, placement)) for call in code.python)
     actuators = tuple(_actuator(code, actuator, layout, placement) for actuator in code.actuators)
     contracts = []
@@ -103,7 +107,7 @@ def _actuator(code: Code, actuator: ActuatorCode, layout: Layout, placement: Pla
 
 
 def _reachable(code: Code, actuator: ActuatorCode) -> list[ClientCode]:
-    """The clients that can win: not those that never hold, nor any behind one that always does."""
+    """Return the clients that can win: no client that never holds, or is behind one that always does."""
     found = []
     for client in actuator.clients:
         op = code.ops[client.guard]
@@ -135,7 +139,7 @@ def _client(client: ClientCode, layout: Layout, placement: Placement, region: in
 
 
 def _commits(code: Code, layout: Layout, placement: Placement) -> tuple[CommitPlan, ...]:
-    """The memory that something depends on, exclusive guards aside: priority is what this backend uses."""
+    """Return the memory that anything but exclusive guards depends on: this backend uses priorities."""
     _, needed = live(code.ops, code.cells, roots(code, exclusive=False))
     together: dict[int, list[int]] = {}
     for cell in sorted(needed):

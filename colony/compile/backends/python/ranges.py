@@ -1,7 +1,8 @@
-"""Between what bounds the numbers of a Code lie, and whether they can be NaN.
+"""Ranges of the numbers of a Code: their bounds, and whether they can be NaN.
 
-Sound and quick rather than sharp: memory and what comes from outside can be anything, one pass over the ops
-does. The bounds of `+ - * /` are computed with those operations, which is right since rounding is monotone.
+Sound and quick rather than sharp: memory and external input can be anything, and one pass over the ops
+suffices. The bounds of `+ - * /` are computed with those operations, which is right since rounding is
+monotone.
 """
 
 from __future__ import annotations
@@ -26,16 +27,16 @@ class Range(NamedTuple):
 
     @property
     def finite(self) -> bool:
-        """Whether no value is infinite or NaN."""
+        """Return True if no value is infinite or NaN."""
         return not self.nan and isfinite(self.low) and isfinite(self.high)
 
     @property
     def nonzero(self) -> bool:
-        """Whether no value is a zero (it may be NaN)."""
+        """Return True if no value is a zero (it may be NaN)."""
         return self.low > 0.0 or self.high < 0.0
 
     def within(self, low: float | None, high: float | None) -> bool:
-        """Whether all values lie within these bounds; NaN does not."""
+        """Return True if all values lie within these bounds; NaN does not."""
         return not self.nan and (low is None or low <= self.low) and (high is None or self.high <= high)
 
 
@@ -43,7 +44,7 @@ ANYTHING = Range(-inf, inf, True)
 
 
 def ranges(code: Code) -> list[Range]:
-    """The range of each value of `code`; `ANYTHING` for those that are no numbers."""
+    """Return the range of each value of `code`; `ANYTHING` for values that are not numbers."""
     sensors = {s.name: _sensor(s) for s in code.sensors}
     found: list[Range] = []
     for op, kind in zip(code.ops, code.kinds, strict=True):
@@ -69,7 +70,7 @@ def _of(op: Op, found: list[Range], sensors: dict[str, Range]) -> Range:
 
 
 def _sensor(sensor: Sensor) -> Range:
-    """From the sensor's range, and what stands in where it is missing."""
+    """Return the range of a sensor, including its stand-in where it is missing."""
     numbers = members(sensor)
     low, high = sensor.low, sensor.high
     if numbers:
@@ -155,7 +156,7 @@ def _sum(x: Range, y: Range) -> Range:
 
 
 def _corners(of: Callable[[float, float], float], x: Range, y: Range) -> Range:
-    """A function that is monotone in each of two finite operands; with infinite ones it may be anything."""
+    """Return the range of a function monotone in each of two finite operands; anything for infinite ones."""
     if not (x.finite and y.finite):
         return ANYTHING
     found = [of(a, b) for a in (x.low, x.high) for b in (y.low, y.high)]

@@ -20,7 +20,7 @@ _MODULES: tuple[ModuleType, ...] = (arithmetic, intake, python_step, settle)
 
 
 def support(names: Iterable[str]) -> tuple[list[str], list[str]]:
-    """The definitions called `names` with all that those need, and the names that they need from `math`.
+    """Return the definitions called `names` with their dependencies, and the names needed from `math`.
 
     `names` may have names from `math`, too. Others are ignored.
     """
@@ -38,7 +38,7 @@ def support(names: Iterable[str]) -> tuple[list[str], list[str]]:
 
 @cache
 def _definitions() -> dict[str, ast.FunctionDef | ast.ClassDef]:
-    """By name, in an order in which each stands after those that it needs."""
+    """Return the definitions by name, each after those that it needs."""
     found: dict[str, ast.FunctionDef | ast.ClassDef] = {}
     for module in _MODULES:
         for node in ast.parse(inspect.getsource(module)).body:
@@ -52,7 +52,7 @@ def _mentioned(node: ast.AST) -> set[str]:
 
 
 def _bare(node: ast.FunctionDef | ast.ClassDef) -> ast.FunctionDef | ast.ClassDef:
-    """Without annotations."""
+    """Return the definition without annotations."""
     bare = _Bare().visit(node)
     assert isinstance(bare, ast.FunctionDef | ast.ClassDef)
     return bare
@@ -80,5 +80,5 @@ class _Bare(ast.NodeTransformer):
 
 
 def definition_names() -> frozenset[str]:
-    """The names of all definitions that a program may bring along."""
+    """Return the names of all definitions that a generated program may include."""
     return frozenset(_definitions())

@@ -14,7 +14,7 @@ from colony.execute.operators import Operator
 
 
 class Binding(IntEnum):
-    """How tightly the outermost operator of an expression binds."""
+    """The precedence of the outermost operator of an expression."""
 
     CONDITIONAL = 0
     OR = 1
@@ -35,7 +35,7 @@ class Text(NamedTuple):
     depth: int = 0
 
     def inside(self, binding: int) -> str:
-        """As an operand that has to bind at least so tightly."""
+        """Return the text as an operand that must bind at least as tightly as `binding`."""
         return self.text if self.binding >= binding else f"({self.text})"
 
 
@@ -79,7 +79,7 @@ _CALLS: dict[Operator, str] = {
 
 
 def literal(value: float | bool | int) -> Text:
-    """A constant; NaN and infinities by the names that `math` has for them."""
+    """Return a constant; NaN and infinities by the names that `math` has for them."""
     if isinstance(value, bool):
         return Text(repr(value))
     if isinstance(value, int):
@@ -90,7 +90,7 @@ def literal(value: float | bool | int) -> Text:
 
 
 def mentions_twice(operator: Operator, x: list[Range]) -> bool:
-    """Whether the expression for it has its operands twice, so that they had better be names."""
+    """Return True if the operator's text has its operands twice, so that they should be names."""
     match operator:
         case Operator.MIN | Operator.MAX:
             return len(x) == 2 and not any(r.nan for r in x)
@@ -101,7 +101,7 @@ def mentions_twice(operator: Operator, x: list[Range]) -> bool:
 
 
 def applied(operator: Operator, operands: list[Text], x: list[Range]) -> Text:
-    """An operator of operands that have the ranges `x`."""
+    """Return the text of an operator of operands that have the ranges `x`."""
     depth = 1 + max(o.depth for o in operands)
     text, binding = _applied(operator, operands, x)
     return Text(text, binding, depth)
@@ -155,7 +155,7 @@ def _called(operator: Operator, o: list[Text]) -> tuple[str, Binding]:
 
 
 def _extreme(operator: Operator, o: list[Text], x: list[Range]) -> tuple[str, Binding]:
-    """The least or greatest. Python's own keep the first of equals, as ours do, but are wrong with NaN."""
+    """Return the least or greatest; Python's functions keep the first of equals, too, but fail with NaN."""
     if any(r.nan for r in x):
         return _called(operator, o)
     if len(o) == 1:
