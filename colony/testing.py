@@ -39,8 +39,9 @@ def disagreement(program: Program, trace: Iterable[Frame]) -> Disagreement | Non
 
 
 def check(program: Program, trace: Iterable[Frame]) -> Iterator[tuple[Frame, Outcome]]:
-    """Yield each frame of a trace with what the reference interpreter decides in it, after all other
-    executors have been held to the same.
+    """Yield each frame of a trace with the decision of the reference interpreter.
+
+    All other executors have been held to the same decisions before.
 
     Raises:
         AssertionError: the client list or the generated Python decides something else, which is a mistake of
