@@ -11,7 +11,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.places import problems_told, robot_option
 from colony.cli.reporting import refuse, say
-from colony.cli.shipped_files import MAP
+from colony.cli.shipped_files import map_option
 from colony.extras import expect_extras
 
 if TYPE_CHECKING:
@@ -35,13 +35,7 @@ class Folder(click.Path):
 @click.command(name="serve", short_help="be the servers of a robot")
 @click.argument("server", metavar="SERVER", type=click.Choice(NAMES, case_sensitive=False))
 @robot_option("The name that programs find it by.", required=True)
-@click.option(
-    "--map",
-    "map_path",
-    metavar="MAP",
-    type=MAP,
-    help=f"The building: {MAP.says}.",
-)
+@map_option
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of sensors' noise.")
 @click.option(
     "--hazards",

@@ -25,3 +25,6 @@ class ShippedFile(click.ParamType):  # type: ignore[type-arg]
 
 BEHAVIOR = ShippedFile(Shipped.BEHAVIOR, "a behavior")
 MAP = ShippedFile(Shipped.MAP, "a StickRep map")
+
+map_option = click.option("--map", "map_path", metavar="MAP", type=MAP, help=f"The building: {MAP.says}.")
+"""`--map MAP`, as `map_path`."""

@@ -74,10 +74,3 @@ def _run(*command: str) -> None:
     ran = subprocess.run(command, capture_output=True, text=True, check=False, timeout=LONGEST_S)
     if ran.returncode != 0:
         sys.exit(f"{' '.join(command)}:\n{ran.stdout}\n{ran.stderr}")
-
-
-def typed(line: str) -> Sequence[str]:
-    """Return the words of a command as a shell would."""
-    import shlex
-
-    return shlex.split(line)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import subprocess
 import time
 from collections.abc import Iterator
@@ -10,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tests.paths import ROOT
-from tests.wheel.environments import Environment, typed
+from tests.wheel.environments import Environment
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
@@ -56,9 +57,9 @@ def check_readme(everything: Environment, place: Path) -> None:
         everything.run("colony", "run", "wander", "--connect", "--duration", "5", folder=folder)
         everything.run("python", "-c", script, folder=folder)
         for line in (*asked, "colony stop --release"):
-            everything.run(*typed(line), folder=folder)
+            everything.run(*shlex.split(line), folder=folder)
     for line in lines[at + 1 + len(asked) :]:
-        everything.run(*typed(line), folder=folder)
+        everything.run(*shlex.split(line), folder=folder)
     for name in ("run.mcap", "wander.svg", "run.png", "patrol/test_patrol.py", "side.seen.png"):
         assert (folder / name).exists(), name
     everything.run("pip", "install", "--quiet", "pytest", folder=folder)
@@ -67,7 +68,7 @@ def check_readme(everything: Environment, place: Path) -> None:
 
 def _within_a_minute(line: str) -> list[str]:
     """Return the command, ended after ten seconds where it goes by the clock."""
-    words = list(typed(line))
+    words = shlex.split(line)
     if "--processes" in words:
         words += ["--duration", "10"]
     return words
@@ -81,7 +82,7 @@ def _codes(line: str) -> list[int]:
 @contextmanager
 def _served(environment: Environment, line: str, folder: Path) -> Iterator[None]:
     """The servers of a robot, from when they answer until the end of the block."""
-    words = typed(line)
+    words = shlex.split(line)
     servers = subprocess.Popen(
         [str(environment.folder / "bin" / words[0]), *words[1:]], cwd=folder, env=environment.variables()
     )

@@ -11,7 +11,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.reporting import report, say
-from colony.cli.shipped_files import MAP
+from colony.cli.shipped_files import map_option
 from colony.extras import expect_extras
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def _part(context: click.Context, option: click.Parameter, value: float) -> floa
 
 @click.command("experiment", short_help="run a list of runs many times over, and count")
 @click.argument("runs", metavar="LIST")
-@click.option("--map", "map_path", type=MAP, metavar="MAP", help=f"The building: {MAP.says}.")
+@map_option
 @click.option(
     "--seeds",
     type=click.IntRange(min=1),

@@ -18,7 +18,7 @@ from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.places import connect_option, place_of, problems_told, robot_option, security_option
 from colony.cli.reporting import refuse, report, say
 from colony.cli.run.options import DURATION, BadOption, Options, objection, request_of
-from colony.cli.shipped_files import BEHAVIOR, MAP
+from colony.cli.shipped_files import BEHAVIOR, map_option
 from colony.extras import expect_extras
 from colony.robots.request import BrokenOff, Misuse
 
@@ -31,13 +31,7 @@ PICTURE = "run.png"
 
 @click.command(name="run", short_help="drive a robot, simulated or real")
 @click.argument("file", metavar="FILE", type=BEHAVIOR)
-@click.option(
-    "--map",
-    "map_path",
-    metavar="MAP",
-    type=MAP,
-    help=f"The building: {MAP.says}.",
-)
+@map_option
 @click.option(
     "--processes", is_flag=True, help="Servers, clients and simulator as processes, by the wall clock."
 )

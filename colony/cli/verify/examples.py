@@ -141,18 +141,11 @@ def _nondeterministic(nondeterministic: Nondeterministic) -> Diagnostic:
 
 def _steps(program: Program, frames: Sequence[Frame], span: Span) -> tuple[TraceStep, ...]:
     """Return a step per frame: its time, the commands of all actuators, and the sensors' values."""
-    from colony.verify.contracts.table import reading, sent
+    from colony.verify.contracts.report import told_frames
 
-    sensors = {s.name: s for s in program.robot.sensors}
-    steps = []
-    for frame, outcome in zip(frames, reference(program, frames), strict=True):
-        decided = (
-            f"{a.name} {sent(a, d)}" for a, d in zip(program.robot.actuators, outcome.decisions, strict=True)
-        )
-        when = f"t = {(frame.t_ns - frames[0].t_ns) / 1e9:.9g} s"
-        values = {name: reading(sensors[name], x) for name, x in snapshot_of(program, frame).readings.items()}
-        steps.append(TraceStep(span, "; ".join((when, *decided)), values))
-    return tuple(steps)
+    snapshots = (snapshot_of(program, x)._replace(t_ns=x.t_ns - frames[0].t_ns) for x in frames)
+    steps = told_frames(program, snapshots, reference(program, frames))
+    return tuple(TraceStep(span, happens, given) for happens, given in steps)
 
 
 # --- for programs ----------------------------------------------------------------------------------

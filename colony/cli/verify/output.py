@@ -122,7 +122,8 @@ def _traces(one: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
         if diagnostic is not None and not isinstance(result, Proved) and result.trace is not None:
             span = result.contract.span
             made[diagnostic] = [
-                TraceStep(span, happens, given) for happens, given in told_frames(one.program, result.trace)
+                TraceStep(span, happens, given)
+                for happens, given in told_frames(one.program, result.trace.snapshots, result.trace.outcomes)
             ]
     if one.report is not None:
         made |= examples.findings(one.program, one.report, one.offered, one.known)

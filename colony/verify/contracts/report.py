@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import isinf
 from shlex import quote
 from typing import assert_never
 
+from colony.ir.frame import Outcome
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, error, warning
 from colony.text.wording import counted
@@ -14,6 +15,7 @@ from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.frames import frame_row, outcome_row
 from colony.verify.contracts.results import Proved, Refuted, Result, Trace, Unknown
 from colony.verify.contracts.table import reading, sent, table
+from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Reason
 
 _MOST_PLACES = 3
@@ -153,10 +155,12 @@ def steps(program: Program, trace: Trace) -> list[dict[str, object]]:
     ]
 
 
-def told_frames(program: Program, trace: Trace) -> Iterator[tuple[str, dict[str, str]]]:
+def told_frames(
+    program: Program, snapshots: Iterable[Snapshot], outcomes: Iterable[Outcome]
+) -> Iterator[tuple[str, dict[str, str]]]:
     """Yield each frame's events, and the readings of each sensor, in readable form."""
     sensors = {s.name: s for s in program.robot.sensors}
-    for snapshot, outcome in zip(trace.snapshots, trace.outcomes, strict=True):
+    for snapshot, outcome in zip(snapshots, outcomes, strict=True):
         decided = (
             f"{a.name} {sent(a, d)}" for a, d in zip(program.robot.actuators, outcome.decisions, strict=True)
         )
