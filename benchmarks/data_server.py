@@ -28,7 +28,7 @@ import msgspec
 import zenoh
 
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import data
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.place import Local, local
@@ -141,7 +141,7 @@ def _wait_for_both(folder: Path) -> None:
                 server.do(data.set("X", 1.5))
                 _querier(session)
                 return
-        except ConnectionProblem:
+        except RobotConnectionError:
             _expect_before(end)
 
 

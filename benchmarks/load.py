@@ -29,7 +29,7 @@ from typing import NamedTuple
 from benchmarks import floor, parts
 from benchmarks.processes import ROOT, Row, colony_run, expect_alive, row, scratch
 from colony.runtime.kit.connection import Connection, Session
-from colony.runtime.kit.errors import ConnectionProblem, ServerNotFound
+from colony.runtime.kit.errors import RobotConnectionError, ServerNotFoundError
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
 
 BEHAVIORS = ("wander", "navigator")
@@ -143,7 +143,7 @@ def _leader(session: Session) -> Connection:
     while True:
         try:
             return session.connect(LEADER)
-        except (ServerNotFound, ConnectionProblem):
+        except (ServerNotFoundError, RobotConnectionError):
             if time.monotonic() > until:
                 raise
             time.sleep(0.05)

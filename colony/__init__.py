@@ -39,10 +39,10 @@ if TYPE_CHECKING:
     from colony.library import prove as prove
     from colony.library import read as read
     from colony.library import recorded as recorded
-    from colony.text.diagnostics import Failure as Failure
+    from colony.text.diagnostics import DiagnosticError as DiagnosticError
 
 _HOMES = {
-    "colony.text.diagnostics": ("Failure",),
+    "colony.text.diagnostics": ("DiagnosticError",),
     "colony.ir.frame": ("Decision", "Frame", "Outcome"),
     "colony.library": (
         *("Build", "CompiledProgram"),

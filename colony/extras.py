@@ -18,7 +18,7 @@ EXTRAS = {
 """The modules that each extra installs."""
 
 
-class MissingExtra(ModuleNotFoundError):
+class MissingExtraError(ModuleNotFoundError):
     """A module of an extra that is not installed; the message says which extra, and how to install it."""
 
 
@@ -36,7 +36,7 @@ def expect_extras(*extras: str) -> None:
     """Check that these extras are installed, before any work begins.
 
     Raises:
-        MissingExtra: names all missing extras.
+        MissingExtraError: names all missing extras.
     """
     missing = {extra: [m for m in EXTRAS[extra] if not installed(m)] for extra in extras}
     names = [extra for extra in extras if missing[extra]]
@@ -49,11 +49,11 @@ def extras_named() -> Iterator[None]:
     """Turn the error for a missing module into one that names its extra.
 
     Raises:
-        MissingExtra: in place of a ModuleNotFoundError for a module of an extra.
+        MissingExtraError: in place of a ModuleNotFoundError for a module of an extra.
     """
     try:
         yield
-    except MissingExtra:
+    except MissingExtraError:
         raise
     except ModuleNotFoundError as problem:
         module = (problem.name or "").partition(".")[0]
@@ -63,8 +63,8 @@ def extras_named() -> Iterator[None]:
         raise _missing([module], extras[:1]) from None
 
 
-def _missing(modules: list[str], extras: list[str]) -> MissingExtra:
+def _missing(modules: list[str], extras: list[str]) -> MissingExtraError:
     what = f"extra{'' if len(extras) == 1 else 's'} {listed(extras)}"
-    return MissingExtra(
+    return MissingExtraError(
         f"{what} not installed (no {modules[0]}); run: {to_install(*extras)}", name=modules[0]
     )

@@ -25,7 +25,7 @@ _CHUNK = 1 << 20
 _SAFELY = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
 
 
-class UnfitFile(OSError):
+class UnsuitableFileError(OSError):
     """A file that is not read: not a regular file, too large, or with a line that is too long."""
 
 
@@ -33,14 +33,15 @@ def open_descriptor(path: StrPath, flags: int = os.O_RDONLY) -> int:
     """Open a regular file, or create one if `flags` say so, without ever blocking.
 
     Raises:
-        OSError: it is not a regular file (`UnfitFile`), or cannot be opened; `strerror` gives the reason.
+        OSError: it is not a regular file (`UnsuitableFileError`), or cannot be opened; `strerror` gives the
+            reason.
     """
     try:
         _check(os.lstat(path) if flags & os.O_NOFOLLOW else os.stat(path), path)
     except FileNotFoundError:
         pass
     except ValueError as problem:
-        raise UnfitFile(errno.EINVAL, str(problem), path) from None
+        raise UnsuitableFileError(errno.EINVAL, str(problem), path) from None
     descriptor = os.open(path, flags | _SAFELY, 0o600)
     try:
         _check(os.fstat(descriptor), path)
@@ -76,12 +77,12 @@ def read_all(file: BinaryIO, most: int, path: StrPath) -> bytes:
         OSError: the file cannot be read, or has more bytes.
     """
     if os.fstat(file.fileno()).st_size > most:
-        raise UnfitFile(errno.EFBIG, f"it is larger than {size_text(most)}", path)
+        raise UnsuitableFileError(errno.EFBIG, f"it is larger than {size_text(most)}", path)
     found = bytearray()
     while chunk := file.read(min(_CHUNK, most + 1 - len(found))):
         found += chunk
         if len(found) > most:
-            raise UnfitFile(errno.EFBIG, f"it is larger than {size_text(most)}", path)
+            raise UnsuitableFileError(errno.EFBIG, f"it is larger than {size_text(most)}", path)
     return bytes(found)
 
 
@@ -89,13 +90,13 @@ def bounded_lines(file: BinaryIO, most: int) -> Iterator[bytes]:
     """Yield the lines of a file as they arrive, each with its line break.
 
     Raises:
-        OSError: it cannot be read, or a line has more than `most` bytes (`UnfitFile`).
+        OSError: it cannot be read, or a line has more than `most` bytes (`UnsuitableFileError`).
     """
     number = 0
     while line := file.readline(most + 1):
         number += 1
         if len(line) > most:
-            raise UnfitFile(errno.EFBIG, f"line {number} is longer than {size_text(most)}")
+            raise UnsuitableFileError(errno.EFBIG, f"line {number} is longer than {size_text(most)}")
         yield line
 
 
@@ -127,9 +128,9 @@ def sync_folder(path: Path) -> None:
 
 def _check(found: os.stat_result, path: StrPath) -> None:
     if stat.S_ISDIR(found.st_mode):
-        raise UnfitFile(errno.EISDIR, os.strerror(errno.EISDIR), path)
+        raise UnsuitableFileError(errno.EISDIR, os.strerror(errno.EISDIR), path)
     if not stat.S_ISREG(found.st_mode):
-        raise UnfitFile(errno.EINVAL, "it is not a regular file", path)
+        raise UnsuitableFileError(errno.EINVAL, "it is not a regular file", path)
 
 
 def open_alone(path: str) -> FileIO:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from colony.extras import extras_named, installed, to_install
 from colony.shipped import Shipped
-from colony.text.diagnostics import Failure, error
+from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import NOWHERE
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def load(path: str | PathLike[str]) -> Program:
     `path` may also be the name of a behavior that comes with colony: `wander`.
 
     Raises:
-        Failure: with all diagnostics, if there is an error among them.
+        DiagnosticError: with all diagnostics, if there is an error among them.
     """
     from colony.dsl.load import load_file
 
@@ -47,7 +47,7 @@ def loads(text: str, name: str = "<text>", directory: str | PathLike[str] = ".")
     """Check a text and return its program; messages call it `name`, imports are relative to `directory`.
 
     Raises:
-        Failure: with all diagnostics, if there is an error among them.
+        DiagnosticError: with all diagnostics, if there is an error among them.
     """
     from colony.dsl.load import load_text
 
@@ -68,8 +68,8 @@ def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIME
         timeout_s: timeout of z3 in seconds for one question.
 
     Raises:
-        Failure: V001, the clients differ from the network (a bug in the compiler); V002, the proof was not
-            decided in time.
+        DiagnosticError: V001, the clients differ from the network (a bug in the compiler); V002, the proof
+            was not decided in time.
     """
     from warnings import warn
 
@@ -97,17 +97,17 @@ def _expect_proof(program: Program, compilation: Compilation, timeout_ms: int) -
         case results.Undecided() as undecided if not installed("z3"):
             warn(f"{results.undecided_text(undecided)}; {to_install('verify')}", stacklevel=3)
         case results.Undecided() as undecided:
-            raise Failure([error("V002", NOWHERE, results.undecided_text(undecided))])
+            raise DiagnosticError([error("V002", NOWHERE, results.undecided_text(undecided))])
         case wrong:
-            raise Failure([error("V001", NOWHERE, results.counterexample_text(wrong))])
+            raise DiagnosticError([error("V001", NOWHERE, results.counterexample_text(wrong))])
 
 
 def read(path: str | PathLike[str]) -> CompiledProgram:
     """Read a compiled program that `Build.save` or `colony compile -o NAME.colonyc` wrote.
 
     Raises:
-        Failure: C001, the file cannot be read, is damaged, or was compiled with Python modules other than
-            those found now.
+        DiagnosticError: C001, the file cannot be read, is damaged, or was compiled with Python modules other
+            than those found now.
     """
     from colony.robots.compiled_program import read_compiled
 
@@ -134,7 +134,7 @@ class CompiledProgram:
         """Return an executor with initial memory, whose `step` takes one frame after another.
 
         Raises:
-            Failure: P001, a Python module cannot be imported or built.
+            DiagnosticError: P001, a Python module cannot be imported or built.
         """
         from colony.execute.checked import CheckedExecutor
 
@@ -180,7 +180,8 @@ class Build:
 
         Raises:
             ValueError: the name of the file does not end in `.colonyc`.
-            Failure: C001, the file could not be read back: a name or an array in the program is too long.
+            DiagnosticError: C001, the file could not be read back: a name or an array in the program is too
+                long.
             OSError: the file cannot be written.
         """
         from pathlib import Path
@@ -226,7 +227,7 @@ def compare(one: Program, other: Program) -> Difference:
         A `Same`, `Different` or `Undecided` of `colony.verify.difference.results`.
 
     Raises:
-        Failure: V040 to V042, the programs cannot be compared.
+        DiagnosticError: V040 to V042, the programs cannot be compared.
     """
     from colony.ir.program import expect_program
 
@@ -242,7 +243,7 @@ def recorded(path: str | PathLike[str], program: Program) -> Iterator[RecordedFr
     """Yield the undamaged frames of a recording, each with its verdicts.
 
     Raises:
-        Failure: codes A and F, the file is not a recording, or is one of another program.
+        DiagnosticError: codes A and F, the file is not a recording, or is one of another program.
     """
     from colony.ir.program import expect_program
 
@@ -260,7 +261,7 @@ def audit(path: str | PathLike[str], program: Program) -> AuditReport:
     """Decide every frame of a recording again with the reference interpreter.
 
     Raises:
-        Failure: codes A and F, the file is not a recording, or is one of another program.
+        DiagnosticError: codes A and F, the file is not a recording, or is one of another program.
     """
     from colony.ir.program import expect_program
     from colony.verify.audit.audit import audit_recording

@@ -8,7 +8,7 @@ import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from colony.files import UnfitFile
+from colony.files import UnsuitableFileError
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """Error codes for a full disk, an exhausted quota, or a file at its size limit."""
@@ -42,8 +42,8 @@ def described(problem: OSError) -> str:
 
 def limit_advice(problem: OSError) -> str | None:
     """Return advice about a limit of the process, or None if another error occurred."""
-    # the limits of an UnfitFile are this program's own
-    if problem.errno is None or isinstance(problem, UnfitFile):
+    # the limits of an UnsuitableFileError are this program's own
+    if problem.errno is None or isinstance(problem, UnsuitableFileError):
         return None
     return _ADVICE.get(problem.errno)
 

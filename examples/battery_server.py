@@ -11,7 +11,7 @@ import time
 
 import msgspec
 
-from colony.runtime.kit.server import Refused, Server, field, method
+from colony.runtime.kit.server import RefusedError, Server, field, method
 from colony.runtime.protocol.connections import Caller
 
 
@@ -35,7 +35,7 @@ class Battery:
     def charge(self, caller: Caller, given: Charge) -> float:
         """Set the rate; gives the level."""
         if abs(given.rate) > 3000.0:
-            raise Refused("arguments", f"{given.rate:g} %/min would harm the battery; at most 3000")
+            raise RefusedError("arguments", f"{given.rate:g} %/min would harm the battery; at most 3000")
         self._level, self._since = self.level(), time.monotonic()
         self._rate = given.rate
         return self._level

@@ -16,11 +16,11 @@ import argparse
 import sys
 
 from colony.nav.maps.building import load_building
-from colony.nav.plan.route import NoPlan, plan
+from colony.nav.plan.route import NoPlanError, plan
 from colony.robots.live_mission import LiveMission
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.errors import ConnectionProblem
-from colony.text.diagnostics import Failure
+from colony.runtime.kit.errors import RobotConnectionError
+from colony.text.diagnostics import DiagnosticError
 
 
 def main() -> int:
@@ -32,14 +32,14 @@ def main() -> int:
     try:
         building = load_building(asked.map)
         way = plan(building, asked.origin, asked.goal)
-    except (Failure, NoPlan) as problem:
+    except (DiagnosticError, NoPlanError) as problem:
         print(problem, file=sys.stderr)
         return 2
     try:
         with Session.open(asked.robot) as session, LiveMission(session, building, way) as mission:
             print(f"{way.origin} to {way.goal}: {way.modes}, {way.way_mm / 1000:.1f} m", flush=True)
             mission.wait()
-    except ConnectionProblem as problem:
+    except RobotConnectionError as problem:
         print(problem, file=sys.stderr)
         return 1
     except KeyboardInterrupt:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.extras import EXTRAS, MissingExtra, expect_extras, installed
+from colony.extras import EXTRAS, MissingExtraError, expect_extras, installed
 from tests.paths import ROOT
 
 EVERYTHING = tuple(module for modules in EXTRAS.values() for module in modules)
@@ -120,7 +120,7 @@ def test_all_that_is_missing_is_named_at_once(monkeypatch: pytest.MonkeyPatch) -
     for module in ("cv2", "z3"):
         monkeypatch.setitem(sys.modules, module, None)
         assert not installed(module)
-    with pytest.raises(MissingExtra) as missing:
+    with pytest.raises(MissingExtraError) as missing:
         expect_extras("sim", "verify", "vision")
     assert (
         str(missing.value)

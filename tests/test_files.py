@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from colony.files import (
-    UnfitFile,
+    UnsuitableFileError,
     bounded_lines,
     open_descriptor,
     open_regular,
@@ -49,7 +49,7 @@ def test_what_is_no_regular_file_is_refused(tmp_path: Path, make: Callable[[Path
     path = tmp_path / "file"
     make(path)
     for flags in (os.O_RDONLY, os.O_RDWR, os.O_RDWR | os.O_CREAT):
-        with pytest.raises(UnfitFile) as refused:
+        with pytest.raises(UnsuitableFileError) as refused:
             open_descriptor(path, flags)
         assert refused.value.strerror == reason(refused.value) == why
         assert refused.value.filename == path
@@ -66,7 +66,7 @@ def test_a_link_to_a_file_is_followed_unless_it_is_not_to_be(tmp_path: Path) -> 
     (tmp_path / "file").write_bytes(b"abc")
     (tmp_path / "link").symlink_to("file")
     assert read_file(tmp_path / "link", 3) == b"abc"
-    with pytest.raises(UnfitFile, match="not a regular file"):
+    with pytest.raises(UnsuitableFileError, match="not a regular file"):
         open_descriptor(tmp_path / "link", os.O_RDONLY | os.O_NOFOLLOW)
 
 
@@ -83,7 +83,7 @@ def test_a_file_is_read_up_to_its_limit(tmp_path: Path, most: int) -> None:
     path.write_bytes(b"x" * most)
     assert read_file(path, most) == b"x" * most
     path.write_bytes(b"x" * (most + 1))
-    with pytest.raises(UnfitFile) as refused:
+    with pytest.raises(UnsuitableFileError) as refused:
         read_file(path, most)
     assert refused.value.errno == errno.EFBIG
     assert refused.value.strerror == f"it is larger than {size_text(most)}"
@@ -98,7 +98,7 @@ def test_a_file_that_grows_while_it_is_read(tmp_path: Path) -> None:
 
     path = tmp_path / "file"
     path.write_bytes(b"x")
-    with Growing(path) as file, pytest.raises(UnfitFile, match="larger than 5000 bytes"):
+    with Growing(path) as file, pytest.raises(UnsuitableFileError, match="larger than 5000 bytes"):
         read_all(file, 5000, path)  # type: ignore[arg-type]
 
 
@@ -107,7 +107,7 @@ def test_lines_come_with_their_ends_and_are_bounded() -> None:
     assert list(lines) == [b"ab\n", b"\n", b"abc\n", b"xxxx"]
     lines = bounded_lines(io.BytesIO(b"ab\nabcd\nz"), 4)
     assert next(lines) == b"ab\n"
-    with pytest.raises(UnfitFile, match="line 2 is longer than 4 bytes"):
+    with pytest.raises(UnsuitableFileError, match="line 2 is longer than 4 bytes"):
         next(lines)
 
 

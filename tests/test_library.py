@@ -65,7 +65,7 @@ def test_a_file_is_loaded_and_errors_have_places(tmp_path: Path) -> None:
     path = tmp_path / "toy.colony"
     path.write_text(TEXT)
     assert colony.load(path).robot == colony.loads(TEXT, name=str(path)).robot
-    with pytest.raises(colony.Failure) as caught:
+    with pytest.raises(colony.DiagnosticError) as caught:
         colony.loads(TEXT.replace("0.5 m", "0.5 s"), name="toy.colony")
     assert "toy.colony:7:" in str(caught.value)
 
@@ -100,7 +100,7 @@ def test_a_proof_that_fails_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> Non
         return replace(compilation, clients=replace(right, actuators=actuators))
 
     monkeypatch.setattr(compiled_program, "compile_program", wrong)
-    with pytest.raises(colony.Failure, match="V001"):
+    with pytest.raises(colony.DiagnosticError, match="V001"):
         colony.build(PROGRAM)
     assert colony.build(PROGRAM, proof=False).compilation.clients.actuators[0].clients == swapped
 
@@ -126,7 +126,7 @@ def test_a_recording_is_read_and_audited(tmp_path: Path) -> None:
     assert [f.verdicts["drive"].by for f in colony.recorded(path, PROGRAM)][:2] == ["back_off", "cruise"]
     report = colony.audit(path, PROGRAM)
     assert (report.agrees, report.compared, report.damaged) == (True, 20, ())
-    with pytest.raises(colony.Failure, match="A001"):
+    with pytest.raises(colony.DiagnosticError, match="A001"):
         colony.audit(tmp_path / "none.mcap", PROGRAM)
 
 
@@ -234,14 +234,14 @@ def test_files_that_cannot_be_saved_or_read(whole: Path, tmp_path: Path) -> None
     assert whole.read_text() == WHOLE
     with pytest.raises(FileNotFoundError):
         build.save(tmp_path / "no" / "such.colonyc")
-    with pytest.raises(colony.Failure, match="C001"):
+    with pytest.raises(colony.DiagnosticError, match="C001"):
         colony.build(colony.loads(TEXT, name="a\nb")).save(tmp_path / "odd.colonyc")
     for name in ("none.colonyc", "whole.colony"):
-        with pytest.raises(colony.Failure, match="C001"):
+        with pytest.raises(colony.DiagnosticError, match="C001"):
             colony.read(tmp_path / name)
     build.save(tmp_path / "whole.colonyc")
     (tmp_path / "goes.py").write_text(GOES.replace("200", "300"))
-    with pytest.raises(colony.Failure, match=r"`goes\.py` has changed since it was compiled"):
+    with pytest.raises(colony.DiagnosticError, match=r"`goes\.py` has changed since it was compiled"):
         colony.read(tmp_path / "whole.colonyc")
 
 

@@ -17,7 +17,7 @@ from colony.runtime.clients import client
 from colony.runtime.frames import assembler, clock, liveness, publishing
 from colony.runtime.kit import connection, conversation
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.library import leader, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import calls, codec, deployment
@@ -271,7 +271,7 @@ def test_the_example_with_more_around_it(rome: Machine) -> None:
     with session(rome) as there:
         base, battery = there.connect("RServer"), there.connect("Battery")
         until(lambda: base.do(robot.speed_setting()) == 150.0, "the robot drives")
-        with pytest.raises(CallRefused, match="would harm the battery"):
+        with pytest.raises(CallRefusedError, match="would harm the battery"):
             battery.do(charge(5000.0))
         assert 70.0 < battery.do(charge(-3000.0)) <= 80.0
         until(lambda: base.do(robot.speed_setting()) == 0.0, "the robot rests")

@@ -44,7 +44,7 @@ def command(recording: str, file: str | None, format_: str) -> None:
       colony audit run.mcap changed.colony
     """
     from colony.runtime.recordings.opening import open_recording, read_recording
-    from colony.text.diagnostics import Failure
+    from colony.text.diagnostics import DiagnosticError
     from colony.verify.audit.audit import audit_recording
 
     try:
@@ -53,7 +53,7 @@ def command(recording: str, file: str | None, format_: str) -> None:
             program = _program(reader, recording, file, Path(folder))
             result = audit_recording(program, reader, _Progress(stream))
             _refuse_empty(recording, reader, result)
-    except Failure as failure:
+    except DiagnosticError as failure:
         code = failure.diagnostics[0].code
         if code[0] in "AF" and code != "A006":
             refuse(failure.diagnostics)
@@ -73,25 +73,27 @@ def _program(reader: RecordingReader, recording: str, file: str | None, folder: 
     if file is not None:
         return load_program(file)
     from colony.robots.recorded_program import recorded_program, unusable
-    from colony.text.diagnostics import Failure
+    from colony.text.diagnostics import DiagnosticError
 
     if reader.run is None:
-        raise Failure([unusable(recording, "JSON lines do not hold the program")])
+        raise DiagnosticError([unusable(recording, "JSON lines do not hold the program")])
     return recorded_program(reader.run, recording, folder)
 
 
 def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) -> None:
     """Raise A003 (or A006, for a damaged recording) if there was nothing to compare."""
-    from colony.text.diagnostics import Failure, error
+    from colony.text.diagnostics import DiagnosticError, error
     from colony.text.source import Source, Span
 
     if result.frames and result.compared + result.outside + result.holds:
         return
     message = "the recording holds no decision" if result.frames else "the recording holds no frame"
     if result.damaged:
-        raise Failure([error("A006", Span(Source(recording, ""), 0, 0), f"{message} that can be compared")])
+        raise DiagnosticError(
+            [error("A006", Span(Source(recording, ""), 0, 0), f"{message} that can be compared")]
+        )
     cut = f": {reader.cut}" if reader.cut else ""
-    raise Failure([error("A003", Span(Source(recording, ""), 0, 0), f"{message}{cut}")])
+    raise DiagnosticError([error("A003", Span(Source(recording, ""), 0, 0), f"{message}{cut}")])
 
 
 def _print_json(

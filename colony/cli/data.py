@@ -164,7 +164,7 @@ def _dserver(robot: str | None, connect: str | None, security: Path | None) -> I
 
     A call that DServer refuses ends the command with one line and exit code 1.
     """
-    from colony.runtime.kit.errors import CallRefused
+    from colony.runtime.kit.errors import CallRefusedError
     from colony.runtime.library.ask import STATUS
 
     name = _robot(robot, connect)
@@ -177,7 +177,7 @@ def _dserver(robot: str | None, connect: str | None, security: Path | None) -> I
             for sentence in server.do(STATUS).full:
                 say(f"colony: warning: {SERVER}: {printable(sentence)}")
             yield server
-        except CallRefused as problem:
+        except CallRefusedError as problem:
             say(f"colony: error: {problem.message}")
             raise click.exceptions.Exit(EXIT_ERRORS) from None
 

@@ -61,7 +61,7 @@ def command(
     pairs = [_pair(text) for text in actuators]
     one, other = load_program(a, EXIT_MISUSE), load_program(b, EXIT_MISUSE)
     expect_extras("verify")
-    from colony.text.diagnostics import Failure
+    from colony.text.diagnostics import DiagnosticError
     from colony.verify.contracts.results import Options
     from colony.verify.difference import Different, Undecided, difference
     from colony.verify.difference.report import lines, row
@@ -70,7 +70,7 @@ def command(
     try:
         with interruptions():
             result = difference(one, other, ignore, pairs, options, time.monotonic)
-    except Failure as failure:
+    except DiagnosticError as failure:
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_MISUSE) from None
     if format_ == "json":

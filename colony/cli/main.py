@@ -168,9 +168,9 @@ def _report_failure(problem: Exception) -> int:
         Exception: anything else, which is a bug.
     """
     from colony.cli.reporting import report
-    from colony.extras import MissingExtra
+    from colony.extras import MissingExtraError
     from colony.os_errors import described, is_out_of_memory
-    from colony.text.diagnostics import Failure
+    from colony.text.diagnostics import DiagnosticError
 
     if is_out_of_memory(problem):
         _say("colony: error: out of memory")
@@ -180,10 +180,10 @@ def _report_failure(problem: Exception) -> int:
         _say(f"colony: error: {described(problem)}")
         _give_up_output()
         return EXIT_MISUSE
-    if isinstance(problem, MissingExtra):
+    if isinstance(problem, MissingExtraError):
         _say(f"colony: error: {problem}")
         return EXIT_MISUSE
-    if not isinstance(problem, Failure):
+    if not isinstance(problem, DiagnosticError):
         raise problem
     report(problem.diagnostics)
     return EXIT_ERRORS

@@ -43,14 +43,14 @@ def command(path: str, output: Path | None, no_picture: bool, format_: str) -> N
     """
     expect_extras("sim")
     from colony.nav.maps.building import load_building
-    from colony.text.diagnostics import Failure
+    from colony.text.diagnostics import DiagnosticError
 
     if output is not None and output.suffix.lower() not in (".png", ".svg"):
         message = f"cannot draw into `{output}`; expected a file ending in .png or .svg"
         raise click.UsageError(message, click.get_current_context())
     try:
         building = load_building(path)
-    except Failure as failure:
+    except DiagnosticError as failure:
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_MISUSE) from None
     loaded = building.maps[0]

@@ -83,11 +83,11 @@ def _check_robot(context: click.Context, option: click.Parameter, name: str | No
 @contextmanager
 def problems_told() -> Iterator[None]:
     """Report an error in reaching a robot in one line, and exit with 2."""
-    from colony.runtime.kit.errors import ConnectionProblem
+    from colony.runtime.kit.errors import RobotConnectionError
     from colony.runtime.transport.live.errors import LiveError
 
     try:
         yield
-    except (LiveError, ConnectionProblem) as problem:
+    except (LiveError, RobotConnectionError) as problem:
         say(f"colony: error: {problem}")
         raise click.exceptions.Exit(EXIT_MISUSE) from None

@@ -56,20 +56,20 @@ def command(
     """
     expect_extras("sim")
     from colony.nav.maps.building import load_building
-    from colony.nav.plan.route import NoPlan, plan
-    from colony.text.diagnostics import Failure
+    from colony.nav.plan.route import NoPlanError, plan
+    from colony.text.diagnostics import DiagnosticError
 
     if output is not None and output.suffix.lower() not in (".png", ".svg"):
         message = f"cannot draw into `{output}`; expected a file ending in .png or .svg"
         raise click.UsageError(message, click.get_current_context())
     try:
         building = load_building(path)
-    except Failure as failure:
+    except DiagnosticError as failure:
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_MISUSE) from None
     try:
         planned = plan(building, origin, goal, travel=travel)
-    except NoPlan as problem:
+    except NoPlanError as problem:
         say(f"{path}: error: {problem}")
         raise click.exceptions.Exit(EXIT_MISUSE) from None
     if output is not None:

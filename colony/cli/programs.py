@@ -11,7 +11,7 @@ from colony.compile.pipeline import Compilation
 from colony.execute.colonyc import is_compiled
 from colony.execute.compiled import Compiled
 from colony.robots.compiled_program import compiled_with_sources, read_compiled
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 
 
 def load_compiled(path: str) -> Compiled:
@@ -24,7 +24,7 @@ def load_compiled(path: str) -> Compiled:
     sys.path += [str(Path(path).resolve().parent), os.curdir]
     try:
         return read_compiled(path)
-    except Failure as failure:
+    except DiagnosticError as failure:
         refuse(failure.diagnostics)
 
 

@@ -81,18 +81,18 @@ def command(server: str, **given: Any) -> None:
       colony serve RServer --robot rome
     """
     from colony.cli.interruption import interruptible
-    from colony.cli.run.options import BadOption, cameras
-    from colony.robots.request import BrokenOff, Misuse
+    from colony.cli.run.options import OptionError, cameras
+    from colony.robots.request import MisuseError, RunAbortedError
     from colony.robots.serving import Settings, serve_all, serve_one
     from colony.runtime.transport.live.place import local
-    from colony.text.diagnostics import Failure
+    from colony.text.diagnostics import DiagnosticError
 
     robot, texts = given.pop("robot"), given.pop("camera_texts")
     try:
         looking = cameras(texts)
         settings = Settings(**given | {"cameras": looking, "state": given["state"] or _state_folder(robot)})
         wrong = objection(server, settings)
-    except BadOption as bad:
+    except OptionError as bad:
         wrong = str(bad)
     if wrong is not None:
         raise click.UsageError(wrong, click.get_current_context())
@@ -106,12 +106,12 @@ def command(server: str, **given: Any) -> None:
                 serve_all(place, settings, say, interruptible("ending the servers"))
             else:
                 serve_one(server, place, settings, say)
-    except Misuse as misuse:
+    except MisuseError as misuse:
         say(str(misuse))
         raise click.exceptions.Exit(EXIT_MISUSE) from None
-    except Failure as failure:
+    except DiagnosticError as failure:
         refuse(failure.diagnostics)
-    except BrokenOff as problem:
+    except RunAbortedError as problem:
         say(f"colony: error: {problem}")
         raise click.exceptions.Exit(EXIT_ERRORS) from None
 

@@ -78,18 +78,18 @@ def _robots(robot: str | None, connect: str | None) -> list[str]:
 
 def _command(name: str, release: bool, connect: str | None, security: Path | None) -> int:
     """Stop or release one robot; return the exit code for it."""
-    from colony.runtime.kit.errors import ConnectionProblem
+    from colony.runtime.kit.errors import RobotConnectionError
     from colony.runtime.transport.live.errors import LiveError
 
     try:
         session = session_with(place_of(name, connect, security))
-    except (LiveError, ConnectionProblem) as problem:
+    except (LiveError, RobotConnectionError) as problem:
         say(f"colony: error: {problem}")
         return EXIT_MISUSE
     with session:
         try:
             done = _release(name, session) if release else _stop(name, session)
-        except ConnectionProblem as problem:
+        except RobotConnectionError as problem:
             say(f"{name}: error: {problem}")
             return EXIT_ERRORS
     return 0 if done else EXIT_ERRORS
@@ -128,7 +128,7 @@ def _tell(text: str) -> None:
 
 def _circumstances(session: Session) -> tuple[str, str]:
     """Return phrases for the user who stopped the robot first and for its run, empty if unknown."""
-    from colony.runtime.kit.errors import ConnectionProblem
+    from colony.runtime.kit.errors import RobotConnectionError
     from colony.runtime.library.clock import who
     from colony.runtime.protocol.topics import CLOCK
 
@@ -137,7 +137,7 @@ def _circumstances(session: Session) -> tuple[str, str]:
     try:
         with session.connect(CLOCK, name="colony stop") as clock:
             found = clock.do(who())
-    except ConnectionProblem:
+    except RobotConnectionError:
         return "", ""
     by = "" if found.stopped is None else f" by {found.stopped.by}"
     return by, f"; the run {found.run} goes on" if found.run else ""

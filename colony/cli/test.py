@@ -75,7 +75,7 @@ class _Tested(NamedTuple):
 
 
 def _test(file: str, only: tuple[str, ...]) -> _Tested:
-    from colony.text.diagnostics import Failure
+    from colony.text.diagnostics import DiagnosticError
     from colony.verify.testing.examples import failures_as_diagnostics, run_examples
 
     checked = check_to_run(file)
@@ -84,7 +84,7 @@ def _test(file: str, only: tuple[str, ...]) -> _Tested:
     try:
         with redirect_stdout(sys.stderr):  # for prints of Python modules
             results = run_examples(checked.program, only)
-    except Failure as failure:
+    except DiagnosticError as failure:
         return _Tested(failure.diagnostics)
     lines = []
     for result in results:

@@ -53,7 +53,7 @@ def command(file: str, input_: str, backend: Backend, output: Path | None) -> No
     program = load_program(file)
     from colony.runtime.recordings.opening import read_frames
     from colony.runtime.recordings.replay import outcome_line
-    from colony.text.diagnostics import Failure
+    from colony.text.diagnostics import DiagnosticError
     from colony.verify.audit.deciding import Decider
 
     lines = io.StringIO()
@@ -66,7 +66,7 @@ def command(file: str, input_: str, backend: Backend, output: Path | None) -> No
                 outcome = decider.step(recorded)
                 if outcome is not None:
                     lines.write(outcome_line(program, recorded.frame.t_ns, outcome) + "\n")
-        except Failure as failure:
+        except DiagnosticError as failure:
             if failure.diagnostics[0].code == "A006":
                 say(one_line(failure.diagnostics[0]))
                 raise click.exceptions.Exit(EXIT_ERRORS) from None

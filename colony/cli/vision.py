@@ -112,12 +112,12 @@ def _looked_at(file: str, picture: Path, chosen: Sequence[str], files: Sequence[
     """Read a file, run the detectors and draw; report an error of the file."""
     from colony.vision.annotate import annotate, encode_png
     from colony.vision.gray_images import gray_image
-    from colony.vision.image_files import MOST_BYTES, BadImage, decode_image
+    from colony.vision.image_files import MOST_BYTES, ImageFormatError, decode_image
     from colony.vision.spotting import Detector, looks_at
 
     try:
         image = decode_image(read_file(file, MOST_BYTES))
-    except (OSError, BadImage) as problem:
+    except (OSError, ImageFormatError) as problem:
         why = reason(problem)
         say(f"{file}: error: {why}")
         return _Report(file, (0, 0), (), picture, why)

@@ -62,7 +62,7 @@ class SourceTree(Record):
     diagnostics: tuple[Diagnostic, ...]
 
 
-class Unreadable(Exception):
+class UnreadableFileError(Exception):
     """A file that cannot be read, as a diagnostic says it.
 
     `span` is the place in the file's own text, where the trouble is with a byte of it.
@@ -81,21 +81,23 @@ def read_source(path: Path, name: str) -> Source:
     """Return the text of a regular file in UTF-8.
 
     Raises:
-        Unreadable: there is no such file, it is not a regular one, too large, or not text.
+        UnreadableFileError: there is no such file, it is not a regular one, too large, or not text.
     """
     try:
         data = read_file(path, MAX_BYTES)
     except OSError as problem:
         if problem.errno == errno.EFBIG:
-            raise Unreadable("E003", f"`{name}` is larger than {size_text(MAX_BYTES)}") from problem
+            raise UnreadableFileError("E003", f"`{name}` is larger than {size_text(MAX_BYTES)}") from problem
         if problem.errno == errno.EISDIR:
             named = "name a file that ends in .colony"
-            raise Unreadable("E001", f"cannot read `{name}`: it is a directory", named) from problem
+            raise UnreadableFileError("E001", f"cannot read `{name}`: it is a directory", named) from problem
         hint = Shipped.BEHAVIOR.hint(name) if problem.errno == errno.ENOENT else None
-        raise Unreadable("E001", f"cannot read `{name}`: {reason(problem)}", hint) from problem
+        raise UnreadableFileError("E001", f"cannot read `{name}`: {reason(problem)}", hint) from problem
     if data.startswith(COMPILED):
         hint = "name the file that it was compiled from; `colony run` takes both"
-        raise Unreadable("E001", f"cannot read `{name}`: it is compiled, and here its source is needed", hint)
+        raise UnreadableFileError(
+            "E001", f"cannot read `{name}`: it is compiled, and here its source is needed", hint
+        )
     return decode(data, name)
 
 
@@ -103,7 +105,7 @@ def decode(data: bytes, name: str) -> Source:
     """Return the source of these bytes.
 
     Raises:
-        Unreadable: they are not UTF-8 text; its span is the first byte that is none.
+        UnreadableFileError: they are not UTF-8 text; its span is the first byte that is none.
     """
     try:
         text = data.decode("utf-8-sig")
@@ -114,7 +116,7 @@ def decode(data: bytes, name: str) -> Source:
     source = Source(name, text)
     if bad >= 0:
         hint = "save the file as UTF-8 text"
-        raise Unreadable("E002", f"found {what}, expected text", hint, Span(source, bad, bad + 1))
+        raise UnreadableFileError("E002", f"found {what}, expected text", hint, Span(source, bad, bad + 1))
     return source
 
 
@@ -136,7 +138,7 @@ def load_tree(path: Path, name: str, text: str | None = None, *, shipped: Path |
     key = resolved(path)
     try:
         source = read_source(path, name) if text is None else Source(name, text)
-    except Unreadable as problem:
+    except UnreadableFileError as problem:
         at = Span(Source(name, ""), 0, 0)
         return SourceTree(files=(), diagnostics=(problem.diagnostic(at),))
     loader.load(key, path, source)
@@ -223,7 +225,7 @@ class _Loader:
             return None
         try:
             return read_source(path, shown)
-        except Unreadable as problem:
+        except UnreadableFileError as problem:
             if problem.code in ("E001", "E003"):
                 problem.code = "E103"
             self.diagnostics.append(problem.diagnostic(span))

@@ -30,7 +30,7 @@ class Token:
         self.type, self.text, self.start, self.end = type_, text, start, end
 
 
-class UnexpectedInput(Exception):
+class UnexpectedInputError(Exception):
     """The first thing in a text that cannot be read.
 
     Attributes:
@@ -69,14 +69,14 @@ class Parser:
         """Read a text from `start` to its end, and return the value of the whole.
 
         Raises:
-            UnexpectedInput: something in the text cannot stand where it stands.
+            UnexpectedInputError: something in the text cannot stand where it stands.
         """
         states, values = [self._start], list[Any]()
         while True:
             token = self._token(text, start, self._rows[states[-1]])
             if token is None or not self._feed(token, states, values):
                 offset = start if token and token.type == END else _skip_blanks(text, start)
-                raise UnexpectedInput(
+                raise UnexpectedInputError(
                     offset=offset,
                     at_end=token is not None and token.type == END,
                     accepted=frozenset(t for t in self._rows[states[-1]] if self._can_follow(t, states)),

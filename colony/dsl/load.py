@@ -9,7 +9,7 @@ from typing import NamedTuple
 from colony.dsl.check.program import check_program
 from colony.dsl.files import SourceTree, load_tree, placed
 from colony.ir.program import Program
-from colony.text.diagnostics import Diagnostic, Failure
+from colony.text.diagnostics import Diagnostic, DiagnosticError
 
 
 class Checked(NamedTuple):
@@ -42,7 +42,7 @@ def load_file(path: str | Path) -> Program:
     """Return the program of a file.
 
     Raises:
-        Failure: with all errors and warnings, when there is an error.
+        DiagnosticError: with all errors and warnings, when there is an error.
     """
     return _program(check_file(path))
 
@@ -51,12 +51,12 @@ def load_text(text: str, name: str = "<text>", directory: str | Path = ".") -> P
     """Return the program of a text; imports are relative to `directory`.
 
     Raises:
-        Failure: with all errors and warnings, when there is an error.
+        DiagnosticError: with all errors and warnings, when there is an error.
     """
     return _program(check_text(text, name, directory))
 
 
 def _program(checked: Checked) -> Program:
     if checked.program is None:
-        raise Failure(checked.diagnostics)
+        raise DiagnosticError(checked.diagnostics)
     return checked.program

@@ -12,7 +12,7 @@ from functools import cache
 
 from colony.dsl import ast, tables
 from colony.dsl.build import Builder
-from colony.dsl.lalr import Parser, UnexpectedInput
+from colony.dsl.lalr import Parser, UnexpectedInputError
 from colony.ir.expression import NESTING_LIMIT
 from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, error
@@ -47,7 +47,7 @@ def parse(source: Source) -> Parsed:
     while True:
         try:
             file: ast.File = _parser().parse(text, start)
-        except UnexpectedInput as problem:
+        except UnexpectedInputError as problem:
             from colony.dsl import recovery
             from colony.dsl.syntax_errors import describe
 

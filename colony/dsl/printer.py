@@ -49,10 +49,8 @@ def _bare(node: ast.Expression) -> tuple[str, int]:
             return ("true" if value else "false"), _POSTFIX
         case ast.Reference():
             return node.text, _POSTFIX
-        case ast.Prefix(operator="not", operand=operand):
-            return f"not {_expression(operand, _NOT)}", _NOT
-        case ast.Prefix(operand=operand):
-            return f"-{_expression(operand, _UNARY)}", _UNARY
+        case ast.Prefix():
+            return _prefix(node)
         case ast.Infix():
             return _infix(node)
         case ast.If(condition=condition, yes=yes, no=no):
@@ -74,6 +72,12 @@ def _bare(node: ast.Expression) -> tuple[str, int]:
             return f"{function.text}({', '.join(_expression(a, _IF) for a in arguments)})", _POSTFIX
         case ast.Comprehension():
             return _comprehension(node), _POSTFIX
+
+
+def _prefix(node: ast.Prefix) -> tuple[str, int]:
+    if node.operator == "not":
+        return f"not {_expression(node.operand, _NOT)}", _NOT
+    return f"-{_expression(node.operand, _UNARY)}", _UNARY
 
 
 def _infix(node: ast.Infix) -> tuple[str, int]:

@@ -9,7 +9,7 @@ import re
 from typing import cast
 
 from colony.dsl import ast
-from colony.dsl.lalr import UnexpectedInput
+from colony.dsl.lalr import UnexpectedInputError
 
 _DECLARATION = re.compile(
     r"^([ \t]*)(?:(?:robot|enum|import|param|let|state|next|machine|module|network|limit|contract|test)"
@@ -36,13 +36,13 @@ def lost_names(text: str) -> set[str]:
     return {a or b for a, b in _DECLARED.findall(text)}
 
 
-def expected(problem: UnexpectedInput) -> frozenset[str]:
+def expected(problem: UnexpectedInputError) -> frozenset[str]:
     """Return the terminals that could have stood where the error is, without words that are names there."""
     found = problem.accepted
     return found - WORDS if {"NAME", *WORDS} <= found else found
 
 
-def complete_declarations(problem: UnexpectedInput) -> list[ast.Declaration]:
+def complete_declarations(problem: UnexpectedInputError) -> list[ast.Declaration]:
     """Return the declarations that were read before the error: they stand on the parser's stack."""
     first: object = problem.values[0] if problem.values else None
     if isinstance(first, list):

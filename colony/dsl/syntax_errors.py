@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from colony.dsl.lalr import UnexpectedInput
+from colony.dsl.lalr import UnexpectedInputError
 from colony.dsl.recovery import declaration_begun, expected
 from colony.dsl.syntax_hints import DECLARATION_STARTS, hint_for, misspelled_node
 from colony.text.diagnostics import Diagnostic, Label, error
@@ -53,7 +53,7 @@ _SPLIT = ("==", "**", "=>", "->", "..", "<=", ">=", "//", "/*")
 """Signs whose first character may have been read as a sign of its own before the error was seen."""
 
 
-def describe(source: Source, problem: UnexpectedInput, declaration: int) -> Diagnostic:
+def describe(source: Source, problem: UnexpectedInputError, declaration: int) -> Diagnostic:
     """Return the diagnostic of a syntax error; `declaration` is the start of the failed declaration."""
     text, at, at_end = source.text, problem.offset, problem.at_end
     accepted = expected(problem)

@@ -16,9 +16,9 @@ import msgspec
 
 from colony.execute.compiled import Compiled
 from colony.execute.shapes import SpanShape, restored, shape, shaped
-from colony.execute.validity import Invalid, check
+from colony.execute.validity import InvalidProgramError, check
 from colony.files import COMPILED, StrPath, open_regular, read_file, reason
-from colony.text.diagnostics import Diagnostic, Failure, error
+from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.source import NOWHERE, Source, Span
 
 VERSION = 1
@@ -51,24 +51,24 @@ def decode(data: bytes, name: str) -> Compiled:
     """Return the compiled program that these bytes hold; `name` is what messages call them.
 
     Raises:
-        Failure: C001, they hold none that could be run.
+        DiagnosticError: C001, they hold none that could be run.
     """
     try:
         return _decoded(data)
     except (msgspec.DecodeError, ValueError, RecursionError) as problem:
-        raise Failure([unusable(name, str(problem) or type(problem).__name__)]) from None
+        raise DiagnosticError([unusable(name, str(problem) or type(problem).__name__)]) from None
 
 
 def read(path: StrPath) -> Compiled:
     """Return the compiled program in a file.
 
     Raises:
-        Failure: C001, it cannot be read, or holds none that could be run.
+        DiagnosticError: C001, it cannot be read, or holds none that could be run.
     """
     try:
         data = read_file(path, LARGEST)
     except OSError as problem:
-        raise Failure([unusable(str(path), reason(problem))]) from None
+        raise DiagnosticError([unusable(str(path), reason(problem))]) from None
     return decode(data, str(path))
 
 
@@ -85,12 +85,12 @@ def is_compiled(path: StrPath) -> bool:
 
 def _decoded(data: bytes) -> Compiled:
     if not data.startswith(COMPILED):
-        raise Invalid("it does not begin as a compiled program does")
+        raise InvalidProgramError("it does not begin as a compiled program does")
     if not data.startswith(_PREFIX):
-        raise Invalid(f"it is of another version than {VERSION}; compile it again")
+        raise InvalidProgramError(f"it is of another version than {VERSION}; compile it again")
     body = memoryview(data)[_HEAD:]
     if sha256(body).digest() != data[len(_PREFIX) : _HEAD]:
-        raise Invalid("it is damaged: its sum is wrong")
+        raise InvalidProgramError("it is damaged: its sum is wrong")
     read = _decoder.decode(body)
     texts = [
         Source(source.place, source.data.decode() if source.kind == "behavior" else "")
@@ -103,7 +103,7 @@ def _decoded(data: bytes) -> Compiled:
         if not (
             0 <= place.source < len(texts) and 0 <= place.start <= place.end <= len(texts[place.source].text)
         ):
-            raise Invalid("a span outside its sources")
+            raise InvalidProgramError("a span outside its sources")
         return Span(texts[place.source], place.start, place.end)
 
     compiled: Compiled = restored(read, span)

@@ -20,7 +20,7 @@ from colony.ir.program import in_declared_units
 from colony.ir.types import ScalarValue
 
 
-class NotExclusive(Exception):
+class ExclusivityError(Exception):
     """Two exclusive guards of one actuator were true in a frame, which no compiled client list allows."""
 
 
@@ -37,8 +37,8 @@ class ProgramExecutor:
         answered: whether modules in Python run elsewhere, and `step` is given their answers.
 
     Raises:
-        Failure: a Python module's class cannot be imported or built.
-        NotExclusive: in `step`, if `exclusive`, and more than one holds.
+        DiagnosticError: a Python module's class cannot be imported or built.
+        ExclusivityError: in `step`, if `exclusive`, and more than one holds.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class ProgramExecutor:
         """Restart from the initial memory, with new instances of the Python modules.
 
         Raises:
-            Failure: one of them cannot be built.
+            DiagnosticError: one of them cannot be built.
         """
         self._machine = Machine(self.code, answered=self._answered)
 
@@ -109,7 +109,7 @@ class ProgramExecutor:
             return next((c for c in actuator.clients if values[c.guard]), None)
         holding = [c for c in actuator.clients if values[c.exclusive]]
         if len(holding) > 1:
-            raise NotExclusive(f"{actuator.actuator.name}: {', '.join(c.module for c in holding)}")
+            raise ExclusivityError(f"{actuator.actuator.name}: {', '.join(c.module for c in holding)}")
         return holding[0] if holding else None
 
 
@@ -265,7 +265,7 @@ class ModuleExecutor:
 
     Raises:
         KeyError: there is no such module.
-        Failure: the module cannot be imported or built.
+        DiagnosticError: the module cannot be imported or built.
     """
 
     def __init__(self, compiled: Compiled, module: str) -> None:
@@ -290,7 +290,7 @@ class ModuleExecutor:
         """Restart from the initial memory, with a new instance of the module.
 
         Raises:
-            Failure: it cannot be built.
+            DiagnosticError: it cannot be built.
         """
         self._machine = Machine(self._code)
 

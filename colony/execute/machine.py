@@ -35,7 +35,7 @@ from colony.execute.python_step import PythonStep
 from colony.execute.sensors import age_limits, take
 from colony.ir.frame import Answer, Frame, Record
 from colony.ir.types import Array, Bool, Enum, ScalarValue
-from colony.text.diagnostics import Failure, error
+from colony.text.diagnostics import DiagnosticError, error
 
 Step = Callable[[], Any]
 """A function that computes the value of one op in the present frame."""
@@ -234,7 +234,7 @@ def build(call: PythonCall) -> PythonStep:
     """Import and build the class of a Python module.
 
     Raises:
-        Failure: that did not work; the error says why.
+        DiagnosticError: that did not work; the error says why.
     """
     try:
         made = getattr(import_module(call.module_path), call.class_name)(**dict(call.params))
@@ -242,7 +242,7 @@ def build(call: PythonCall) -> PythonStep:
         path = f"{call.module_path}:{call.class_name}"
         message = f"`{path}` cannot be imported and built: {type(problem).__name__}: {problem}"
         hint = "it is looked for beside the behavior and in this folder; its params are given by keyword"
-        raise Failure([error("P001", call.span, message, hint)]) from problem
+        raise DiagnosticError([error("P001", call.span, message, hint)]) from problem
     return PythonStep(call.module, made, field_types(call), call.rate_ns)
 
 

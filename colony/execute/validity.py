@@ -47,7 +47,7 @@ _NAME = re.compile(r"[A-Za-z_]\w{0,254}(\.[A-Za-z_]\w{0,254}){0,9}")
 _SIMPLE_NAME = re.compile(r"[A-Za-z_]\w{0,254}")
 
 
-class Invalid(ValueError):
+class InvalidProgramError(ValueError):
     """A compiled program that cannot be run; the text describes what is wrong with it."""
 
 
@@ -55,14 +55,14 @@ def check(compiled: Compiled) -> None:
     """Check all of a compiled program. Linear in its size.
 
     Raises:
-        Invalid: it cannot be run.
+        InvalidProgramError: it cannot be run.
     """
     _Check(compiled).all()
 
 
 def _expect(holds: bool, what: str) -> None:
     if not holds:
-        raise Invalid(what)
+        raise InvalidProgramError(what)
 
 
 def _kind(of: Type) -> Kind:
@@ -152,12 +152,8 @@ class _Check:
             case Table(elements=elements):
                 found = {code.kinds[i] if 0 <= i < at else None for i in elements}
                 return Kind.TABLE if found in ({Kind.NUMBER}, {Kind.BOOL}) else None
-            case Literal(value=bool()):
-                return Kind.BOOL
-            case Literal(value=int(time)):
-                return Kind.TIME if abs(time) <= LATEST_NS else None
-            case Literal():
-                return Kind.NUMBER
+            case Literal(value=value):
+                return _kind_of_literal(value)
             case FrameTime():
                 return Kind.TIME
             case OldCell(cell=cell):
@@ -174,9 +170,7 @@ class _Check:
                 return _field(() if call is None else call.fields, index)
             case Lost():
                 return Kind.BOOL
-            case Winner(actuator=actuator):
-                return Kind.BOOL if at >= code.decided and actuator in self.actuators else None
-            case Commanded(actuator=actuator):
+            case Winner(actuator=actuator) | Commanded(actuator=actuator):
                 return Kind.BOOL if at >= code.decided and actuator in self.actuators else None
             case Sent(actuator=actuator, index=index):
                 found_actuator = self.actuators.get(actuator) if at >= code.decided else None
@@ -269,6 +263,16 @@ def _is_within(value: ScalarValue, of: Sensor | ActuatorField) -> bool:
     if isinstance(value, bool):
         return True
     return isfinite(value) and (of.low is None or value >= of.low) and (of.high is None or value <= of.high)
+
+
+def _kind_of_literal(value: float | bool) -> Kind | None:
+    match value:
+        case bool():
+            return Kind.BOOL
+        case int():
+            return Kind.TIME if abs(value) <= LATEST_NS else None
+        case _:
+            return Kind.NUMBER
 
 
 def _is_difference(op: Op) -> bool:

@@ -26,7 +26,7 @@ class AuditedRun:
     difference: str
 
 
-class _Differs(Exception):
+class _DifferenceError(Exception):
     """A frame was decided otherwise."""
 
 
@@ -38,7 +38,7 @@ def audit(spec: RunSpec) -> AuditedRun:
         expected = interpreter.step(frame)
         if repr(outcome) != repr(expected):
             at = f"run {spec.key.number}, seed {spec.key.seed}, frame at {frame.t_ns / 1e9:.2f} s"
-            raise _Differs(
+            raise _DifferenceError(
                 f"{at}: expected {expected}, found {outcome}; the readings are {dict(frame.readings)}"
             )
 
@@ -47,7 +47,7 @@ def audit(spec: RunSpec) -> AuditedRun:
     try:
         while run.step():
             pass
-    except _Differs as found:
+    except _DifferenceError as found:
         difference = str(found)
     finally:
         run.close()

@@ -35,7 +35,7 @@ def behavior_of(path: Path) -> Behavior:
     """Load and compile a behavior.
 
     Raises:
-        Failure: it has errors, or a module in Python cannot be built.
+        DiagnosticError: it has errors, or a module in Python cannot be built.
     """
     return behavior_from(load_file(path))
 
@@ -44,7 +44,7 @@ def behavior_from(program: Program) -> Behavior:
     """Compile a program.
 
     Raises:
-        Failure: a module in Python cannot be built.
+        DiagnosticError: a module in Python cannot be built.
     """
     in_base = replace(program, robot=robot_in_base_units(program.robot))
     source = generate(compile_program(in_base).compiled)

@@ -111,9 +111,9 @@ def conduct(
         tell: called with the number of runs done, the number of all runs, and the newest result.
 
     Raises:
-        NoPlan, Failure: a run cannot be planned, or the map or behavior is bad.
+        NoPlanError, DiagnosticError: a run cannot be planned, or the map or behavior is bad.
         ResultsError: the results cannot be kept, or others are in their place.
-        WorkersLost: the work cannot be done where it should.
+        WorkersLostError: the work cannot be done where it should.
     """
     results.expect(experiment.name, experiment.label, experiment.made_with())
     specs, there = experiment.specs(), results.keys()

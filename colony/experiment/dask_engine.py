@@ -8,7 +8,7 @@ from importlib import import_module
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
-from colony.experiment.parallel import WorkersLost
+from colony.experiment.parallel import WorkersLostError
 from colony.extras import expect_extras
 
 T = TypeVar("T")
@@ -44,7 +44,7 @@ class DaskEngine:
                     yield result
                     future.release()
             except distributed.KilledWorker as problem:
-                raise WorkersLost(f"workers of the cluster died: {problem}") from None
+                raise WorkersLostError(f"workers of the cluster died: {problem}") from None
 
     def _client(self, distributed: Any, holds: ExitStack) -> Any:
         if self._address:
@@ -52,7 +52,7 @@ class DaskEngine:
                 return holds.enter_context(distributed.Client(self._address, timeout=REACHED_S))
             except (OSError, ValueError) as problem:  # ValueError: no address
                 where = f"there is no Dask scheduler at {self._address}"
-                raise WorkersLost(
+                raise WorkersLostError(
                     f"{where}: {problem}; expected an address such as tcp://HOST:8786"
                 ) from None
         cluster = distributed.LocalCluster(

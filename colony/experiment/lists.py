@@ -14,7 +14,7 @@ from colony.nav.confidence.published_plates import PUBLISHED_WALKS
 from colony.nav.confidence.published_runs import PUBLISHED_RUNS, PublishedRun
 from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.model import EdgeKind, Map
-from colony.nav.plan.route import JAMBS, NoPlan, plan
+from colony.nav.plan.route import JAMBS, NoPlanError, plan
 from colony.shipped import Shipped
 
 PUBLISHED = "thesis"
@@ -29,7 +29,7 @@ _TRIES = 200
 """Number of random pairs that are drawn for each wanted one before the search is given up."""
 
 
-class ListProblem(Exception):
+class RunListError(Exception):
     """A list of runs is no good; the message says where, what was found and what was expected."""
 
 
@@ -73,27 +73,29 @@ def own_list(path: Path, building: Building) -> tuple[ListedRun, ...]:
     """Return the runs of a CSV file: two columns, from and to, which its first line may name.
 
     Raises:
-        ListProblem: it cannot be read, or a line is no run in this building; the message names the first such
-            line.
+        RunListError: it cannot be read, or a line is no run in this building; the message names the first
+            such line.
     """
     try:
         lines = StringIO(read_file(path, LIST_BYTES).decode("utf-8"), newline="")
         rows = [(number, row) for number, row in enumerate(csv.reader(lines), 1) if any(map(str.strip, row))]
     except (OSError, UnicodeDecodeError, csv.Error) as problem:
-        raise ListProblem(f"{path}: cannot be read: {reason(problem)}") from None
+        raise RunListError(f"{path}: cannot be read: {reason(problem)}") from None
     if rows and [word.strip().lower() for word in rows[0][1]] == ["from", "to"]:
         del rows[0]
     if not rows:
-        raise ListProblem(f"{path}: no runs; expected lines such as 350R,376L")
+        raise RunListError(f"{path}: no runs; expected lines such as 350R,376L")
     runs: list[ListedRun] = []
     for line, row in rows:
         if len(row) != 2:
-            raise ListProblem(f"{path}:{line}: {len(row)} fields; expected 2, from and to, such as 350R,376L")
+            raise RunListError(
+                f"{path}:{line}: {len(row)} fields; expected 2, from and to, such as 350R,376L"
+            )
         origin, goal = (word.strip() for word in row)
         try:
             runs.append(_run(building, len(runs) + 1, origin, goal))
-        except NoPlan as problem:
-            raise ListProblem(f"{path}:{line}: {problem}") from None
+        except NoPlanError as problem:
+            raise RunListError(f"{path}:{line}: {problem}") from None
     return tuple(runs)
 
 
@@ -101,11 +103,11 @@ def random_list(floor: Map, pairs: int, seed: int) -> tuple[ListedRun, ...]:
     """Draw random pairs of doors between which a path leads.
 
     Raises:
-        ListProblem: there are no such pairs, or next to none.
+        RunListError: there are no such pairs, or next to none.
     """
     doors = rooms_of(floor)
     if len(doors) < 2:
-        raise ListProblem(f"map `{floor.name}` has {len(doors)} doors; expected at least 2 to go between")
+        raise RunListError(f"map `{floor.name}` has {len(doors)} doors; expected at least 2 to go between")
     chance = random.Random(seed)
     return _drawn(floor, pairs, lambda: tuple(chance.sample(doors, 2)))
 
@@ -114,13 +116,13 @@ def floors_list(building: Building, pairs: int, seed: int) -> tuple[ListedRun, .
     """Draw random pairs of doors on different floors between which a path leads, either way.
 
     Raises:
-        ListProblem: there are no such pairs, or next to none.
+        RunListError: there are no such pairs, or next to none.
     """
     named = [[f"{floor.name}:{door}" for door in rooms_of(floor)] for floor in building.maps]
     floors = [doors for doors in named if doors]
     if len(floors) < 2:
         found = f"map `{building.maps[0].name}` and its elevators lead to {len(floors)} floors with doors"
-        raise ListProblem(f"{found}; expected at least 2 to go between")
+        raise RunListError(f"{found}; expected at least 2 to go between")
     chance = random.Random(seed)
     return _drawn(building, pairs, lambda: tuple(map(chance.choice, chance.sample(floors, 2))))
 
@@ -134,11 +136,11 @@ def _drawn(source: Map | Building, pairs: int, draw: Callable[[], tuple[str, ...
         origin, goal = draw()
         try:
             runs.append(_run(source, len(runs) + 1, origin, goal))
-        except NoPlan:
+        except NoPlanError:
             continue
     if len(runs) < pairs:
         name = source.name if isinstance(source, Map) else source.maps[0].name
-        raise ListProblem(f"map `{name}`: paths lead between next to no doors; see `colony map`")
+        raise RunListError(f"map `{name}`: paths lead between next to no doors; see `colony map`")
     return tuple(runs)
 
 
@@ -146,7 +148,7 @@ def _run(source: Map | Building, number: int, origin: str, goal: str) -> ListedR
     """Return a run of a user's list.
 
     Raises:
-        NoPlan: no path leads there.
+        NoPlanError: no path leads there.
     """
     floors = plan(source, origin, goal).floors
     return ListedRun(number=number, origin=origin, goal=goal, floors=floors)
@@ -166,22 +168,22 @@ def chosen(runs: Sequence[ListedRun], text: str) -> tuple[ListedRun, ...]:
     """Return the runs that a text names: "1-5,22".
 
     Raises:
-        ListProblem: it names none, or others.
+        RunListError: it names none, or others.
     """
     most = max(run.number for run in runs)
     wanted: set[int] = set()
     for part in text.split(","):
         first, dash, last = part.strip().partition("-")
         if not first.isdecimal() or (dash and not last.isdecimal()):
-            raise ListProblem(f"`{part.strip()}` names no runs; expected numbers such as 1-5,22")
+            raise RunListError(f"`{part.strip()}` names no runs; expected numbers such as 1-5,22")
         if int(last or first) > most:
-            raise ListProblem(f"there is no run {last or first}; expected numbers from 1 to {most}")
+            raise RunListError(f"there is no run {last or first}; expected numbers from 1 to {most}")
         wanted |= set(range(int(first), int(last or first) + 1))
     known = {run.number for run in runs}
     strange = sorted(wanted - known)
     if strange or not wanted:
         shown = ", ".join(map(str, strange[:5])) or text
-        raise ListProblem(f"there is no run {shown}; expected numbers from 1 to {most}")
+        raise RunListError(f"there is no run {shown}; expected numbers from 1 to {most}")
     return tuple(run for run in runs if run.number in wanted)
 
 

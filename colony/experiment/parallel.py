@@ -24,7 +24,7 @@ _AHEAD = 3
 """Items that wait for each worker: enough to keep it busy."""
 
 
-class WorkersLost(Exception):
+class WorkersLostError(Exception):
     """A worker died during its work; the message suggests a remedy."""
 
 
@@ -35,7 +35,7 @@ class Engine(Protocol):
         """Yield the result of `work` for each item, in the order in which they finish. Both can be pickled.
 
         Raises:
-            WorkersLost: they cannot be done.
+            WorkersLostError: they cannot be done.
         """
         ...
 
@@ -68,7 +68,7 @@ class PoolEngine:
                 running |= {pool.submit(work, item) for item in islice(queue, len(done))}
                 yield from _results_of(done)
         except BrokenProcessPool:
-            raise WorkersLost(
+            raise WorkersLostError(
                 "a worker process died, perhaps for want of memory; what was finished is kept: run it again, "
                 "with fewer --workers"
             ) from None

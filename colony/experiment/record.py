@@ -12,7 +12,7 @@ Mode = Literal["L", "C", "D"]
 
 MODES: tuple[Mode, ...] = ("L", "C", "D")
 
-Failure = Literal["", "stuck", "too long", "astray", "script"]
+FailureReason = Literal["", "stuck", "too long", "astray", "script"]
 """Reason why a run failed; "" if it did not.
 
 stuck: for a minute the robot neither came out of a circle nor got a new goal. too long: it took three times
@@ -82,7 +82,7 @@ class RunResult:
     key: RunKey
     origin: str
     goal: str
-    failure: Failure
+    failure: FailureReason
     failed_mode: Mode | Literal[""]
     remark: str
     along_mm: float

@@ -28,7 +28,7 @@ PAIRS = {RANDOM: 200, FLOORS: 100}
 """Lists of random pairs of rooms, and their default numbers of pairs."""
 
 
-class Misuse(Exception):
+class MisuseError(Exception):
     """The request makes no sense."""
 
 
@@ -65,9 +65,9 @@ def experiment_of(request: ExperimentRequest) -> tuple[Study[Any], Experiment]:
     """Return what counts the results, and the experiment.
 
     Raises:
-        Misuse: what is asked for makes no sense.
-        ListProblem: the list, or what is chosen of it, is no good.
-        Failure: the map is bad.
+        MisuseError: what is asked for makes no sense.
+        RunListError: the list, or what is chosen of it, is no good.
+        DiagnosticError: the map is bad.
     """
     study = STUDIES.get(request.runs, OWN)
     runs, name, map_path = _listed(study, request)
@@ -89,16 +89,18 @@ def _listed(study: Study[Any], request: ExperimentRequest) -> tuple[tuple[Listed
     """Return the runs, the name of their list, and the map."""
     runs, map_path = request.runs, request.map_path
     if request.pairs is not None and runs not in PAIRS:
-        raise Misuse(f"--pairs goes with {' and '.join(f'`{name}`' for name in PAIRS)}, not with `{runs}`")
+        raise MisuseError(
+            f"--pairs goes with {' and '.join(f'`{name}`' for name in PAIRS)}, not with `{runs}`"
+        )
     if study is not OWN:
         if map_path is not None:
-            raise Misuse("the published runs have a map of their own; leave out --map")
+            raise MisuseError("the published runs have a map of their own; leave out --map")
         return study.runs(), study.name, PUBLISHED_MAP
     if runs not in PAIRS and Path(runs).suffix.lower() != ".csv":
         known = ", ".join([*STUDIES, *PAIRS])
-        raise Misuse(f"there is no list `{runs}`; expected {known} or a file that ends in .csv")
+        raise MisuseError(f"there is no list `{runs}`; expected {known} or a file that ends in .csv")
     if map_path is None and runs != FLOORS:
-        raise Misuse("which building? give --map MAP, such as `loop`")
+        raise MisuseError("which building? give --map MAP, such as `loop`")
     path = Path(map_path) if map_path is not None else PUBLISHED_MAP
     building = load_building(path)
     floor = building.maps[0]
@@ -114,7 +116,7 @@ def _listed(study: Study[Any], request: ExperimentRequest) -> tuple[tuple[Listed
 def _hazards(request: ExperimentRequest) -> Hazards:
     for name in request.no_hazard:
         if name not in HAZARD_NAMES:
-            raise Misuse(f"there is no hazard `{name}`; expected {', '.join(HAZARD_NAMES)}")
+            raise MisuseError(f"there is no hazard `{name}`; expected {', '.join(HAZARD_NAMES)}")
     if not request.hazards:
         return Hazards.none()
     return Hazards().without(*(HAZARD_NAMES[name] for name in request.no_hazard))
@@ -125,11 +127,11 @@ def _with_sources(asked: Experiment, study: Study[Any], request: ExperimentReque
         return asked
     if request.variant != "ours" or study.has_own_variant:
         own = ", ".join(name for name, study in STUDIES.items() if study.has_own_variant)
-        raise Misuse(f"--no-source and --side-camera are for the variant `ours`, and not for {own}")
+        raise MisuseError(f"--no-source and --side-camera are for the variant `ours`, and not for {own}")
     names = {source.value: source for source in Source}
     for name in request.no_source:
         if name not in names:
-            raise Misuse(f"there is no source `{name}`; expected {', '.join(names)}")
+            raise MisuseError(f"there is no source `{name}`; expected {', '.join(names)}")
     sources = asked.sources - {names[name] for name in request.no_source}
     cameras = asked.cameras | {SIDE_CAMERA} if request.side_camera else asked.cameras
     return replace(asked, sources=sources, cameras=cameras)

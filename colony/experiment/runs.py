@@ -17,7 +17,7 @@ from typing import Protocol, TypeVar
 from colony.experiment.behavior import behavior_of
 from colony.experiment.hazards_met import hazards_met
 from colony.experiment.lists import PUBLISHED
-from colony.experiment.record import Failure, RunKey, RunResult
+from colony.experiment.record import FailureReason, RunKey, RunResult
 from colony.experiment.watching import Watcher
 from colony.nav.confidence.published_runs import PUBLISHED_RUNS
 from colony.nav.maps.building import Building, load_building
@@ -29,7 +29,7 @@ from colony.robots.run_cameras import run_cameras
 from colony.robots.variants import CEILING_CAMERA, PLANNER, VARIANTS, Variant
 from colony.runtime.assembly.loop import Loop, Watch
 from colony.runtime.kit.script import Script
-from colony.runtime.kit.script_local import ScriptFailed
+from colony.runtime.kit.script_local import ScriptError
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.hazards.hazards import Hazards
@@ -66,7 +66,7 @@ def building_at(path: Path) -> Building:
     """Return the building of a map, with the floors that its elevators lead to.
 
     Raises:
-        Failure: one of its maps is bad.
+        DiagnosticError: one of its maps is bad.
     """
     return load_building(path)
 
@@ -80,8 +80,8 @@ def plan_of(spec: RunSpec) -> Plan:
     """Return the plan of a run.
 
     Raises:
-        NoPlan: there is no such way.
-        Failure: the map is bad.
+        NoPlanError: there is no such way.
+        DiagnosticError: the map is bad.
     """
     return _plan(spec.map_path, spec.origin, spec.goal)
 
@@ -104,7 +104,7 @@ class Run:
         more: scripts that run after those of the variant, or in place of one that has the same name.
 
     Raises:
-        NoPlan, Failure: see `plan_of`.
+        NoPlanError, DiagnosticError: see `plan_of`.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class Run:
             watch=watch,
         )
         self.watcher = Watcher(self.plan, self.loop, self.world, self.expected_s, begun)
-        self.failure: Failure | None = None
+        self.failure: FailureReason | None = None
         self.remark = ""
 
     @property
@@ -161,7 +161,7 @@ class Run:
         """Drive one frame; False when the run is over."""
         try:
             self.loop.frame()
-        except ScriptFailed as problem:
+        except ScriptError as problem:
             self.failure, self.remark = "script", str(problem)
             return False
         failure = self.watcher.look()

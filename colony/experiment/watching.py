@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from colony.experiment.record import MODES, Contacts, Failure, LightCount, Mode, ModeCount
+from colony.experiment.record import MODES, Contacts, FailureReason, LightCount, Mode, ModeCount
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.plan.plan import Plan, Segment
 from colony.nav.shared import CEILING_LIGHT, GoalKind
@@ -69,7 +69,7 @@ class Watcher:
         self.top_mm_s = 0.0
         self.path: list[tuple[int, int]] = []
 
-    def look(self) -> Failure:
+    def look(self) -> FailureReason:
         """Take in what the frame that is over has brought; gives why it makes no sense to go on."""
         now_ns, world = self._loop.now_ns, self._world
         self.top_mm_s = max(self.top_mm_s, abs(world.speed(0).velocity_mm_s))

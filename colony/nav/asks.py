@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any, TypeVar
 
-from colony.runtime.kit.errors import CallRefused, ConnectionProblem
+from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError
 from colony.runtime.kit.script import Step, do
 from colony.runtime.library import data, robot
 from colony.runtime.library.ask import Ask
@@ -23,11 +23,11 @@ def taken(semaphore: str, wait_s: float) -> Generator[Step, Any, bool]:
     """Down a semaphore; return False if it stays 0 for so many seconds, 0 for no waiting.
 
     Raises:
-        CallRefused: there is no such semaphore.
+        CallRefusedError: there is no such semaphore.
     """
     try:
         yield from do("DServer", data.wait(semaphore, timeout_s=wait_s))
-    except CallRefused as refused:
+    except CallRefusedError as refused:
         if refused.code != "timeout":
             raise
         return False
@@ -38,7 +38,7 @@ def values(*names: str) -> Generator[Step, Any, dict[str, Any] | None]:
     """Return variables at one moment, or None if one of them was never set."""
     try:
         return (yield from do("DServer", data.get_many(names)))
-    except CallRefused as refused:
+    except CallRefusedError as refused:
         if refused.code not in ("unknown", "unset"):
             raise
         return None
@@ -48,11 +48,11 @@ def asked(server: str, ask: Ask[T]) -> Generator[Step, Any, T | None]:
     """Return a server's answer, or None while the server is away or has no value yet.
 
     Raises:
-        CallRefused: the server refuses the request, and always will.
+        CallRefusedError: the server refuses the request, and always will.
     """
     try:
         return (yield from do(server, ask))
-    except ConnectionProblem as problem:
+    except RobotConnectionError as problem:
         _pass_over(problem)
         return None
 
@@ -61,17 +61,17 @@ def adjusted(x_mm: float, y_mm: float, turn_deg: float) -> Generator[Step, Any, 
     """Correct RServer's position by so much; False where RServer is away.
 
     Raises:
-        CallRefused: it refuses that, and always will.
+        CallRefusedError: it refuses that, and always will.
     """
     try:
         yield from do("RServer", robot.adjust_position(x_mm, y_mm, turn_deg))
-    except ConnectionProblem as problem:
+    except RobotConnectionError as problem:
         _pass_over(problem)
         return False
     return True
 
 
-def _pass_over(problem: ConnectionProblem) -> None:
+def _pass_over(problem: RobotConnectionError) -> None:
     """Pass over a connection problem, as a dead server is restarted; but raise a refusal, which is final."""
-    if isinstance(problem, CallRefused) and problem.code not in _NOT_YET:
+    if isinstance(problem, CallRefusedError) and problem.code not in _NOT_YET:
         raise problem

@@ -14,7 +14,7 @@ from colony.nav.maps.walls import walls_of
 from colony.robots.driven_path import DrivenPath
 from colony.robots.expected import longest_ns
 from colony.robots.recording import RunRecording, is_mcap, recording_into
-from colony.robots.request import Attendant, Driven, Misuse, RunRequest
+from colony.robots.request import Attendant, Driven, MisuseError, RunRequest
 from colony.robots.variants import OURS
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.observe.observer import FrameLog
@@ -31,9 +31,10 @@ def run_in_building(compiled: Compiled, request: RunRequest, attendant: Attendan
     """Run a program to the end, or until it is interrupted; return the result of the run and its way.
 
     Raises:
-        Misuse: the robot has no room in the building, the way does not exist, or no recording can be written.
-        Failure: the map is invalid (codes beginning with M), or the program needs something that the robot
-            lacks.
+        MisuseError: the robot has no room in the building, the way does not exist, or no recording can be
+            written.
+        DiagnosticError: the map is invalid (codes beginning with M), or the program needs something that the
+            robot lacks.
     """
     mission = None
     if request.goal is not None:
@@ -85,7 +86,7 @@ def _building(
     try:
         world = World(walls=walls_of(floor).segments, poses=[pose], seed=request.seed)
     except ValueError as problem:
-        raise Misuse(f"{request.map_path}: error: the robot cannot start there: {problem}") from None
+        raise MisuseError(f"{request.map_path}: error: the robot cannot start there: {problem}") from None
     return (floor,), Plant(world, clock), PathSink(world, lambda: floor.name)
 
 

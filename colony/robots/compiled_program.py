@@ -10,7 +10,7 @@ from colony.execute.compiled import Compiled
 from colony.files import StrPath
 from colony.ir.program import Program, PythonModule
 from colony.robots.python_sources import changed_sources, python_sources
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 
 
 def compiled_with_sources(program: Program, report: Callable[[str], None]) -> Compilation:
@@ -27,11 +27,11 @@ def read_compiled(path: StrPath) -> Compiled:
     """Read a compiled program, and check that its Python modules on `sys.path` have not changed.
 
     Raises:
-        Failure: C001, the file cannot be read, contains no executable program, or a Python module has
+        DiagnosticError: C001, the file cannot be read, contains no executable program, or a Python module has
             changed.
     """
     compiled = read(path)
     changed = changed_sources(compiled)
     if changed:
-        raise Failure([unusable(str(path), f"`{changed[0]}` has changed since it was compiled")])
+        raise DiagnosticError([unusable(str(path), f"`{changed[0]}` has changed since it was compiled")])
     return compiled

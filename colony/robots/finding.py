@@ -15,7 +15,7 @@ def session_with(place: Place) -> Session:
     """Open a session with a robot.
 
     Raises:
-        LiveError, ServerNotFound: the robot cannot be reached, or does not exist.
+        LiveError, ServerNotFoundError: the robot cannot be reached, or does not exist.
     """
     from colony.runtime.kit.connection import Session
     from colony.runtime.transport.live.place import Remote

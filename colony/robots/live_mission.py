@@ -20,7 +20,7 @@ from colony.nav.plan.plan import Plan
 from colony.nav.shared import ELEVATOR_CALL, FLOOR, FLOOR_REACHED, GOAL_TYPE, GoalKind
 from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
 from colony.runtime.kit.connection import Connection, Session
-from colony.runtime.kit.errors import CallRefused, ConnectionProblem, ServerNotFound
+from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError, ServerNotFoundError
 from colony.runtime.kit.script import Script, do
 from colony.runtime.kit.scripts_live import LiveScripts
 from colony.runtime.library import camera, data, robot
@@ -31,7 +31,7 @@ DEVICE_S = 10.0
 """Timeout in seconds for a device that may be about to start."""
 
 
-class NoCamera(ConnectionProblem):
+class CameraMissingError(RobotConnectionError):
     """The robot lacks the camera that it navigates by."""
 
 
@@ -97,15 +97,15 @@ class LiveMission:
             self._scripts.close()
         finally:  # even if the caller does not wait for the scripts' end
             self.took_s = time.monotonic() - self._began_s
-            with suppress(ConnectionProblem):
+            with suppress(RobotConnectionError):
                 self._end()
 
     def _begin(self) -> None:
         """Set the position of the base and the floor, and check that the camera is up.
 
         Raises:
-            NoCamera: the camera is missing.
-            ConnectionProblem: the base or the data server does not answer.
+            CameraMissingError: the camera is missing.
+            RobotConnectionError: the base or the data server does not answer.
         """
         first = self._plan.segments[0]
         # Before the scripts begin: stored values may come from a mission that ended on another floor.
@@ -117,15 +117,15 @@ class LiveMission:
         try:
             with self._session.connect(CEILING_CAMERA, name=PLANNER) as eye:
                 _once_there(eye, camera.size())
-        except ServerNotFound as problem:
+        except ServerNotFoundError as problem:
             hint = f"it finds its way by ceiling lights: serve it with `--camera {CEILING_CAMERA}=up`"
-            raise NoCamera(f"{problem}; {hint}") from None
+            raise CameraMissingError(f"{problem}; {hint}") from None
 
     def _cameras(self) -> frozenset[str]:
         """Return the robot's cameras that the scripts can use."""
         there = {CEILING_CAMERA}
         for name, geometry in ((SIDE_CAMERA, SIDE), (FRONT_CAMERA, AHEAD)):
-            with suppress(ConnectionProblem), self._session.connect(name, name=PLANNER) as eye:
+            with suppress(RobotConnectionError), self._session.connect(name, name=PLANNER) as eye:
                 size = eye.do(camera.size())
                 if (size.width, size.height) == (geometry.columns, geometry.rows):
                     there.add(name)
@@ -157,7 +157,7 @@ def _once_there(server: Connection, ask: Ask[Any]) -> None:
     while True:
         try:
             server.do(ask)
-        except CallRefused:
+        except CallRefusedError:
             if time.monotonic() > end:
                 raise
             time.sleep(0.1)

@@ -18,11 +18,11 @@ from colony.ir.program import Robot
 from colony.os_errors import naming
 from colony.robots.finding import running_robots, session_with
 from colony.robots.recording import RunRecording, recording_into
-from colony.robots.request import Arrival, Attendant, BrokenOff, Driven, Misuse, RunRequest
+from colony.robots.request import Arrival, Attendant, Driven, MisuseError, RunAbortedError, RunRequest
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.jobs import client_jobs, expect_room, fresh_folder, keep_logs
-from colony.runtime.assembly.processes.run import LedRun, RunFailed
+from colony.runtime.assembly.processes.run import LedRun, RunFailedError
 from colony.runtime.assembly.processes.standings import Standings
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
@@ -45,11 +45,11 @@ def run_here(compiled: Compiled, place: Local, request: RunRequest, attendant: A
     """Run a program on a simulated robot: start servers, clients and the plant, and end them with the run.
 
     Raises:
-        Misuse: the way does not exist, or no recording can be written.
-        Failure: the map is invalid (codes beginning with M), or the program needs something that the robot
-            lacks.
+        MisuseError: the way does not exist, or no recording can be written.
+        DiagnosticError: the map is invalid (codes beginning with M), or the program needs something that the
+            robot lacks.
         LiveError: the robot's processes cannot be joined; for example, another run of it is in progress.
-        BrokenOff: the run could not begin, or broke off.
+        RunAbortedError: the run could not begin, or broke off.
     """
     from colony.nav.maps.stickrep.reader import load_map
     from colony.robots.simulated import CompilingNotice, SimulatedRobot, TruthLog, jobs_of
@@ -97,12 +97,12 @@ def run_there(compiled: Compiled, place: Place, request: RunRequest, attendant: 
     """Run a program on a robot whose servers run already, on this machine or behind a gateway.
 
     Raises:
-        Misuse: the robot does not run on this machine, or the way does not exist.
+        MisuseError: the robot does not run on this machine, or the way does not exist.
         others: as `run_here`.
     """
     if isinstance(place, Local) and not place.directory.running():
         robots = ", ".join(running_robots()) or "none"
-        raise Misuse(
+        raise MisuseError(
             f"colony: error: nothing of `{place.robot}` runs on this machine (robots found: {robots}); "
             f"start it with `colony serve all --robot {place.robot} --map MAP`"
         )
@@ -129,7 +129,7 @@ def _way_here(request: RunRequest) -> Way:
     way = way_of(request)
     if len(way.plan.floors) > 1:
         floors = " to ".join(way.plan.floors)
-        raise Misuse(
+        raise MisuseError(
             f"{request.map_path}: error: the way leads from {floors}, and a simulated robot of processes "
             "stays on its floor; leave out --processes to ride elevators"
         )
@@ -179,8 +179,8 @@ class _Run:
             try:
                 yield led
                 holds.close()
-            except RunFailed as problem:
-                raise BrokenOff(str(problem)) from None
+            except RunFailedError as problem:
+                raise RunAbortedError(str(problem)) from None
         if self._recording is not None:
             self._recording.expect_frames()
 
@@ -311,11 +311,11 @@ def _more_servers(robot: Robot, place: Place) -> tuple[ServerSpec, ...]:
     if not wanted:
         return ()
     from colony.runtime.kit.description import describe, server_spec
-    from colony.runtime.kit.errors import ConnectionProblem
+    from colony.runtime.kit.errors import RobotConnectionError
 
     found = []
-    with suppress(ConnectionProblem), session_with(place) as session:
+    with suppress(RobotConnectionError), session_with(place) as session:
         for name in wanted:
-            with suppress(ConnectionProblem, ValueError), session.connect(name) as connection:
+            with suppress(RobotConnectionError, ValueError), session.connect(name) as connection:
                 found.append(server_spec(connection.do(describe())))
     return tuple(found)

@@ -10,7 +10,7 @@ from colony.dsl.files import SHIPPED, load_tree
 from colony.ir.program import Program
 from colony.os_errors import naming
 from colony.runtime.recordings.recorded import RunInfo
-from colony.text.diagnostics import Diagnostic, Failure, error, has_errors, headline
+from colony.text.diagnostics import Diagnostic, DiagnosticError, error, has_errors, headline
 from colony.text.source import Source, Span
 
 
@@ -20,10 +20,10 @@ def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
     `name` is the name of the recording in messages. No Python module is run.
 
     Raises:
-        Failure: A005, the recording does not have the whole program, or the program has errors.
+        DiagnosticError: A005, the recording does not have the whole program, or the program has errors.
     """
     if not any(s.place == run.program and s.kind == "behavior" for s in run.sources):
-        raise Failure([unusable(name, "the recording does not hold its program")])
+        raise DiagnosticError([unusable(name, "the recording does not hold its program")])
     try:
         for source in run.sources:
             path = folder / source.kind / source.place
@@ -31,17 +31,17 @@ def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
             with naming(path):
                 path.write_bytes(source.data)
     except (OSError, ValueError) as problem:
-        raise Failure([unusable(name, f"its program cannot be unpacked: {problem}")]) from None
+        raise DiagnosticError([unusable(name, f"its program cannot be unpacked: {problem}")]) from None
     root = folder / "behavior" / run.program
     tree = load_tree(root, run.program, shipped=root.parent / SHIPPED)
     inside = os.path.realpath(folder / "behavior")
     strangers = [f.key for f in tree.files if not Path(f.key).is_relative_to(inside)]
     if strangers:
-        raise Failure([unusable(name, f"its program imports `{strangers[0]}`, which is not in it")])
+        raise DiagnosticError([unusable(name, f"its program imports `{strangers[0]}`, which is not in it")])
     program, diagnostics = check_program(tree)
     if program is None:
         first = next(d for d in diagnostics if has_errors([d]))
-        raise Failure([unusable(name, f"its program does not check: {headline(first)}")])
+        raise DiagnosticError([unusable(name, f"its program does not check: {headline(first)}")])
     return program
 
 

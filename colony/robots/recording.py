@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from colony import __version__
 from colony.files import open_alone, reason
 from colony.os_errors import limit_advice
-from colony.robots.request import Misuse
+from colony.robots.request import MisuseError
 
 if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
@@ -73,7 +73,7 @@ class RunRecording:
         """Check that the first frame was written.
 
         Raises:
-            Misuse: the recording broke off before.
+            MisuseError: the recording broke off before.
         """
         if self._problem is not None and self._sink.written_ns is None:
             raise _cannot_write(self._path, _why(self._problem))
@@ -84,8 +84,8 @@ def _why(problem: OSError) -> str:
     return reason(problem) if advice is None else f"{reason(problem)}: {advice}"
 
 
-def _cannot_write(path: str, why: str) -> Misuse:
-    return Misuse(f"{path}: error: cannot write: {why}")
+def _cannot_write(path: str, why: str) -> MisuseError:
+    return MisuseError(f"{path}: error: cannot write: {why}")
 
 
 def recording_into(
@@ -101,7 +101,7 @@ def recording_into(
     `run` names a run on a real robot, `started` is its time.
 
     Raises:
-        Misuse: the file cannot be written, or another run is recording into it.
+        MisuseError: the file cannot be written, or another run is recording into it.
     """
     try:
         opened = open_alone(path)

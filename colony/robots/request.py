@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from colony.sim.plant.child import Look
 
 
-class Misuse(Exception):
+class MisuseError(Exception):
     """A named input cannot be used; the message is one line that begins with its name."""
 
 
-class BrokenOff(Exception):
+class RunAbortedError(Exception):
     """A run of processes could not begin, or broke off; the message, of one line or several, says why."""
 
 

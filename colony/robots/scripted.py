@@ -143,7 +143,7 @@ class ScriptedRobot(VirtualRobot):
         isolate: as in `VirtualRobot`.
 
     Raises:
-        Failure: a Python module cannot be imported or built.
+        DiagnosticError: a Python module cannot be imported or built.
     """
 
     def __init__(

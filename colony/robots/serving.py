@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
-from colony.robots.request import BrokenOff, Misuse
+from colony.robots.request import MisuseError, RunAbortedError
 from colony.robots.simulated import CompilingNotice, SimulatedRobot, device_of, jobs_of, plant_spec
 from colony.runtime.assembly.processes import child
 from colony.runtime.assembly.processes.children import Children, described
@@ -19,7 +19,7 @@ from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, name
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.place import Local
 from colony.runtime.transport.live.run_directory import in_run_directory
-from colony.sim.plant.child import SIMULATOR, Look, NoRoom, serve
+from colony.sim.plant.child import SIMULATOR, Look, NoRoomError, serve
 from colony.sim.plant.servers import PlantDevices
 
 Report = Callable[[str], None]
@@ -52,9 +52,9 @@ def serve_one(server: str, place: Local, settings: Settings, report: Report) -> 
 
     Raises:
         LiveError: it runs already, or the run directory or the gateway's security is invalid.
-        Misuse: the robot has no room in the building.
-        Failure: the map is invalid.
-        BrokenOff: its stored data cannot be read, or nothing more can be stored.
+        MisuseError: the robot has no room in the building.
+        DiagnosticError: the map is invalid.
+        RunAbortedError: its stored data cannot be read, or nothing more can be stored.
     """
     ending = Ending()
     with on_signals(ending):
@@ -68,8 +68,8 @@ def _simulate(place: Local, settings: Settings, ending: Ending, report: Report) 
     told = f"{SIMULATOR} of {place.robot} runs; Ctrl-C ends it"
     try:
         serve(plant_spec(place, _robot(settings)), ending, ready=lambda: report(told), tell=report)
-    except NoRoom as problem:
-        raise Misuse(str(problem)) from None
+    except NoRoomError as problem:
+        raise MisuseError(str(problem)) from None
 
 
 def _serve(part: Part, place: Local, settings: Settings, ending: Ending, report: Report) -> None:
@@ -79,8 +79,8 @@ def _serve(part: Part, place: Local, settings: Settings, ending: Ending, report:
     spec = Spec(place=said_of(place), part=part)
     try:
         child.run(spec, ending, devices=PlantDevices(), ready=lambda: report(told))
-    except (child.CannotBegin, StoreError) as problem:
-        raise BrokenOff(str(problem)) from None
+    except (child.StartupError, StoreError) as problem:
+        raise RunAbortedError(str(problem)) from None
 
 
 def serve_all(
@@ -93,9 +93,9 @@ def serve_all(
 
     Raises:
         LiveError: all of them are served already, or the gateway's endpoint or security is invalid.
-        Failure: the map is invalid. The map and the gateway's settings are checked before anything is
+        DiagnosticError: the map is invalid. The map and the gateway's settings are checked before anything is
             started.
-        BrokenOff: a process was given up.
+        RunAbortedError: a process was given up.
     """
     from colony.nav.maps.stickrep.reader import load_map
     from colony.runtime.transport.live.endpoint import parse_endpoint
@@ -123,7 +123,7 @@ def serve_all(
                 notice.look()
                 for death in children.poll():
                     if death.pause_s is None:
-                        raise BrokenOff(described(death))
+                        raise RunAbortedError(described(death))
                     report(described(death))
                 time.sleep(LOOK_S)
         finally:

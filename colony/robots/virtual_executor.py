@@ -27,8 +27,8 @@ class VirtualExecutor:
     not depend. Mutable: the robot, and its time.
 
     Raises:
-        Failure: a Python module cannot be imported or built.
-        Undecided: in `step`, if the runtime does not decide a frame, or its monitor reports a violation.
+        DiagnosticError: a Python module cannot be imported or built.
+        DecisionError: in `step`, if the runtime does not decide a frame, or its monitor reports a violation.
     """
 
     def __init__(self, compilation: Compilation, *, seed: int = 0) -> None:
@@ -75,7 +75,7 @@ class VirtualExecutor:
         logs.clear()
         self._robot.sent.clear()
         if found is None:
-            raise Undecided("the frame was not decided although no message was late")
+            raise DecisionError("the frame was not decided although no message was late")
         return found
 
     def _outcome(self, log: FrameLog) -> Outcome:
@@ -86,11 +86,11 @@ class VirtualExecutor:
             if v.violation or v.notes
         ]
         if wrong:
-            raise Undecided("; ".join(wrong))
+            raise DecisionError("; ".join(wrong))
         verdicts = [log.verdicts[name] for name in self._actuators]
         decisions = tuple(Decision(v.actuator, v.by, v.values, v.fault) for v in verdicts)
         return log.expected._replace(decisions=decisions)
 
 
-class Undecided(Exception):
+class DecisionError(Exception):
     """The runtime did not decide a frame correctly; the text describes what it did."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from colony.nav.maps.building import Building, load_building
 from colony.nav.missions.goal_verification import Verdict
 from colony.nav.plan.plan import Plan
-from colony.nav.plan.route import NoPlan, plan
-from colony.robots.request import Misuse, RunRequest
+from colony.nav.plan.route import NoPlanError, plan
+from colony.robots.request import MisuseError, RunRequest
 
 TOLD_OF_PLATE = {
     Verdict.UNSEEN: "",
@@ -43,8 +43,8 @@ def way_of(request: RunRequest) -> Way:
     """Return the requested way.
 
     Raises:
-        Misuse: the way does not exist.
-        Failure: the map, or one that its elevators lead to, is invalid.
+        MisuseError: the way does not exist.
+        DiagnosticError: the map, or one that its elevators lead to, is invalid.
     """
     assert request.map_path is not None
     assert request.origin is not None
@@ -52,5 +52,5 @@ def way_of(request: RunRequest) -> Way:
     building = load_building(request.map_path)
     try:
         return Way(building=building, plan=plan(building, request.origin, request.goal))
-    except NoPlan as problem:
-        raise Misuse(f"{request.map_path}: error: {problem}") from None
+    except NoPlanError as problem:
+        raise MisuseError(f"{request.map_path}: error: {problem}") from None

@@ -1,7 +1,7 @@
 """Errors and warnings as data, and the one place where they are rendered.
 
 A stage that finds something wrong appends a `Diagnostic` to a list and goes on; what cannot go on raises
-`Failure` with all that was found. Nothing else in the project formats a message for a person.
+`DiagnosticError` with all that was found. Nothing else in the project formats a message for a person.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Diagnostic:
     labels: tuple[Label, ...] = ()
 
 
-class Failure(Exception):
+class DiagnosticError(Exception):
     """A stage that failed; `diagnostics` holds everything that it found, at least one."""
 
     def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:

@@ -76,7 +76,7 @@ class Unit(NamedTuple):
     factor: Fraction
 
 
-class BadUnit(ValueError):
+class UnitError(ValueError):
     """The text is no unit; the message says which part is not."""
 
 
@@ -90,19 +90,19 @@ def parse_unit(text: str) -> Unit:
     """Read `mm`, `m/s^2`, `s^-1`: products, quotients and whole powers of the base units.
 
     Raises:
-        BadUnit: a name is not in the table, or an exponent is beyond `MAX_EXPONENT`.
+        UnitError: a name is not in the table, or an exponent is beyond `MAX_EXPONENT`.
     """
     dimension, factor, at = NUMBER, Fraction(1), 0
     while at < len(text) or at == 0:
         part = _PART.match(text, at)
         if part is None or (at == 0) == bool(part[1]):
-            raise BadUnit(f"`{text}` is not a unit")
+            raise UnitError(f"`{text}` is not a unit")
         operator, name, exponent_text = part.groups()
         if name not in BASE_UNITS:
-            raise BadUnit(f"`{name}` is not a unit")
+            raise UnitError(f"`{name}` is not a unit")
         exponent = int(exponent_text[:4]) if exponent_text else 1
         if abs(exponent) > MAX_EXPONENT:
-            raise BadUnit(f"exponent {exponent_text} is beyond {MAX_EXPONENT}")
+            raise UnitError(f"exponent {exponent_text} is beyond {MAX_EXPONENT}")
         exponent = -exponent if operator == "/" else exponent
         one, scale = BASE_UNITS[name]
         dimension = dimension.times(one.power(exponent))

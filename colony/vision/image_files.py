@@ -32,7 +32,7 @@ _AT_MOST = f"at most {MOST_PIXELS // 10**6} million"
 _FORMATS = ("PNG", "JPEG", "BMP", "WEBP", "TIFF")
 
 
-class BadImage(ValueError):
+class ImageFormatError(ValueError):
     """Bytes that are no image that can be looked at; the message says why."""
 
 
@@ -42,14 +42,14 @@ def decode_image(data: bytes) -> Rgb:
     Of a file with several pictures it is the first one. Levels of 16 bits are reduced to 8.
 
     Raises:
-        BadImage: the file has no picture, or it is damaged, too large or too small.
+        ImageFormatError: the file has no picture, or it is damaged, too large or too small.
     """
     from PIL import Image, ImageOps, UnidentifiedImageError
 
     if not data:
-        raise BadImage("the file is empty; expected an image")
+        raise ImageFormatError("the file is empty; expected an image")
     if len(data) > MOST_BYTES:
-        raise BadImage(f"more than {MOST_BYTES // 2**20} MB; expected an image file that is smaller")
+        raise ImageFormatError(f"more than {MOST_BYTES // 2**20} MB; expected an image file that is smaller")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what is odd in a file that can be read all the same
         try:
@@ -57,27 +57,29 @@ def decode_image(data: bytes) -> Rgb:
                 _check_size(*file.size)
                 file.load()
                 return _rgb(ImageOps.exif_transpose(file))
-        except BadImage:
+        except ImageFormatError:
             raise
         except UnidentifiedImageError:
             expected = listed(_FORMATS, "or")
-            raise BadImage(f"no image that can be read; expected {expected}") from None
+            raise ImageFormatError(f"no image that can be read; expected {expected}") from None
         except Image.DecompressionBombError:
-            raise BadImage(f"an image of far more pixels than expected: {_AT_MOST}") from None
+            raise ImageFormatError(f"an image of far more pixels than expected: {_AT_MOST}") from None
         # The decoders raise whatever comes of bytes that make no sense: errors of zlib, struct, of an index.
         except Exception as problem:
             why = str(problem).splitlines()
-            raise BadImage(f"the image is damaged: {why[0] if why else type(problem).__name__}") from None
+            raise ImageFormatError(
+                f"the image is damaged: {why[0] if why else type(problem).__name__}"
+            ) from None
 
 
 def _check_size(columns: int, rows: int) -> None:
     size = f"an image of {columns} x {rows} pixels"
     if columns * rows > MOST_PIXELS:
-        raise BadImage(f"{size}; expected {_AT_MOST}")
+        raise ImageFormatError(f"{size}; expected {_AT_MOST}")
     if max(columns, rows) > MOST_SIDE:
-        raise BadImage(f"{size}; expected at most {MOST_SIDE} a side")
+        raise ImageFormatError(f"{size}; expected at most {MOST_SIDE} a side")
     if min(columns, rows) < LEAST_PIXELS:
-        raise BadImage(f"{size}; expected at least {LEAST_PIXELS} x {LEAST_PIXELS}")
+        raise ImageFormatError(f"{size}; expected at least {LEAST_PIXELS} x {LEAST_PIXELS}")
 
 
 def _rgb(image: Image.Image) -> Rgb:

@@ -26,7 +26,7 @@ from contextlib import asynccontextmanager, suppress
 from enum import IntEnum
 
 from colony.runtime.kit.aio import Connection, Session
-from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import data
 
 FLEET = "fleet"
@@ -100,7 +100,7 @@ class Keeper:
         except TimeoutError:
             say(f"{self.robot} is silent: its turn is over")
         finally:
-            with suppress(ConnectionProblem):  # not held any more: the connection was lost in between
+            with suppress(RobotConnectionError):  # not held any more: the connection was lost in between
                 await self._fleet.do(data.release(CORRIDOR))
 
     # --- the robot -----------------------------------------------------------------------------------
@@ -130,7 +130,7 @@ class Keeper:
 
         async def permit() -> None:
             while True:
-                with suppress(ConnectionProblem):
+                with suppress(RobotConnectionError):
                     await self._own.do(data.set("MayEnter", True))
                 await asyncio.sleep(PERMISSION_S / 3)
 
@@ -168,7 +168,7 @@ async def keep(robot: str) -> None:
     """Be the keeper of a robot, as long as the connections last.
 
     Raises:
-        ServerNotFound: a server does not run (yet).
+        ServerNotFoundError: a server does not run (yet).
         ExceptionGroup: of connections that ended.
     """
     async with (
@@ -189,7 +189,7 @@ async def main() -> None:
     while True:
         try:
             await keep(robot)
-        except* ConnectionProblem as problems:
+        except* RobotConnectionError as problems:
             why = str(problems.exceptions[0])
             if why != said:
                 say(f"waiting: {why}")

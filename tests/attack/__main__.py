@@ -15,7 +15,7 @@ from pathlib import Path
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.library.clock import release
-from colony.runtime.transport.live.errors import NotReached
+from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.network import local_user
 from tests.attack.after import after
 from tests.attack.damage import cost, costs, flips, record
@@ -259,7 +259,7 @@ def _login(robot: Lab, patience_s: float) -> str:
     def attempted() -> bool:
         try:
             robot.session("guard").close()
-        except NotReached:
+        except UnreachableError:
             return False
         return True
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from colony.runtime.kit.connection import Session
 from colony.runtime.library.ask import STATUS
-from colony.runtime.transport.live.errors import NotReached
+from colony.runtime.transport.live.errors import UnreachableError
 from tests.attack.lab import Lab, memory_mb
 
 SERVERS = ("Clock", "RServer", "DServer", "PServer")
@@ -53,7 +53,7 @@ def _slowest(robot: Lab, *, home: bool) -> float:
     try:
         with robot.machine.session() if home else robot.session("ada") as session:
             return max(_answered(session, server) for server in SERVERS)
-    except NotReached:
+    except UnreachableError:
         return float("inf")
 
 

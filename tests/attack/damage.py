@@ -26,7 +26,7 @@ from mcap.stream_reader import StreamReader
 from colony.dsl.load import load_file
 from colony.ir.program import Program
 from colony.runtime.recordings.opening import read_recording
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 from colony.verify.audit.audit import audit_recording
 from tests.paths import ROOT
 
@@ -73,7 +73,7 @@ def audited(data: bytes, name: str, program: Program) -> Audited:
     """Audit a recording."""
     try:
         report = audit_recording(program, read_recording(io.BytesIO(data), name))
-    except Failure as failure:
+    except DiagnosticError as failure:
         return Audited(refused=failure.diagnostics[0].code)
     return Audited(
         frames=report.frames,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime.transport.live.errors import NotReached
+from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.gateway import whoami
 from tests.attack.handshakes import HalfOpen
 from tests.attack.lab import Lab
@@ -30,6 +30,6 @@ def test_half_open_connections_are_closed(hello: bool, lab: Lab) -> None:
 def _logs_in(lab: Lab) -> bool:
     try:
         lab.session("guard").close()
-    except NotReached:
+    except UnreachableError:
         return False
     return True

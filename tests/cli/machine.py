@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
 from colony.runtime.protocol.topics import CLOCK
@@ -186,7 +186,7 @@ def status(session: Session) -> RunStatus | None:
     try:
         with session.connect(LEADER, name="test", timeout_s=1.0) as leader:
             return leader.do(run_status())
-    except ConnectionProblem:
+    except RobotConnectionError:
         return None
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from colony.cli.run.options import BadOption, cameras
+from colony.cli.run.options import OptionError, cameras
 from colony.runtime.kit.connection import Connection
-from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.library import camera
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROBOT, Machine
@@ -29,13 +29,13 @@ def test_a_camera_has_a_server_and_a_direction(texts: tuple[str, ...], looking: 
 
 @pytest.mark.parametrize("text", ["down", "left=", "=up", "a b=up", "up=", "361", "90 mm", "CServer Up=up"])
 def test_what_is_no_camera_is_refused(text: str) -> None:
-    with pytest.raises(BadOption, match=f"found `{text}`; expected degrees, `up`, or a name"):
+    with pytest.raises(OptionError, match=f"found `{text}`; expected degrees, `up`, or a name"):
         cameras((text,))
 
 
 @pytest.mark.parametrize("texts", [("up", "90"), ("a=up", "a=9"), ("CServerUp=up", "CServerUp=0")])
 def test_two_cameras_have_two_names(texts: tuple[str, ...]) -> None:
-    with pytest.raises(BadOption, match="two "):
+    with pytest.raises(OptionError, match="two "):
         cameras(texts)
 
 
@@ -63,6 +63,6 @@ def test_a_server_shows_the_ceiling_above_the_robot(machine: Machine) -> None:
 def _has_an_image(connection: Connection) -> bool:
     try:
         connection.do(camera.grab())
-    except CallRefused:
+    except CallRefusedError:
         return False
     return True

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from colony.runtime.kit.connection import Connection, Session
-from colony.runtime.kit.errors import CallRefused, ConnectionProblem
+from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError
 from colony.runtime.library import data
 from colony.runtime.library.ask import STATUS
 from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirectory
@@ -189,7 +189,7 @@ def test_a_dserver_that_can_make_no_store_lives_in_memory(machine: Machine, disk
     with machine.session() as session:
         server = until(lambda: _connected(session), "DServer answers")
         assert any("nothing new is kept" in sentence for sentence in full(server))
-        with pytest.raises(CallRefused, match="free some space"):
+        with pytest.raises(CallRefusedError, match="free some space"):
             server.do(data.set("X", 1))
         disk.clear()
         until(lambda: full(server) == (), "there is room again")
@@ -227,11 +227,11 @@ def test_nothing_is_lost_where_even_the_reserve_is_too_small(machine: Machine, d
     assert "Traceback" not in served.err
 
 
-def _refusal(server: Connection, name: str, value: object) -> CallRefused | None:
+def _refusal(server: Connection, name: str, value: object) -> CallRefusedError | None:
     """Set a variable; gives the refusal, if it is refused."""
     try:
         server.do(data.set(name, value))
-    except CallRefused as refused:
+    except CallRefusedError as refused:
         return refused
     return None
 
@@ -239,5 +239,5 @@ def _refusal(server: Connection, name: str, value: object) -> CallRefused | None
 def _connected(session: Session) -> Connection | None:
     try:
         return session.connect("DServer", name="test")
-    except ConnectionProblem:
+    except RobotConnectionError:
         return None

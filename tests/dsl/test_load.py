@@ -8,7 +8,7 @@ from colony.dsl.load import check_text, load_file, load_text
 from colony.ir import expression as e
 from colony.ir.program import Let, Machine, Module, PythonModule, State
 from colony.ir.types import Array, Bool, Enum, Quantity
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
 from tests.dsl.texts import MODULES, ROBOT, expression, findings, named, program
 
@@ -348,13 +348,13 @@ def test_each_memory_call_has_a_cell_of_its_own() -> None:
 
 
 def test_load_text_raises_everything_that_was_found() -> None:
-    with pytest.raises(Failure) as caught:
+    with pytest.raises(DiagnosticError) as caught:
         load_text("let a = b\nlet c = d" + ROBOT)
     assert [d.code for d in caught.value.diagnostics] == ["E101", "E101"]
 
 
 def test_load_file_raises(tmp_path: object) -> None:
-    with pytest.raises(Failure, match="E001"):
+    with pytest.raises(DiagnosticError, match="E001"):
         load_file(f"{tmp_path}/nothing.colony")
 
 

@@ -13,7 +13,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedToken
 
 from colony.dsl import tables
 from colony.dsl.build import Builder
-from colony.dsl.lalr import Parser, Token, UnexpectedInput
+from colony.dsl.lalr import Parser, Token, UnexpectedInputError
 from tests.dsl.texts import MODULES, ROBOT
 from tests.paths import ROOT
 
@@ -85,7 +85,7 @@ def _read_by(parser: Parser, text: str) -> object:
     """The tree, or where reading ends and whether that is the end of the text."""
     try:
         return parser.parse(text)
-    except UnexpectedInput as problem:
+    except UnexpectedInputError as problem:
         return problem.offset, problem.at_end
 
 
@@ -106,7 +106,7 @@ BEGINNINGS = ["module a { when", "let a = (1 +", "network { x = a", "limit a.", 
 def test_what_could_have_stood_there_is_what_lark_takes(lark: Lark, parser: Parser, text: str) -> None:
     interactive = lark.parse_interactive(text)
     interactive.exhaust_lexer()
-    with pytest.raises(UnexpectedInput) as caught:
+    with pytest.raises(UnexpectedInputError) as caught:
         parser.parse(text + " ?")
     assert caught.value.offset == len(text) + 1
     assert caught.value.accepted == interactive.accepts()

@@ -26,7 +26,7 @@ from colony.execute.compiled import Compiled
 from colony.execute.executor import ProgramExecutor
 from colony.execute.operators import Operator
 from colony.execute.shapes import SpanShape, shaped
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 from colony.text.source import Span
 from colony.verify.testing.agreement import disagreement
 from colony.verify.testing.strategies import programs, traces
@@ -36,7 +36,7 @@ HEAD = len(b"colonyc") + 1 + 32
 
 
 def refused(data: bytes) -> str:
-    with pytest.raises(Failure) as caught:
+    with pytest.raises(DiagnosticError) as caught:
         decode(data, "p.colonyc")
     (found,) = caught.value.diagnostics
     assert (found.code, found.span.source.name) == ("C001", "p.colonyc")
@@ -134,7 +134,7 @@ def test_other_bytes_and_other_versions_are_refused(wander: Compiled, tmp_path: 
     cut = tmp_path / "cut.colonyc"
     cut.write_bytes(data[:-1])
     for path in (large, tmp_path / "none.colonyc", tmp_path, cut):
-        with pytest.raises(Failure, match="C001") as caught:
+        with pytest.raises(DiagnosticError, match="C001") as caught:
             read(path)
         (found,) = caught.value.diagnostics
         assert found.span.source.name == str(path)
@@ -168,7 +168,7 @@ def test_bytes_that_are_damaged_and_signed_again_are_refused_or_harmless(wander:
         try:
             decode(signed(bytes(changed)), "p.colonyc")
             outcomes.add("harmless")
-        except Failure as failure:
+        except DiagnosticError as failure:
             outcomes.add(failure.diagnostics[0].code)
     assert outcomes == {"harmless", "C001"}
 

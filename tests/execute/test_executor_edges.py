@@ -9,10 +9,10 @@ import pytest
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.execute.executor import ClientMemory, NotExclusive, ProgramExecutor
+from colony.execute.executor import ClientMemory, ExclusivityError, ProgramExecutor
 from colony.execute.machine import build
 from colony.ir.frame import Frame
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 from tests.programs import client, lowered
 from tests.runtime.programs import roam
 
@@ -88,7 +88,7 @@ def test_a_class_that_cannot_be_built_is_named_with_what_to_do() -> None:
         ),
     )
     for change, path, problem in cases:
-        with pytest.raises(Failure) as failure:
+        with pytest.raises(DiagnosticError) as failure:
             build(replace(call, **change))
         (found,) = failure.value.diagnostics
         assert found.code == "P001"
@@ -116,7 +116,7 @@ def test_two_exclusive_guards_at_once_are_told_by_name() -> None:
     broken = replace(clients, actuators=(replace(drive, clients=wrong),))
     frame = Frame(0, {"sonar": (100.0,) * 24, "bumper": False, "chance": 0.5})
     executor = ProgramExecutor(lower(program, broken), exclusive=True)
-    with pytest.raises(NotExclusive, match=r"^drive: avoid, cruise$"):
+    with pytest.raises(ExclusivityError, match=r"^drive: avoid, cruise$"):
         executor.step(frame)
     by_priority = ProgramExecutor(lower(program, broken))
     assert by_priority.step(frame).decisions[0].by == "avoid", "priority decides unless told otherwise"

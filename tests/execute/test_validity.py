@@ -21,7 +21,7 @@ from colony.execute.code import (
     Winner,
 )
 from colony.execute.compiled import Compiled
-from colony.execute.validity import LATEST_NS, Invalid, check
+from colony.execute.validity import LATEST_NS, InvalidProgramError, check
 from tests.programs import compilation, robot
 
 TEXT = f"""{robot()}
@@ -69,7 +69,7 @@ def with_one_more(compiled: Compiled, op: Op, kind: Kind) -> tuple[Compiled, int
 def test_what_an_operation_refers_to_is_there(compiled: Compiled, good: Op, kind: Kind, bad: Op) -> None:
     check(with_one_more(compiled, good, kind)[0])
     forged, at = with_one_more(compiled, bad, kind)
-    with pytest.raises(Invalid, match=rf"^operation {at} \({type(bad).__name__}\) is malformed$"):
+    with pytest.raises(InvalidProgramError, match=rf"^operation {at} \({type(bad).__name__}\) is malformed$"):
         check(forged)
 
 
@@ -78,5 +78,5 @@ def test_what_depends_on_decisions_stands_behind_them(compiled: Compiled) -> Non
         kind = Kind.NUMBER if isinstance(op, Sent) else Kind.BOOL
         forged, at = with_one_more(compiled, op, kind)
         early = replace(forged, code=replace(forged.code, decided=at + 1))
-        with pytest.raises(Invalid, match=r"is malformed$"):
+        with pytest.raises(InvalidProgramError, match=r"is malformed$"):
             check(early)

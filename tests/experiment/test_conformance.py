@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import camera, data, proximity, robot
 from tests.experiment.conformance_stage import CAMERA, Log, among_servers, frame_of, in_loop
@@ -61,13 +61,13 @@ def _listener(log: Log) -> Script:
         server = CAMERA if ask.method == "grab_rows" else "DServer"
         try:
             yield from do(server, ask)
-        except CallRefused as refused:
+        except CallRefusedError as refused:
             log.append((refused.code, refused.message))
     for turn in range(5):
         yield from sleep(0.05)
         try:
             yield from do("DServer", data.wait("$Goal", timeout_s=[0, 0.3, None, 2.0, None][turn]))
-        except CallRefused as refused:
+        except CallRefusedError as refused:
             log.append((turn, refused.code, frame_of((yield from sleep(0)))))
             continue
         log.append((turn, frame_of((yield from sleep(0)))))

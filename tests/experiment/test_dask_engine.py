@@ -7,7 +7,7 @@ import pytest
 from colony.experiment import dask_engine
 from colony.experiment.dask_engine import DaskEngine
 from colony.experiment.lists import PUBLISHED_MAP
-from colony.experiment.parallel import SerialEngine, WorkersLost
+from colony.experiment.parallel import SerialEngine, WorkersLostError
 from colony.experiment.record import RunKey
 from colony.experiment.runs import RunSpec, run
 from colony.sim.hazards.hazards import Hazards
@@ -35,5 +35,5 @@ def test_a_local_cluster_of_two_workers_gives_the_same_results() -> None:
 def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask_engine, "REACHED_S", 0.5)
     engine = DaskEngine("tcp://127.0.0.1:9")
-    with pytest.raises(WorkersLost, match=r"no Dask scheduler at tcp://127.0.0.1:9"):
+    with pytest.raises(WorkersLostError, match=r"no Dask scheduler at tcp://127.0.0.1:9"):
         list(engine.results(abs, [1]))

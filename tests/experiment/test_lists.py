@@ -8,7 +8,7 @@ import pytest
 
 from colony.experiment.lists import (
     PUBLISHED_MAP,
-    ListProblem,
+    RunListError,
     chosen,
     floors_list,
     own_list,
@@ -52,12 +52,12 @@ def test_ones_own_list(tmp_path: Path) -> None:
 def test_bad_lists_are_told_with_their_line(tmp_path: Path, text: str, told: str) -> None:
     path = tmp_path / "rounds.csv"
     path.write_text(text)
-    with pytest.raises(ListProblem, match=told):
+    with pytest.raises(RunListError, match=told):
         own_list(path, BUILDING)
 
 
 def test_a_list_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(ListProblem, match="cannot be read"):
+    with pytest.raises(RunListError, match="cannot be read"):
         own_list(tmp_path / "none.csv", BUILDING)
 
 
@@ -94,7 +94,7 @@ def test_a_list_of_ones_own_tells_which_runs_take_an_elevator(tmp_path: Path) ->
 
 
 def test_one_floor_has_no_pairs_on_different_floors() -> None:
-    with pytest.raises(ListProblem, match="lead to 1 floors with doors; expected at least 2"):
+    with pytest.raises(RunListError, match="lead to 1 floors with doors; expected at least 2"):
         floors_list(Building(maps=(FLOOR,)), 3, 1)
 
 
@@ -109,5 +109,5 @@ def test_runs_are_chosen_by_their_numbers() -> None:
     runs = published_list()
     assert [run.number for run in chosen(runs, "1-3, 22")] == [1, 2, 3, 22]
     for text, told in (("", "names no runs"), ("x", "names no runs"), ("41", "no run 41"), ("3-1", "no run")):
-        with pytest.raises(ListProblem, match=told):
+        with pytest.raises(RunListError, match=told):
             chosen(runs, text)

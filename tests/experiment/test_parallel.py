@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.experiment.parallel import PoolEngine, SerialEngine, WorkersLost
+from colony.experiment.parallel import PoolEngine, SerialEngine, WorkersLostError
 from tests.paths import ROOT
 from tests.waiting import until
 
@@ -44,7 +44,7 @@ def test_every_item_is_done_once(engine: SerialEngine | PoolEngine) -> None:
 
 
 def test_a_worker_that_dies_ends_the_work_with_a_hint() -> None:
-    with pytest.raises(WorkersLost, match="fewer --workers"):
+    with pytest.raises(WorkersLostError, match="fewer --workers"):
         list(PoolEngine(1).results(_die, range(8)))
 
 

@@ -15,7 +15,7 @@ from colony.dsl.load import load_file
 from colony.execute.compiled import Compiled
 from colony.nav.maps.building import Building
 from colony.robots.building_run import run_in_building
-from colony.robots.request import Attendant, Misuse, RunRequest
+from colony.robots.request import Attendant, MisuseError, RunRequest
 from colony.runtime.kit.script import Script
 from colony.runtime.observe.observer import FrameLog
 from tests.paths import MAPS, ROOT
@@ -95,5 +95,5 @@ def test_whoever_attends_a_run_may_end_it() -> None:
 
 
 def test_a_recording_that_cannot_be_written_is_misuse(tmp_path: Path) -> None:
-    with pytest.raises(Misuse, match=r"gone/run\.jsonl: error: cannot write: No such file or directory"):
+    with pytest.raises(MisuseError, match=r"gone/run\.jsonl: error: cannot write: No such file or directory"):
         run_in_building(wander(), request(tmp_path / "gone" / "run.jsonl"), Watcher(5).attendant)

@@ -10,7 +10,7 @@ from colony.nav.plan.route import plan
 from colony.nav.shared import ELEVATOR_CALL, FLOOR
 from colony.robots.live_mission import LiveMission
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.errors import ServerNotFound
+from colony.runtime.kit.errors import ServerNotFoundError
 from colony.runtime.library import data
 from colony.runtime.servers.dserver import DServer
 from tests.runtime.transport.live.stage import ROBOT, hosted, run_directory
@@ -27,7 +27,7 @@ def test_it_is_on_its_floor_and_calls_no_elevator_before_any_script_begins() -> 
     ):
         store.do(data.set_many({FLOOR: "msu_engineering_2", ELEVATOR_CALL: ["a", "b", "c"]}))
         with (
-            pytest.raises(ServerNotFound, match="RServer"),
+            pytest.raises(ServerNotFoundError, match="RServer"),
             LiveMission(session, building, plan(building, "350R", "352L")),
         ):
             pass

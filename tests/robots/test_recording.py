@@ -14,7 +14,7 @@ from colony.execute.compiled import Compiled
 from colony.files import open_alone
 from colony.ir.frame import Frame
 from colony.robots.recording import RunRecording
-from colony.robots.request import Misuse
+from colony.robots.request import MisuseError
 from colony.runtime.recordings.lines import ByteFile, Recording
 from colony.runtime.recordings.mcap_writer import McapRecording
 from tests.verify.audit.recorded_runs import MS, logs, read_lines, read_mcap, run_info
@@ -73,7 +73,7 @@ def test_one_without_frames_is_none(
     path = tmp_path / "run"
     size = 0 if sink is Recording else written_before_frames(path)
     recording = broken_off(path, sink, size + 10)
-    with pytest.raises(Misuse, match=f"{path}: error: cannot write: File too large: raise the limit"):
+    with pytest.raises(MisuseError, match=f"{path}: error: cannot write: File too large: raise the limit"):
         recording.expect_frames()
 
 

@@ -71,7 +71,7 @@ def test_a_frame_that_is_not_decided_is_a_disagreement(monkeypatch: pytest.Monke
     monkeypatch.setattr(Arbiter, "receive", lambda *_: ())
     found = disagreement(compilation("wander").program, trace_of("wander", 1), RUNTIME)
     assert found is not None
-    assert "Undecided" in str(found.found)
+    assert "DecisionError" in str(found.found)
 
 
 # --- faults ------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from tests.runtime.calling import call_of, opening
 T = TypeVar("T")
 
 
-class Trouble(Exception):
+class TroubleError(Exception):
     """A call that failed; `code` and message as in the reply."""
 
     def __init__(self, problem: Problem) -> None:
@@ -52,7 +52,7 @@ class Asker:
         """The answer to a call."""
         reply = self.replies[f"user/{name}", number]
         if reply.problem is not None:
-            raise Trouble(reply.problem)
+            raise TroubleError(reply.problem)
         result: T = msgspec.msgpack.decode(reply.result, type=ask.reply)
         return result
 

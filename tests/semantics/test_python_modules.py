@@ -11,7 +11,7 @@ import pytest
 from colony.dsl.load import load_text
 from colony.execute.executor import ModuleExecutor, ProgramExecutor
 from colony.ir.frame import Answer, Decision, Frame, Outcome, Record
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, EXECUTORS, disagreement
 from tests.executors import outcomes
@@ -198,17 +198,17 @@ def test_an_answer_takes_effect_when_the_next_is_asked() -> None:
 )
 def test_a_class_that_cannot_be_built_is_a_located_error(path: str, why: str) -> None:
     of = program(f'module m from python "{path}" {{ commands out }}\nnetwork {{ out = m }}')
-    with pytest.raises(Failure, match=r"<text>:\d+:\d+: error\[P001\]"):
+    with pytest.raises(DiagnosticError, match=r"<text>:\d+:\d+: error\[P001\]"):
         Interpreter(of)
     for make in EXECUTORS.values():
-        with pytest.raises(Failure, match=why):
+        with pytest.raises(DiagnosticError, match=why):
             make(compilation(of))
 
 
 def test_params_that_a_class_does_not_take() -> None:
     text = TEXT.replace("Scripted", "Unbuildable").replace("RATE", "")
     for make in EXECUTORS.values():
-        with pytest.raises(Failure, match="unexpected keyword"):
+        with pytest.raises(DiagnosticError, match="unexpected keyword"):
             make(compilation(text))
 
 

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from colony.text.diagnostics import (
-    Failure,
+    DiagnosticError,
     Label,
     error,
     has_errors,
@@ -114,7 +114,7 @@ def test_warnings_are_no_errors() -> None:
 
 
 def test_a_failure_carries_everything() -> None:
-    failure = Failure([error("E1", BAD, "one"), error("E2", BAD, "two")])
+    failure = DiagnosticError([error("E1", BAD, "one"), error("E2", BAD, "two")])
     assert [d.code for d in failure.diagnostics] == ["E1", "E2"]
-    with pytest.raises(Failure, match="two"):
+    with pytest.raises(DiagnosticError, match="two"):
         raise failure

@@ -15,8 +15,8 @@ from colony.text.units import (
     LENGTH,
     NUMBER,
     TIME,
-    BadUnit,
     Dimension,
+    UnitError,
     nanoseconds,
     parse_unit,
 )
@@ -79,7 +79,7 @@ def test_a_radian_is_exact_enough_for_any_float() -> None:
     ],
 )
 def test_what_is_no_unit(text: str) -> None:
-    with pytest.raises(BadUnit):
+    with pytest.raises(UnitError):
         parse_unit(text)
 
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from colony.vision.image_files import MOST_BYTES, BadImage, decode_image
+from colony.vision.image_files import MOST_BYTES, ImageFormatError, decode_image
 
 RAMP = np.arange(0, 240, 4, dtype=np.uint8).reshape(6, 10)
 
@@ -84,13 +84,13 @@ def test_pictures_are_upright_as_the_camera_tells() -> None:
     ],
 )
 def test_what_is_no_image(data: bytes, why: str) -> None:
-    with pytest.raises(BadImage, match=why):
+    with pytest.raises(ImageFormatError, match=why):
         decode_image(data)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (3, 100), (100, 3)])
 def test_too_small(size: tuple[int, int]) -> None:
-    with pytest.raises(BadImage, match=f"{size[0]} x {size[1]} pixels; expected at least 4 x 4"):
+    with pytest.raises(ImageFormatError, match=f"{size[0]} x {size[1]} pixels; expected at least 4 x 4"):
         decode_image(encoded(Image.new("L", size), "PNG"))
 
 
@@ -106,13 +106,15 @@ def test_too_large_is_told_before_it_is_read(side: int, why: str) -> None:
     data = bytearray(encoded(Image.new("L", (8, 8)), "PNG"))
     data[16:24] = side.to_bytes(4, "big") * 2
     data[29:33] = zlib.crc32(data[12:29]).to_bytes(4, "big")
-    with pytest.raises(BadImage, match=why):
+    with pytest.raises(ImageFormatError, match=why):
         decode_image(bytes(data))
 
 
 @pytest.mark.parametrize("size", [(4, 30_001), (30_001, 4)])
 def test_a_side_that_no_picture_of_it_could_have_is_told(size: tuple[int, int]) -> None:
-    with pytest.raises(BadImage, match=f"{size[0]} x {size[1]} pixels; expected at most 30000 a side"):
+    with pytest.raises(
+        ImageFormatError, match=f"{size[0]} x {size[1]} pixels; expected at most 30000 a side"
+    ):
         decode_image(encoded(Image.new("L", size), "PNG"))
 
 
@@ -143,7 +145,7 @@ def test_files_with_wrong_bytes_are_bad_or_read(kind: str, changes: list[tuple[i
 def _bad_or_read(data: bytes) -> None:
     try:
         image = decode_image(data)
-    except BadImage:
+    except ImageFormatError:
         return
     assert image.dtype == np.uint8
     assert image.ndim == 3

@@ -152,12 +152,12 @@ def command(
 def _check_map(path: str | None) -> None:
     """Refuse a bad map before the simulator is imported, which takes long."""
     from colony.nav.maps.building import load_building
-    from colony.text.diagnostics import Failure
+    from colony.text.diagnostics import DiagnosticError
 
     try:
         if path is not None:
             load_building(path)
-    except Failure as failure:
+    except DiagnosticError as failure:
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_MISUSE) from None
 
@@ -165,39 +165,39 @@ def _check_map(path: str | None) -> None:
 @contextmanager
 def _problems_told() -> Iterator[None]:
     """Report an error that prevents the experiment, and exit."""
-    from colony.experiment.lists import ListProblem
-    from colony.experiment.parallel import WorkersLost
-    from colony.experiment.request import Misuse
+    from colony.experiment.lists import RunListError
+    from colony.experiment.parallel import WorkersLostError
+    from colony.experiment.request import MisuseError
     from colony.experiment.results import ResultsError
-    from colony.nav.plan.route import NoPlan
-    from colony.text.diagnostics import Failure
+    from colony.nav.plan.route import NoPlanError
+    from colony.text.diagnostics import DiagnosticError
 
     try:
         yield
-    except Failure as failure:
+    except DiagnosticError as failure:
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_MISUSE) from None
-    except (ListProblem, NoPlan, ResultsError, WorkersLost, Misuse) as problem:
+    except (RunListError, NoPlanError, ResultsError, WorkersLostError, MisuseError) as problem:
         say(f"error: {problem}")
         raise click.exceptions.Exit(EXIT_MISUSE) from None
 
 
 def _check(study: Study[Any], asked: Experiment, audit: float, plot: Path | None) -> None:
     """Refuse impossible drawings and audits."""
-    from colony.experiment.request import Misuse
+    from colony.experiment.request import MisuseError
 
     if study.has_own_variant and (plot is not None or audit or asked.variant != "ours"):
-        raise Misuse(f"`{study.name}` has a variant of its own; leave out --plot, --audit and --variant")
+        raise MisuseError(f"`{study.name}` has a variant of its own; leave out --plot, --audit and --variant")
     for run in asked.runs if plot is not None else ():
         if run.rides:
             one = f"`colony run ... --from {run.origin} --to {run.goal}` draws each floor"
-            raise Misuse(f"--plot is for ways on one floor; run {run.number} takes an elevator: {one}")
+            raise MisuseError(f"--plot is for ways on one floor; run {run.number} takes an elevator: {one}")
 
 
 def _engine(text: str, workers: int | None) -> Engine:
     from colony.experiment.dask_engine import DaskEngine
     from colony.experiment.parallel import PoolEngine, SerialEngine
-    from colony.experiment.request import Misuse
+    from colony.experiment.request import MisuseError
 
     name, _, address = text.partition("=")
     match name:
@@ -208,7 +208,9 @@ def _engine(text: str, workers: int | None) -> Engine:
         case "dask":
             return DaskEngine(address, workers)
         case _:
-            raise Misuse(f"there is no engine `{text}`; expected pool, serial, dask or dask=tcp://HOST:PORT")
+            raise MisuseError(
+                f"there is no engine `{text}`; expected pool, serial, dask or dask=tcp://HOST:PORT"
+            )
 
 
 def _carry_out(

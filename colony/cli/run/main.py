@@ -17,10 +17,10 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.cli.places import connect_option, place_of, problems_told, robot_option, security_option
 from colony.cli.reporting import refuse, report, say
-from colony.cli.run.options import DURATION, BadOption, Options, objection, request_of
+from colony.cli.run.options import DURATION, OptionError, Options, objection, request_of
 from colony.cli.shipped_files import BEHAVIOR, map_option
 from colony.extras import expect_extras
-from colony.robots.request import BrokenOff, Misuse
+from colony.robots.request import MisuseError, RunAbortedError
 
 if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
@@ -160,19 +160,19 @@ def _driven(compiled: Compiled, request: RunRequest, options: Options) -> Driven
 @contextmanager
 def _failures_told() -> Iterator[None]:
     """Report an error that prevents or ends a run, and exit with its code."""
-    from colony.text.diagnostics import Failure
+    from colony.text.diagnostics import DiagnosticError
 
     try:
         yield
-    except BadOption as bad:
+    except OptionError as bad:
         raise click.UsageError(str(bad), click.get_current_context()) from None
-    except Misuse as misuse:
+    except MisuseError as misuse:
         say(str(misuse))
         raise click.exceptions.Exit(EXIT_MISUSE) from None
-    except BrokenOff as problem:
+    except RunAbortedError as problem:
         say(f"colony: error: {problem}")
         raise click.exceptions.Exit(EXIT_ERRORS) from None
-    except Failure as failure:
+    except DiagnosticError as failure:
         if failure.diagnostics[0].code.startswith("M"):
             refuse(failure.diagnostics)
         report(failure.diagnostics)

@@ -12,7 +12,7 @@ from colony.ir.program import Robot, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
 from colony.robots.request import RunRequest
 from colony.runtime.protocol.bindings import nearest
-from colony.text.units import ANGLE, TIME, BadUnit, Dimension, nanoseconds, parse_unit
+from colony.text.units import ANGLE, TIME, Dimension, UnitError, nanoseconds, parse_unit
 
 if TYPE_CHECKING:
     from colony.sim.plant.child import Look
@@ -24,7 +24,7 @@ DURATION = "60"
 """Default length in seconds of a run in a building."""
 
 
-class BadOption(ValueError):
+class OptionError(ValueError):
     """An option's value is invalid; the message says what was found and what was expected."""
 
 
@@ -58,7 +58,7 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
     """Return the run that the options request.
 
     Raises:
-        BadOption: an option's value is invalid.
+        OptionError: an option's value is invalid.
     """
     endless = options.connect is not None or options.goal is not None
     duration = options.duration or (None if endless else DURATION)
@@ -112,11 +112,11 @@ def duration_ns(text: str) -> int:
     """Parse a duration such as `60`, in seconds, or with a unit, `2 min`; return it in nanoseconds.
 
     Raises:
-        BadOption: the text is not a duration above 0.
+        OptionError: the text is not a duration above 0.
     """
     seconds = _quantity(text, TIME, 1.0)
     if seconds is None or not 0.0 < seconds <= 1e9 or not nanoseconds(seconds):
-        raise BadOption(
+        raise OptionError(
             f"--duration: found `{text}`; expected a time above 0 and at most 1e9 s, such as 60 or 2min"
         )
     return nanoseconds(seconds)
@@ -132,7 +132,7 @@ def cameras(texts: tuple[str, ...]) -> dict[str, Look]:
     `CServer`, one with a name `CServer_name`, unless the name is that of a server already.
 
     Raises:
-        BadOption: a text is not of this form, or two cameras have one name.
+        OptionError: a text is not of this form, or two cameras have one name.
     """
     out: dict[str, Look] = {}
     for text in texts:
@@ -140,13 +140,13 @@ def cameras(texts: tuple[str, ...]) -> dict[str, Look]:
         look = _look(direction)
         if look is None or (equals and not name.isidentifier()):
             expected = "degrees, `up`, or a name and one of these: left=90"
-            raise BadOption(f"--camera: found `{text}`; expected {expected}")
+            raise OptionError(f"--camera: found `{text}`; expected {expected}")
         server = name if name.startswith("CServer") else f"CServer_{name}" if name else "CServer"
         if server in out:
-            raise BadOption(f"--camera: two are named `{name}`" if name else "--camera: two have no name")
+            raise OptionError(f"--camera: two are named `{name}`" if name else "--camera: two have no name")
         out[server] = look
     if len(out) > MOST_CAMERAS:
-        raise BadOption(f"--camera: found {len(out)}; expected {MOST_CAMERAS} at most")
+        raise OptionError(f"--camera: found {len(out)}; expected {MOST_CAMERAS} at most")
     return out
 
 
@@ -163,7 +163,7 @@ def variables(robot: Robot, settings: tuple[str, ...]) -> dict[str, Value]:
     A value is a number, with or without a unit, true or false, an enumerator, or a list `[1, 2]` of those.
 
     Raises:
-        BadOption: a text is not of this form, no sensor reads the variable, or the value has another type.
+        OptionError: a text is not of this form, no sensor reads the variable, or the value has another type.
     """
     readers = {s.field: s for s in robot.sensors if s.server == "DServer"}
     out: dict[str, Value] = {}
@@ -171,11 +171,11 @@ def variables(robot: Robot, settings: tuple[str, ...]) -> dict[str, Value]:
         name, equals, text = setting.partition("=")
         name = name.strip().removeprefix("DServer.")
         if not (name and equals):
-            raise BadOption(f"--set: found `{setting}`; expected NAME=VALUE")
+            raise OptionError(f"--set: found `{setting}`; expected NAME=VALUE")
         sensor = readers.get(name)
         if sensor is None:
             hint = nearest(name, readers)
-            raise BadOption(f"--set: no sensor reads DServer.{name}; {hint}")
+            raise OptionError(f"--set: no sensor reads DServer.{name}; {hint}")
         out[name] = _value(sensor, text.strip())
     return out
 
@@ -183,11 +183,11 @@ def variables(robot: Robot, settings: tuple[str, ...]) -> dict[str, Value]:
 def _value(sensor: Sensor, text: str) -> Value:
     if isinstance(sensor.type, Array):
         if not (text.startswith("[") and text.endswith("]")):
-            raise BadOption(f"--set {sensor.field}: found `{text}`; expected a list of {sensor.type.size}")
+            raise OptionError(f"--set {sensor.field}: found `{text}`; expected a list of {sensor.type.size}")
         parts = [p.strip() for p in text[1:-1].split(",")]
         if len(parts) != sensor.type.size:
             what = f"{len(parts)} values; expected {sensor.type.size}"
-            raise BadOption(f"--set {sensor.field}: found {what}")
+            raise OptionError(f"--set {sensor.field}: found {what}")
         element = sensor.type.element
         return tuple(_scalar(sensor, element, part) for part in parts)
     return _scalar(sensor, sensor.type, text)
@@ -212,7 +212,7 @@ def _scalar(sensor: Sensor, type: Scalar, text: str) -> ScalarValue:
             if value is not None:
                 return value
             expected = f"a number in {dimension}" if dimension != Dimension() else "a number"
-    raise BadOption(f"--set {sensor.field}: found `{text}`; expected {expected}")
+    raise OptionError(f"--set {sensor.field}: found `{text}`; expected {expected}")
 
 
 def _quantity(text: str, dimension: Dimension, factor: float) -> float | None:
@@ -230,6 +230,6 @@ def _quantity(text: str, dimension: Dimension, factor: float) -> float | None:
         return number
     try:
         unit = parse_unit(parts[2])
-    except BadUnit:
+    except UnitError:
         return None
     return number * float(unit.factor) / factor if unit.dimension == dimension else None

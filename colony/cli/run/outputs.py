@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from colony.cli.outputs import check_output, write_whole
-from colony.cli.run.options import BadOption
+from colony.cli.run.options import OptionError
 
 if TYPE_CHECKING:
     from colony.robots.request import Driven
@@ -21,7 +21,7 @@ def check_outputs(record: str | None, picture: str | None, inputs: Iterable[str]
     """Refuse, before a long run, an output that cannot be written or would overwrite its input.
 
     Raises:
-        BadOption: the picture has no format, or both outputs are the same file.
+        OptionError: the picture has no format, or both outputs are the same file.
         click.exceptions.Exit: a file cannot be written, which has been reported.
     """
     if picture is not None:
@@ -30,9 +30,9 @@ def check_outputs(record: str | None, picture: str | None, inputs: Iterable[str]
         try:
             picture_format(picture)
         except ValueError as problem:
-            raise BadOption(f"--picture: {problem}") from None
+            raise OptionError(f"--picture: {problem}") from None
         if record is not None and os.path.realpath(record) == os.path.realpath(picture):
-            raise BadOption(f"--record and --picture: found `{picture}` for both; expected two files")
+            raise OptionError(f"--record and --picture: found `{picture}` for both; expected two files")
     for path in (record, picture):
         if path is not None:
             check_output(path, list(inputs))

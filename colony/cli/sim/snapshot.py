@@ -121,17 +121,17 @@ def snapshot_command(
       colony sim snapshot msu_engineering_3 --at 354 --hazards 7 --size 640x480 -o shots
     """
     expect_extras("sim")
-    from colony.nav.maps.standing import NoPlace
+    from colony.nav.maps.standing import NoPlaceError
     from colony.nav.maps.stickrep.reader import load_map
-    from colony.text.diagnostics import Failure
+    from colony.text.diagnostics import DiagnosticError
 
     try:
         floor = load_map(path)
         pose = _pose(floor, where, facing)
-    except Failure as failure:
+    except DiagnosticError as failure:
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_MISUSE) from None
-    except NoPlace as problem:
+    except NoPlaceError as problem:
         say(f"{path}: error: {problem}")
         raise click.exceptions.Exit(EXIT_MISUSE) from None
     names = (*_YAWS, "up")
@@ -158,13 +158,13 @@ def _pose(floor: Map, where: str, facing: float | None) -> _Pose:
     """Return the robot's pose.
 
     Raises:
-        NoPlace: the map has no such place, it has no corridor, or there are two headings.
+        NoPlaceError: the map has no such place, it has no corridor, or there are two headings.
     """
-    from colony.nav.maps.standing import NoPlace, standing_at, standing_before
+    from colony.nav.maps.standing import NoPlaceError, standing_at, standing_before
 
     if "," in where:
         if facing is not None:
-            raise NoPlace(f"`{where}` has a heading already; leave out --facing")
+            raise NoPlaceError(f"`{where}` has a heading already; leave out --facing")
         return standing_at(floor, where)
     x, y, heading = standing_before(floor, where)
     return x, y, heading if facing is None else facing % 360.0

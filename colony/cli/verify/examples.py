@@ -25,7 +25,7 @@ def reports(program: Program, count: int, seed: int, *, faults: bool = False) ->
     in which processes die and messages get lost.
 
     Raises:
-        Failure: a Python module cannot be imported or built.
+        DiagnosticError: a Python module cannot be imported or built.
     """
     from colony.robots.faults import with_faults
     from colony.robots.virtual_executor import VirtualExecutor

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from colony.cli.reporting import check_to_run
 from colony.cli.verify.progress import Tell
 from colony.cli.verify.tests import append_tests
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
@@ -126,7 +126,7 @@ class Work:
             with redirect_stdout(sys.stderr):  # for prints of Python modules
                 for one.report in reports(program, self.examples, self.seed, faults=self.faults):
                     tell(one.report.drawn, self.examples, "drawn traces")
-        except Failure as failure:
+        except DiagnosticError as failure:
             one.found += failure.diagnostics
         finally:
             if one.report is not None:

@@ -19,7 +19,7 @@ from colony.ir import expression as ir
 from colony.ir.types import PLAIN, Array, Bool, Quantity, Scalar, ScalarValue, Type
 from colony.text.diagnostics import Label
 from colony.text.source import Span
-from colony.text.units import TIME, BadUnit, nanoseconds
+from colony.text.units import TIME, UnitError, nanoseconds
 
 MAX_DURATION_NS = 10**18
 """Maximum duration in nanoseconds, so that sums of times fit 64 bits in every executor."""
@@ -155,7 +155,7 @@ class Checker(ABC):
         """Return the value of a number in base units, or None after reporting an error."""
         try:
             factor = unit_of(unit).factor if unit else Fraction(1)
-        except BadUnit as problem:
+        except UnitError as problem:
             self.error("E011", node, str(problem))
             return None
         value = literal(node.digits, factor)

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from colony.ir import expression as ir
 from colony.ir.types import ScalarValue
-from colony.text.units import BadUnit, Unit, parse_unit
+from colony.text.units import Unit, UnitError, parse_unit
 
 _NUMBER = re.compile(r"(\d+)(?:\.(\d+))?(?:[eE]([+-]?\d+))?")
 _SIGNIFICANT = 1100
@@ -55,10 +55,10 @@ def unit_of(text: str) -> Unit:
     """Return the unit with this text.
 
     Raises:
-        BadUnit: as `parse_unit`, and for a text so long that reading it takes long.
+        UnitError: as `parse_unit`, and for a text so long that reading it takes long.
     """
     if len(text) > _LONGEST_UNIT:
-        raise BadUnit(f"a unit of {len(text)} characters; at most {_LONGEST_UNIT} are allowed")
+        raise UnitError(f"a unit of {len(text)} characters; at most {_LONGEST_UNIT} are allowed")
     return parse_unit(text)
 
 

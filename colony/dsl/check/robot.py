@@ -9,7 +9,7 @@ from colony.dsl.check.constants import unit_of
 from colony.dsl.check.scope import ActuatorSymbol, Broken, EnumSymbol, SensorSymbol
 from colony.ir import program as ir
 from colony.ir.types import BOOL, PLAIN, Array, Enum, Quantity, Scalar, ScalarValue
-from colony.text.units import BadUnit
+from colony.text.units import UnitError
 
 MAX_ELEMENTS = 4096
 # What lines of recordings and traces use beside sensors, actuators and their fields:
@@ -28,7 +28,7 @@ def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | Non
     try:
         unit = unit_of(name)
         return Quantity(unit.dimension), unit.text
-    except BadUnit as problem:
+    except UnitError as problem:
         trouble = str(problem)
     scope, path = checker.scope.resolve(node.path)
     symbol = scope.value(path[0]) if len(path) == 1 else None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from colony.experiment.figures import Target, rate
 from colony.experiment.lights.detection import LightDetection
 from colony.experiment.lists import ListedRun
-from colony.experiment.record import Failure, RunKey
+from colony.experiment.record import FailureReason, RunKey
 from colony.experiment.results import KEY_COLUMNS, Table
 from colony.experiment.tables import markdown, targets_markdown
 from colony.nav.confidence.estimate import Count
@@ -29,7 +29,7 @@ class LightResult:
     key: RunKey
     origin: str
     goal: str
-    failure: Failure
+    failure: FailureReason
     counts: LightDetection
     undetected: tuple[tuple[int, int], ...]
 

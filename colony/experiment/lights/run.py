@@ -12,7 +12,7 @@ from colony.experiment.runs import Run, RunSpec
 from colony.experiment.true_path import TruePath
 from colony.nav.shared import GOAL_DIRECTION
 from colony.robots.variants import CEILING_CAMERA
-from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
 from colony.vision.lights.ceiling_camera import UPWARD
@@ -34,7 +34,7 @@ def _tilt_deg() -> Generator[Step, Any, float]:
     """Return the robot's heading less the goal's; 0 if there is no goal yet."""
     try:
         direction = yield from do("DServer", data.get(GOAL_DIRECTION, type=float))
-    except CallRefused:
+    except CallRefusedError:
         return 0.0
     position = yield from do("RServer", robot.position())
     return math.remainder(position.heading - direction, 360.0)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from colony.experiment.record import Failure, RunKey
+from colony.experiment.record import FailureReason, RunKey
 from colony.experiment.results import KEY_COLUMNS, Table
 
 Finder = Literal["thesis", "ours", "map"]
@@ -61,7 +61,7 @@ class PlateResult:
     key: RunKey
     origin: str
     goal: str
-    failure: Failure
+    failure: FailureReason
     time_s: float
     outcomes: Mapping[Finder, tuple[Outcome, ...]]
 

@@ -29,7 +29,7 @@ class PlateRun:
     """A run with its finders. Mutable: all of it.
 
     Raises:
-        NoPlan, Failure: see `runs.plan_of`.
+        NoPlanError, DiagnosticError: see `runs.plan_of`.
     """
 
     def __init__(self, spec: RunSpec) -> None:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from colony.experiment.figures import Target, percentile
 from colony.experiment.lists import ListedRun
-from colony.experiment.record import Failure, RunKey
+from colony.experiment.record import FailureReason, RunKey
 from colony.experiment.results import KEY_COLUMNS, Table
 from colony.experiment.tables import markdown, targets_markdown
 
@@ -44,7 +44,7 @@ class SourceOutcome(NamedTuple):
     worst contact; the errors of the estimate along the way.
     """
 
-    failure: Failure
+    failure: FailureReason
     off_mm: float
     contact_mm_s: float
     errors: PoseErrors
@@ -66,7 +66,7 @@ class SourceResult:
     outcomes: Mapping[str, SourceOutcome]
 
     @property
-    def failure(self) -> Failure:
+    def failure(self) -> FailureReason:
         """Reason why the run with all sources failed."""
         return self.outcomes[ALL_SOURCES].failure
 

@@ -12,7 +12,7 @@ from colony.nav.maps.stickrep.fields import lines_of_words
 from colony.nav.maps.stickrep.file import load_source
 from colony.nav.maps.stickrep.model import EdgeKind, ElevatorLink, Map
 from colony.nav.maps.stickrep.reader import read_map
-from colony.text.diagnostics import Diagnostic, Failure, error, in_order
+from colony.text.diagnostics import Diagnostic, DiagnosticError, error, in_order
 from colony.text.source import Source, Span
 
 MAX_MAPS = 100
@@ -69,13 +69,13 @@ def load_building(path: str | os.PathLike[str]) -> Building:
     """Load the map at `path` and those that its elevators lead to, directly or by way of others.
 
     Raises:
-        Failure: one of the files cannot be read or is no sound map, or its elevators do not fit to those of
-            another; with all errors found, file by file, each with its place.
+        DiagnosticError: one of the files cannot be read or is no sound map, or its elevators do not fit to
+            those of another; with all errors found, file by file, each with its place.
     """
     loaded = _load_all(os.fspath(path))
     problems = [*_twins(loaded), *(p for one in loaded for p in _misled(one))]
     if problems:
-        raise Failure(problems)
+        raise DiagnosticError(problems)
     return Building(maps=tuple(one.map for one in loaded), rides=_rides(loaded))
 
 
@@ -108,14 +108,14 @@ def _load_all(path: str) -> list[_Loaded]:
                     break
                 try:
                     source = load_source(there)
-                except Failure as failure:
+                except DiagnosticError as failure:
                     problems.append(_unreadable(here, elevator, failure))
                     continue
                 known[key] = _Loaded(source=source, map=read_map(source))
                 waiting.append(known[key])
             here.others.append(known[key])
         if problems:
-            raise Failure(in_order(problems))
+            raise DiagnosticError(in_order(problems))
     return list(known.values())
 
 
@@ -126,7 +126,7 @@ def _place(here: _Loaded, elevator: ElevatorLink, index: int) -> Span:
     return next(words[index].span for words in lines if [w.text for w in words] == wanted)
 
 
-def _unreadable(here: _Loaded, elevator: ElevatorLink, failure: Failure) -> Diagnostic:
+def _unreadable(here: _Loaded, elevator: ElevatorLink, failure: DiagnosticError) -> Diagnostic:
     reason = failure.diagnostics[0].message
     message = f"the elevator `{elevator.node}` leads to a map that is not there: {reason}"
     hint = "the path counts from the folder of this map"

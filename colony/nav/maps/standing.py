@@ -15,7 +15,7 @@ _LEAST_ROOM_MM = 500.0
 _FROM_CORNER_MM = 500.0  # of a wall that begins at a node
 
 
-class NoPlace(ValueError):
+class NoPlaceError(ValueError):
     """A map has no such place; the message says what was found, and what to do."""
 
 
@@ -23,16 +23,16 @@ def standing_at(floor: Map, place: str) -> Pose:
     """Parse the pose "X,Y,HEADING", in mm and degrees.
 
     Raises:
-        NoPlace: it is not three numbers, or outside of the building.
+        NoPlaceError: it is not three numbers, or outside of the building.
     """
     try:
         x, y, heading = (float(part) for part in place.split(","))
     except ValueError:
-        raise NoPlace(f"`{place}` is no place; expected a door, a node or X,Y,HEADING") from None
+        raise NoPlaceError(f"`{place}` is no place; expected a door, a node or X,Y,HEADING") from None
     low_x, low_y, high_x, high_y = walls_of(floor).bounds
     if not (low_x <= x <= high_x and low_y <= y <= high_y and math.isfinite(heading)):
         found = f"({x:g}, {y:g}), heading {heading:g}, is outside of `{floor.name}`"
-        raise NoPlace(
+        raise NoPlaceError(
             f"{found}; expected x from {low_x:.0f} to {high_x:.0f}, y from {low_y:.0f} to {high_y:.0f}"
         )
     return Pose(x, y, heading % 360.0)
@@ -49,7 +49,7 @@ def standing_before(floor: Map, name: str) -> Pose:
         name: name of the door ("376"), of one of its jambs, or of another node that begins an edge.
 
     Raises:
-        NoPlace: there is no such node, or no room before it.
+        NoPlaceError: there is no such node, or no room before it.
     """
     for plate in plates_of(floor):
         if name == plate.door:
@@ -66,7 +66,7 @@ def standing_before(floor: Map, name: str) -> Pose:
             return _before(floor, name, middle, facing_deg(wall), to_left=to_left)
     known = [*dict.fromkeys((*map(door_name, names), *names))]
     hint = did_you_mean(name, known, most=3) or "see `colony map`"
-    raise NoPlace(f"`{floor.name}` has no door or node `{name}`; {hint}")
+    raise NoPlaceError(f"`{floor.name}` has no door or node `{name}`; {hint}")
 
 
 def _before(floor: Map, name: str, middle: Point, into_deg: float, *, to_left: bool) -> Pose:
@@ -74,7 +74,7 @@ def _before(floor: Map, name: str, middle: Point, into_deg: float, *, to_left: b
     away = Point(-into.x, -into.y)
     free = free_distance(walls_of(floor).segments, middle, away)
     if free < 2 * _LEAST_ROOM_MM:
-        raise NoPlace(f"before `{name}` of `{floor.name}` there are {free:.0f} mm; expected a corridor")
+        raise NoPlaceError(f"before `{name}` of `{floor.name}` there are {free:.0f} mm; expected a corridor")
     back = min(free / 2, _FARTHEST_MM)
     heading = into_deg - 90.0 if to_left else into_deg
     return Pose(middle.x + back * away.x, middle.y + back * away.y, heading % 360.0)

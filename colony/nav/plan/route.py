@@ -15,7 +15,7 @@ JAMBS = ("L", "R", ".L", ".R")
 """Suffixes of a door's name in the names of its jambs."""
 
 
-class NoPlan(Exception):
+class NoPlanError(Exception):
     """There is no plan, and why: what was found and where, and what to do."""
 
     def __init__(self, message: str, hint: str) -> None:
@@ -38,7 +38,7 @@ def plan(source: Map | Building, origin: str, goal: str, *, travel: Travel | Non
         travel: direction in which rings are followed, in place of what the maps say.
 
     Raises:
-        NoPlan: a name is unknown, both are one place, or no path leads from one to the other.
+        NoPlanError: a name is unknown, both are one place, or no path leads from one to the other.
     """
     building = source if isinstance(source, Building) else Building(maps=(source,))
     layouts = tuple(layout_of(one) for one in building.maps)
@@ -46,7 +46,7 @@ def plan(source: Map | Building, origin: str, goal: str, *, travel: Travel | Non
     starts, goals = _spots(layouts, known, origin, "start"), _spots(layouts, known, goal, "goal")
     if set(starts) == set(goals):
         message = f"{_quoted(origin)} and {_quoted(goal)} are one place"
-        raise NoPlan(message, "name a start and a goal that differ")
+        raise NoPlanError(message, "name a start and a goal that differ")
     lifts = _lifts(building)
     ways = [
         (_length(way), start, end, way)
@@ -102,12 +102,12 @@ def _spots(layouts: tuple[Layout, ...], known: Known, name: str, what: str) -> t
     maps = [layouts[f].source.name for f in sorted({spot.floor for spot in found})]
     if len(maps) > 1:
         message = f"the {what} {_quoted(name)} is on several floors: {', '.join(f'`{m}`' for m in maps)}"
-        raise NoPlan(message, f"say which one: `{maps[0]}:{name.rpartition(':')[2]}`")
+        raise NoPlanError(message, f"say which one: `{maps[0]}:{name.rpartition(':')[2]}`")
     if found:
         return tuple(found)
     where = " or ".join(f"`{layout.source.name}`" for layout in layouts)
     hint = _similar(name, known) or "`colony map` draws the names"
-    raise NoPlan(f"there is no {what} {_quoted(name)} in the map {where}", hint)
+    raise NoPlanError(f"there is no {what} {_quoted(name)} in the map {where}", hint)
 
 
 def _quoted(name: str) -> str:
@@ -138,21 +138,23 @@ def _lifts(building: Building) -> tuple[Lift, ...]:
     return tuple(Lift(spots[ride.one], spots[ride.other]) for ride in building.rides)
 
 
-def _no_way(layouts: tuple[Layout, ...], start: Spot, goal: Spot, travel: Travel | None) -> NoPlan:
+def _no_way(layouts: tuple[Layout, ...], start: Spot, goal: Spot, travel: Travel | None) -> NoPlanError:
     message = f"no path leads from `{_name(layouts, start)}` to `{_name(layouts, goal)}`"
     for spot in (start, goal):
         if layouts[spot.floor].corridor_of_node(spot.ring, spot.node) is None:
             message += f": `{_name(layouts, spot)}` stands in no corridor"
-            return NoPlan(message, "a corridor has two walls that face each other, 1 m to 4.5 m apart")
+            return NoPlanError(message, "a corridor has two walls that face each other, 1 m to 4.5 m apart")
     one, other = layouts[start.floor].source, layouts[goal.floor].source
     if one is not other:
         message += f": the way from `{one.name}` to `{other.name}` has no elevator that can be reached"
-        return NoPlan(message, "see whether an elevator's doors open into a corridor that meets the others")
+        return NoPlanError(
+            message, "see whether an elevator's doors open into a corridor that meets the others"
+        )
     if (travel or one.travel) == "wall-on-left" and start.ring != goal.ring:
         rings = (one.rings[start.ring].name, one.rings[goal.ring].name)
         message += f": one is on ring `{rings[0]}`, the other on `{rings[1]}`, and no links join these"
-        return NoPlan(message, "write lines `link` into the map, or travel it either way")
-    return NoPlan(f"{message}: their corridors do not meet", "`colony map` draws their walls")
+        return NoPlanError(message, "write lines `link` into the map, or travel it either way")
+    return NoPlanError(f"{message}: their corridors do not meet", "`colony map` draws their walls")
 
 
 # --- segments -------------------------------------------------------------------------------------------
@@ -181,7 +183,7 @@ def _legs(layouts: tuple[Layout, ...], stretch: Stretch, landings: set[Spot]) ->
     message = f"the path from `{_name(layouts, stretch.origin)}` to `{_name(layouts, stretch.goal)}`"
     corridors = tuple(layout.corridors[k] for k in layout.joined(stretch.corridors))
     if not corridors:
-        raise NoPlan(f"{message} is in no corridor", "a corridor has two walls that face each other")
+        raise NoPlanError(f"{message} is in no corridor", "a corridor has two walls that face each other")
     ends = [
         _doors(layout, spot) if spot in landings else layout.nodes[spot.ring][spot.node]
         for spot in (stretch.origin, stretch.goal)
@@ -190,7 +192,7 @@ def _legs(layouts: tuple[Layout, ...], stretch: Stretch, landings: set[Spot]) ->
     if isinstance(legs, Apart):
         places = [_shown(c.at(c.length_mm / 2)) for c in (legs.one, legs.other)]
         message += f" leads from the corridor around {places[0]} to the one around {places[1]}"
-        raise NoPlan(f"{message}, and these do not meet", "`colony map` draws their walls")
+        raise NoPlanError(f"{message}, and these do not meet", "`colony map` draws their walls")
     return legs
 
 
@@ -212,7 +214,7 @@ def _ride(layouts: tuple[Layout, ...], lift: Lift) -> Segment:
         k = layout.corridor_of_node(spot.ring, spot.node)
         if k is None:
             message = f"the elevator `{_name(layouts, spot)}` opens into no corridor"
-            raise NoPlan(message, "a corridor has two walls that face each other, 1 m to 4.5 m apart")
+            raise NoPlanError(message, "a corridor has two walls that face each other, 1 m to 4.5 m apart")
         corridor = layout.corridors[k]
         doors = _doors(layout, spot)
         places.append(Place(*corridor.at(corridor.abreast(*doors)), layout.source.name))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from colony.runtime.protocol.calls import Asked, Refused
+from colony.runtime.protocol.calls import Asked, RefusedError
 from colony.runtime.protocol.connections import Caller
 
 
@@ -50,7 +50,7 @@ class LockQueue:
         """Return True if the token is granted now; otherwise the call waits. The lock is reentrant.
 
         Raises:
-            Refused: "locked": another connection has the token, and the call does not wait.
+            RefusedError: "locked": another connection has the token, and the call does not wait.
         """
         if self._holder is None or self._holder.connection == asked.caller.connection:
             self._holder = asked.caller
@@ -65,10 +65,10 @@ class LockQueue:
         """Take the token back from its holder, and return the calls that are granted by that.
 
         Raises:
-            Refused: "unlocked": the caller does not have it.
+            RefusedError: "unlocked": the caller does not have it.
         """
         if self._holder is None or self._holder.connection != caller.connection:
-            raise Refused("unlocked", f"{caller.name} does not hold the lock")
+            raise RefusedError("unlocked", f"{caller.name} does not hold the lock")
         self._holder = None
         return self._grant()
 
@@ -86,10 +86,10 @@ class LockQueue:
         self._waiting = [w for w in self._waiting if now_ns < w.until_ns]
         return late
 
-    def refusal(self) -> Refused:
+    def refusal(self) -> RefusedError:
         """Return the refusal of a call that does not get the token."""
         name = "nobody" if self._holder is None else self._holder.name
-        return Refused("locked", f"{name} holds the lock")
+        return RefusedError("locked", f"{name} holds the lock")
 
     def _grant(self) -> tuple[Asked, ...]:
         """Give the token to the first waiting connection, with all of its calls that wait."""

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from colony.runtime.arbitration.motion import Motion
-from colony.runtime.protocol.calls import Asked, Refused
+from colony.runtime.protocol.calls import Asked, RefusedError
 from colony.runtime.protocol.connections import Caller
 
 LONGEST_LEASE_S = 60.0
@@ -56,7 +56,7 @@ class Outsiders:
             places: the clients of the network by priority.
 
         Raises:
-            Refused: "tie": another connection or client has that priority.
+            RefusedError: "tie": another connection or client has that priority.
         """
         known = self._by_priority.get(caller.priority)
         if known is not None and known.caller.connection == caller.connection:
@@ -68,7 +68,7 @@ class Outsiders:
             holder = f"{known.caller.name} ({known.caller.connection})"
         if holder is not None:
             found = f"priority {caller.priority} is taken: {holder} commands with it"
-            raise Refused("tie", f"{found}; open the connection with another")
+            raise RefusedError("tie", f"{found}; open the connection with another")
         entered = self._by_priority[caller.priority] = Commander(caller=caller)
         return entered
 
@@ -101,9 +101,9 @@ def lease_end(lease_s: float, now_ns: int) -> int:
     """Return the end of a lease that begins now, in nanoseconds.
 
     Raises:
-        Refused: "arguments": the lease is not positive, or longer than `LONGEST_LEASE_S`.
+        RefusedError: "arguments": the lease is not positive, or longer than `LONGEST_LEASE_S`.
     """
     if not (math.isfinite(lease_s) and 0.0 < lease_s <= LONGEST_LEASE_S):
         expected = f"expected more than 0 and at most {LONGEST_LEASE_S:g} s"
-        raise Refused("arguments", f"a lease of {lease_s:g} s; {expected}")
+        raise RefusedError("arguments", f"a lease of {lease_s:g} s; {expected}")
     return now_ns + max(1, round(lease_s * 1e9))

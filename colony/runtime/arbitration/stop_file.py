@@ -37,7 +37,7 @@ class Kept(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     released_ns: int
 
 
-class BadStopFile(Exception):
+class StopFileError(Exception):
     """Content that no Clock wrote, or not to its end."""
 
 
@@ -57,12 +57,12 @@ class StopFile:
         """Return the content, None if there is no file yet.
 
         Raises:
-            BadStopFile: the content is damaged, or a `.new` file was left over by an earlier version, whose
+            StopFileError: the content is damaged, or a `.new` file was left over by an earlier version, whose
                 Clock died while it replaced this one.
             OSError: the file cannot be read.
         """
         if os.path.lexists(self._left_over):
-            raise BadStopFile(f"{self._left_over.name} was left over")
+            raise StopFileError(f"{self._left_over.name} was left over")
         try:
             descriptor = open_descriptor(self.path, os.O_RDONLY | _FLAGS)
         except FileNotFoundError:
@@ -150,14 +150,14 @@ def _encoded(kept: Kept) -> bytes:
 def _decoded(data: bytes) -> Kept:
     head, body = data[:-_BODY_BYTES], data[-_BODY_BYTES:]
     if not data:
-        raise BadStopFile("it is empty")
+        raise StopFileError("it is empty")
     if len(data) != FILE_BYTES or not head.startswith(_MAGIC):
-        raise BadStopFile("no Clock of this version wrote it")
+        raise StopFileError("no Clock of this version wrote it")
     if head != b"%s%08x " % (_MAGIC, crc32(body)):
-        raise BadStopFile("it is damaged: the checksum is wrong")
+        raise StopFileError("it is damaged: the checksum is wrong")
     try:
         kept = msgspec.json.decode(body, type=Kept)
         msgspec.msgpack.encode(kept)  # a time that a tick could not carry is invalid
     except (msgspec.DecodeError, UnicodeDecodeError, OverflowError) as problem:
-        raise BadStopFile(str(problem)) from None
+        raise StopFileError(str(problem)) from None
     return kept

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from colony.files import reason
-from colony.runtime.arbitration.stop_file import BadStopFile, Kept, StopFile
+from colony.runtime.arbitration.stop_file import Kept, StopFile, StopFileError
 from colony.runtime.protocol.messages import Stopped, Tick
 
 NEVER_RELEASED_NS = -1
@@ -124,7 +124,7 @@ class StopLatch:
     def _load(self, file: StopFile) -> None:
         try:
             kept = file.read()
-        except (OSError, ValueError, BadStopFile) as problem:
+        except (OSError, ValueError, StopFileError) as problem:
             self._unreadable = True
             self.stopped = Stopped(by=UNREADABLE, t_ns=0)
             self._tell(

@@ -108,7 +108,7 @@ class Loop:
         watch: takes every frame and its outcome.
 
     Raises:
-        Failure: a sensor or an actuator is bound to something that no server has.
+        DiagnosticError: a sensor or an actuator is bound to something that no server has.
     """
 
     def __init__(
@@ -165,7 +165,7 @@ class Loop:
         """Run one frame, and advance to the beginning of the next.
 
         Raises:
-            ScriptFailed: a script raised an exception.
+            ScriptError: a script raised an exception.
         """
         now_ns = self._clock.now_ns
         frame = Frame(now_ns, self._readings(now_ns))

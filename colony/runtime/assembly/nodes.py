@@ -73,7 +73,7 @@ def build_announcer(compiled: Compiled, bindings: Bindings, module: str, run: st
 
     Raises:
         KeyError: the program has no such module.
-        Failure: the module cannot be imported or built.
+        DiagnosticError: the module cannot be imported or built.
     """
     executor = ModuleExecutor(compiled, module)
     keep = frames_kept(compiled.frame_ns)

@@ -73,7 +73,7 @@ class VirtualRobot:
         isolate: True to run each client in its own process.
 
     Raises:
-        Failure: a Python module cannot be imported or built.
+        DiagnosticError: a Python module cannot be imported or built.
     """
 
     def __init__(
@@ -175,8 +175,8 @@ class VirtualSession(VirtualRobot):
         isolate: as in `VirtualRobot`.
 
     Raises:
-        Failure: a sensor or an actuator is bound to something that no server has, or a Python module cannot
-            be imported or built.
+        DiagnosticError: a sensor or an actuator is bound to something that no server has, or a Python module
+            cannot be imported or built.
     """
 
     def __init__(

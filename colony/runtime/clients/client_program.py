@@ -8,7 +8,7 @@ from colony.execute.compiled import Compiled
 from colony.execute.executor import ClientsExecutor
 from colony.execute.needs import ClientKey
 from colony.ir.frame import Answer
-from colony.runtime.clients.memory import BadMemory, decode_memory, encode_memory
+from colony.runtime.clients.memory import MemoryFormatError, decode_memory, encode_memory
 from colony.runtime.frames.assembler import Assembled
 from colony.runtime.protocol.messages import Request
 from colony.runtime.protocol.topics import client_address, module_of
@@ -53,7 +53,7 @@ class ClientProgram:
         """
         try:
             self._executor.recall({self._keys[c]: decode_memory(data) for c, data in memories.items()})
-        except (BadMemory, ValueError):
+        except (MemoryFormatError, ValueError):
             return False
         self._fresh = False
         return True

@@ -7,7 +7,7 @@ import msgspec
 from colony.execute.executor import ClientMemory
 
 
-class BadMemory(ValueError):
+class MemoryFormatError(ValueError):
     """Bytes that are not a client's memory; the text says what is wrong with them."""
 
 
@@ -29,10 +29,10 @@ def decode_memory(data: bytes) -> ClientMemory:
     """Return the memory encoded in these bytes.
 
     Raises:
-        BadMemory: the bytes are not a client's memory.
+        MemoryFormatError: the bytes are not a client's memory.
     """
     try:
         memory = _decoder.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
-        raise BadMemory(str(problem) or type(problem).__name__) from None
+        raise MemoryFormatError(str(problem) or type(problem).__name__) from None
     return ClientMemory(memory.first_ns, memory.cells)

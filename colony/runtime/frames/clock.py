@@ -29,7 +29,7 @@ from colony.runtime.frames.publishing import FRAME_BYTES, FRAMES_KEPT, FetchBudg
 from colony.runtime.frames.registry import ClientRegistry
 from colony.runtime.library.clock import ServerWho, Who
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, Refused, method
+from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, RefusedError, method
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment, client_addresses
 from colony.runtime.protocol.fields import DSERVER
@@ -193,13 +193,13 @@ class Clock:
         self._latch.engage(Stopped(by=by, t_ns=now_ns))
         if self._latch.trouble is not None:
             text = f"stopped, but a Clock that is started again may not be: {self._latch.trouble}"
-            raise Refused("not kept", f"{self.address}: {text}")
+            raise RefusedError("not kept", f"{self.address}: {text}")
 
     def _release(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
         self._latch.release(now_ns)
         if self._latch.trouble is not None:
             text = f"released, but a Clock that is started again may be stopped: {self._latch.trouble}"
-            raise Refused("not kept", f"{self.address}: {text}")
+            raise RefusedError("not kept", f"{self.address}: {text}")
 
     # --- runs ------------------------------------------------------------------------------------------
 

@@ -24,7 +24,7 @@ from colony.runtime.kit.connection import (
     waiting_time,
 )
 from colony.runtime.kit.conversation import Outcome
-from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.hub import Hub
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.messages import Notice
@@ -51,9 +51,11 @@ class Connection:
         """Make a call to the server, and wait for the result.
 
         Raises:
-            CallRefused: the server refuses; `code` and message give the reason.
-            ConnectionLost: the server went away in the meantime, and the call must not be repeated blindly.
-            TimedOut: no answer came in `timeout_s`, by default that of the connection, or of the call.
+            CallRefusedError: the server refuses; `code` and message give the reason.
+            ConnectionLostError: the server went away in the meantime, and the call must not be repeated
+                blindly.
+            CallTimeoutError: no answer came in `timeout_s`, by default that of the connection, or of the
+                call.
         """
         wait_s = waiting_time(ask, timeout_s, self._timeout_s)
         outcome: asyncio.Future[Outcome] = self._loop.create_future()
@@ -90,7 +92,7 @@ class Connection:
             done, _ = await asyncio.wait([opened], timeout=wait_s)
             if done:
                 outcome = opened.result()
-                if isinstance(outcome, ConnectionProblem):
+                if isinstance(outcome, RobotConnectionError):
                     raise outcome
                 return
             if self.server not in await asyncio.to_thread(self._hub.network.alive):
@@ -141,8 +143,8 @@ class Session:
         """Join the processes of a robot, until the end of the `async with`.
 
         Raises:
-            ServerNotFound: this machine has no such robot.
-            NotReached: the gateway cannot be reached, or refuses the login.
+            ServerNotFoundError: this machine has no such robot.
+            UnreachableError: the gateway cannot be reached, or refuses the login.
         """
         hub = await asyncio.to_thread(
             Hub.open, robot, gateway=gateway, credentials=credentials, environment=environment

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from colony.runtime.kit.conversation import Outcome
-from colony.runtime.kit.errors import CallRefused, ConnectionProblem
+from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError
 from colony.runtime.library.ask import Ask
 
 T = TypeVar("T")
@@ -37,14 +37,14 @@ def read_result(server: str, ask: Ask[T], outcome: Outcome) -> T:
     """Return the result of a call.
 
     Raises:
-        CallRefused, ConnectionLost: the call has no result.
+        CallRefusedError, ConnectionLostError: the call has no result.
     """
-    if isinstance(outcome, ConnectionProblem):
+    if isinstance(outcome, RobotConnectionError):
         raise outcome
     try:
         result: T = _decoder(ask.reply).decode(outcome)
     except msgspec.DecodeError as problem:
-        raise CallRefused("reply", f"{server}.{ask.method} gave a strange result: {problem}") from None
+        raise CallRefusedError("reply", f"{server}.{ask.method} gave a strange result: {problem}") from None
     return result
 
 

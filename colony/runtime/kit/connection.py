@@ -27,7 +27,7 @@ from colony.runtime.kit.answers import TIMEOUT_S as TIMEOUT_S
 from colony.runtime.kit.answers import read_result as read_result
 from colony.runtime.kit.answers import waiting_time as waiting_time
 from colony.runtime.kit.conversation import Outcome
-from colony.runtime.kit.errors import ConnectionProblem, TimedOut
+from colony.runtime.kit.errors import CallTimeoutError, RobotConnectionError
 from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.wire import Wire
 from colony.runtime.library.ask import Ask
@@ -61,7 +61,7 @@ class Answer(Generic[T]):
         """Wait for the answer, and return the result.
 
         Raises:
-            CallRefused, ConnectionLost, TimedOut: the call has no result.
+            CallRefusedError, ConnectionLostError, CallTimeoutError: the call has no result.
         """
         left_s = min(max(0.0, self._due - time.monotonic()), TIMEOUT_MAX)  # the timeout may be unlimited
         if self._outcome is None and not self._ready.acquire(timeout=left_s):
@@ -100,9 +100,11 @@ class Connection:
         """Make a call to the server, and wait for the result.
 
         Raises:
-            CallRefused: the server refuses; `code` and message give the reason.
-            ConnectionLost: the server went away in the meantime, and the call must not be repeated blindly.
-            TimedOut: no answer came in `timeout_s`, by default that of the connection, or of the call.
+            CallRefusedError: the server refuses; `code` and message give the reason.
+            ConnectionLostError: the server went away in the meantime, and the call must not be repeated
+                blindly.
+            CallTimeoutError: no answer came in `timeout_s`, by default that of the connection, or of the
+                call.
         """
         return self._answer(ask, timeout_s).result()
 
@@ -117,7 +119,7 @@ class Connection:
 
         Raises:
             LookupError: no sent call is left to receive.
-            CallRefused, ConnectionLost, TimedOut: as for `do`.
+            CallRefusedError, ConnectionLostError, CallTimeoutError: as for `do`.
         """
         if not self._sent:
             raise LookupError(f"nothing was sent to {self.server} that is not received yet")
@@ -173,7 +175,7 @@ class Connection:
         for wait_s in opening_times(self._timeout_s):
             with suppress(Empty):
                 outcome = ready.get(timeout=wait_s)
-                if isinstance(outcome, ConnectionProblem):
+                if isinstance(outcome, RobotConnectionError):
                     raise outcome
                 return
             if self.server not in self._hub.network.alive():
@@ -210,8 +212,8 @@ class Session:
         """Join the processes of a robot, on this machine or behind a gateway (`tls/HOST:PORT`).
 
         Raises:
-            ServerNotFound: this machine has no such robot.
-            NotReached: the gateway cannot be reached, or refuses the login.
+            ServerNotFoundError: this machine has no such robot.
+            UnreachableError: the gateway cannot be reached, or refuses the login.
         """
         return cls(Hub.open(robot, gateway=gateway, credentials=credentials, environment=environment))
 
@@ -231,7 +233,7 @@ class Session:
         """Return the robot's time, in nanoseconds.
 
         Raises:
-            NotReached: the robot is on another machine, and no tick of its Clock came.
+            UnreachableError: the robot is on another machine, and no tick of its Clock came.
         """
         if self._time is None:
             self._time = time_of(self.hub.network)
@@ -274,9 +276,9 @@ def connect(
         environment: names the run directory of this machine's robots.
 
     Raises:
-        ServerNotFound: no server answers under these names.
-        CallRefused: the server does not accept the connection.
-        NotReached: the gateway cannot be reached, or refuses the login.
+        ServerNotFoundError: no server answers under these names.
+        CallRefusedError: the server does not accept the connection.
+        UnreachableError: the gateway cannot be reached, or refuses the login.
     """
     with ExitStack() as holds:
         session = Session.open(robot, gateway=gateway, credentials=credentials, environment=environment)
@@ -295,12 +297,12 @@ def opening_times(timeout_s: float) -> tuple[float, ...]:
     return (first, timeout_s - first)
 
 
-def timed_out(wire: Wire, ask: Ask[Any], timeout_s: float) -> TimedOut:
+def timed_out(wire: Wire, ask: Ask[Any], timeout_s: float) -> CallTimeoutError:
     """Return the error for a call without an answer in time."""
     text = f"{wire.server} did not answer `{ask.method}` in {timeout_s:g} s"
     if not wire.is_open:
         text += "; the connection was lost, and could not be opened again yet"
-    return TimedOut(f"{text} (it said: {wire.complaint})" if wire.complaint else text)
+    return CallTimeoutError(f"{text} (it said: {wire.complaint})" if wire.complaint else text)
 
 
 def program_name() -> str:

@@ -4,9 +4,9 @@ A connection is opened under an id of its own. When the server goes away, or rep
 connection (because it restarted, or heard nothing from the client for the lease), the client reopens it under
 the same id and continues the numbering of its calls: a server that records its work (DServer) recognizes a
 call that it completed before it went away. Repeatable calls are then made again, each with its number; the
-others fail with `ConnectionLost`. A call without an answer, or refused with the code "flood", is sent again
-with the same number after increasing pauses, and is executed once. An emergency stop does not wait for the
-connection to open.
+others fail with `ConnectionLostError`. A call without an answer, or refused with the code "flood", is sent
+again with the same number after increasing pauses, and is executed once. An emergency stop does not wait for
+the connection to open.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from colony.runtime.kit.errors import CallRefused, ConnectionLost, ConnectionProblem
+from colony.runtime.kit.errors import CallRefusedError, ConnectionLostError, RobotConnectionError
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import EMERGENCY_STOP, Nothing, Open
 from colony.runtime.protocol.codec import LARGEST
@@ -35,7 +35,7 @@ AGAIN_MOST_NS = 2_000_000_000
 LARGEST_ARGUMENTS = LARGEST - 1024
 """Bytes of arguments that fit into a message along with everything else."""
 
-Outcome = msgspec.Raw | ConnectionProblem
+Outcome = msgspec.Raw | RobotConnectionError
 """The result of a call in msgpack, or the reason why there is none."""
 
 
@@ -45,7 +45,7 @@ class Pending:
 
     Raises:
         TypeError: the arguments cannot be encoded.
-        CallRefused: the arguments are too large.
+        CallRefusedError: the arguments are too large.
     """
 
     ask: Ask[Any]
@@ -60,7 +60,7 @@ class Pending:
         self.arguments = msgspec.msgpack.encode(self.ask.arguments)
         if len(self.arguments) > LARGEST_ARGUMENTS:
             found = f"the arguments are {len(self.arguments)} bytes; expected at most {LARGEST_ARGUMENTS}"
-            raise CallRefused("size", f"{self.ask.method}: {found}")
+            raise CallRefusedError("size", f"{self.ask.method}: {found}")
 
 
 class Begin(NamedTuple):
@@ -149,7 +149,7 @@ class Conversation:
             case State.OPENING:
                 self._unsent.append(pending)
             case State.CLOSED:
-                yield Resolve(pending, ConnectionLost(f"the connection to {self.server} was closed"))
+                yield Resolve(pending, ConnectionLostError(f"the connection to {self.server} was closed"))
 
     def keep(self, ask: Ask[Any]) -> None:
         """Make this call again whenever the connection is reopened."""
@@ -185,7 +185,7 @@ class Conversation:
         """Reopen the connection, which the server no longer has."""
         if self.state is State.CLOSED:
             return
-        lost = ConnectionLost(
+        lost = ConnectionLostError(
             f"the connection to {self.server} was lost before the answer; it is not known whether the call "
             "was done, so it is not made again"
         )
@@ -197,7 +197,7 @@ class Conversation:
     def vanished(self) -> Iterator[Effect]:
         """Handle the loss of the server: calls that cannot be repeated will have no answer."""
         if self.state is not State.CLOSED:
-            lost = ConnectionLost(
+            lost = ConnectionLostError(
                 f"{self.server} went away before it answered; it is not known whether the call was done, so "
                 "it is not made again"
             )
@@ -230,7 +230,7 @@ class Conversation:
             ask = Ask("close", Nothing(), None, self.least)
             yield self._transmit(Pending(ask, _ignore), now_ns)
         self.state = State.CLOSED
-        ended = ConnectionLost(f"the connection to {self.server} was closed before the answer")
+        ended = ConnectionLostError(f"the connection to {self.server} was closed before the answer")
         for pending in (*self._sent.values(), *self._unsent):
             yield Resolve(pending, ended)
         self._sent.clear()
@@ -244,10 +244,10 @@ class Conversation:
             self.complaint = reply.problem.message
             return  # the call was not executed, and is sent again later
         if reply.problem is not None:
-            outcome = CallRefused(reply.problem.code, reply.problem.message)
+            outcome = CallRefusedError(reply.problem.code, reply.problem.message)
         opening = self._opening
         if opening is not None and opening.call is not None and reply.number == opening.call.number:
-            if isinstance(outcome, ConnectionProblem):
+            if isinstance(outcome, RobotConnectionError):
                 self.complaint = str(outcome)
             else:
                 self._opening = None
@@ -270,7 +270,7 @@ class Conversation:
         for pending in unsent:
             yield self._transmit(pending, now_ns)
 
-    def _sort(self, lost: ConnectionLost) -> Iterator[Effect]:
+    def _sort(self, lost: ConnectionLostError) -> Iterator[Effect]:
         """Fail the calls on their way, except repeatable ones."""
         for number, pending in tuple(self._sent.items()):
             if not pending.ask.repeatable:

@@ -17,7 +17,7 @@ from queue import Empty, SimpleQueue
 from colony.runtime.kit.answers import read_result
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.conversation import Outcome, Pending
-from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import emergency
 from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.place import Local
@@ -69,7 +69,7 @@ class StopButton:
         """Stop the robot, and wait until every actuator server that is up has acknowledged it.
 
         Raises:
-            CallRefused: this user may not stop the robot.
+            CallRefusedError: this user may not stop the robot.
         """
         outcomes: SimpleQueue[tuple[str, Outcome]] = SimpleQueue()
         stop, due = emergency.stop(), time.monotonic() + self._timeout_s
@@ -98,7 +98,7 @@ class StopButton:
         for server, outcome in found.items():
             try:
                 read_result(server, emergency.stop(), outcome)
-            except ConnectionProblem as problem:
+            except RobotConnectionError as problem:
                 problems[server] = str(problem)
         for server in self._awaited(found):
             problems[server] = f"{server} did not acknowledge the stop in {self._timeout_s:g} s"

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 
-class ConnectionProblem(Exception):
+class RobotConnectionError(Exception):
     """The base class of all errors of a connection or a call."""
 
 
-class ServerNotFound(ConnectionProblem):
+class ServerNotFoundError(RobotConnectionError):
     """No server answers under the name."""
 
 
-class CallRefused(ConnectionProblem):
+class CallRefusedError(RobotConnectionError):
     """The server refuses the call.
 
     `code` is for programs: "arguments", "method", "right", "flood", "size", or one of the server's own.
@@ -23,11 +23,11 @@ class CallRefused(ConnectionProblem):
         self.message = message
 
 
-class TimedOut(ConnectionProblem):
+class CallTimeoutError(RobotConnectionError):
     """No answer came in time; the call may or may not have been done."""
 
 
-class ConnectionLost(ConnectionProblem):
+class ConnectionLostError(RobotConnectionError):
     """The connection ended before the answer came; the call may or may not have been done.
 
     The kit reopens the connection by itself. The state that it had at the server (a lock, a place in a queue)

@@ -19,14 +19,14 @@ import msgspec
 import zenoh
 
 from colony.runtime.kit.conversation import Outcome
-from colony.runtime.kit.errors import ConnectionProblem, ServerNotFound
+from colony.runtime.kit.errors import RobotConnectionError, ServerNotFoundError
 from colony.runtime.kit.wire import Wire
 from colony.runtime.protocol import codec
-from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import Notice, Reply, Right
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.endpoint import parse_endpoint
-from colony.runtime.transport.live.errors import NotReached
+from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.gateway import GATEWAY, Admitted, whoami
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.place import Credentials, Local, Place, Remote, local
@@ -78,7 +78,7 @@ class Hub:
         """Return a hub on an open network that the caller owns, with the user's rights.
 
         Raises:
-            NotReached: the gateway does not admit the user.
+            UnreachableError: the gateway does not admit the user.
         """
         return cls(network, rights=_rights(network))
 
@@ -94,8 +94,8 @@ class Hub:
         """Join the processes of a robot, on this machine or behind a gateway (`tls/HOST:PORT`).
 
         Raises:
-            ServerNotFound: this machine has no such robot.
-            NotReached: the gateway cannot be reached, or refuses the login.
+            ServerNotFoundError: this machine has no such robot.
+            UnreachableError: the gateway cannot be reached, or refuses the login.
             SecurityError: the address is not one for TLS, or the credentials cannot be used.
         """
         place: Place
@@ -157,7 +157,7 @@ class Hub:
         with self._lock:
             self._begun = {id: other for id, other in self._begun.items() if other is not wire}
 
-    def not_found(self, server: str) -> ServerNotFound:
+    def not_found(self, server: str) -> ServerNotFoundError:
         """Return the error for a name under which no server answers, with the likely reason."""
         robot, there = self.network.robot, self.network.alive()
         if server in there:
@@ -166,7 +166,7 @@ class Hub:
             text = f"{robot} has no {server}: found {', '.join(there)}"
         else:
             text = f"nothing of {robot} runs {_where(self.network.place)}: start it with `colony serve`"
-        return ServerNotFound(text)
+        return ServerNotFoundError(text)
 
     def close(self) -> None:
         """Close all connections and leave the network. Idempotent."""
@@ -204,7 +204,7 @@ class Hub:
         """
         try:
             message = codec.decode(sample.payload.to_bytes())
-        except NotAMessage:
+        except MessageFormatError:
             return
         if isinstance(message, (Reply, Notice)) and (wire := self._begun.get(message.connection)) is not None:
             wire.take(message)
@@ -239,13 +239,13 @@ def _rights(network: ZenohSession) -> tuple[Right, ...]:
             wire.submit(whoami(), answered.put)
         outcome = answered.get(timeout=LOGIN_S)
     except Empty:
-        raise NotReached(
+        raise UnreachableError(
             f"{place.endpoint} lets nobody in as {network.user}: the user's name must be that in "
             f"{place.credentials.certificate}, and in the gateway's table of users for {place.robot}"
         ) from None
     finally:
         hub.close()
-    if isinstance(outcome, ConnectionProblem):
+    if isinstance(outcome, RobotConnectionError):
         raise outcome
     return rights(msgspec.msgpack.decode(outcome, type=Admitted).may)
 
@@ -265,7 +265,7 @@ def _expect_folder(place: Local) -> None:
     if directory.path.is_dir():
         return
     robots = ", ".join(_running_beside(directory)) or "none"
-    raise ServerNotFound(
+    raise ServerNotFoundError(
         f"no robot `{directory.robot}` on this machine: {directory.path} is not there "
         f"(robots found: {robots}); start it with `colony serve`"
     )

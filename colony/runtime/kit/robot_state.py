@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library.ask import STATUS, Ask
 from colony.runtime.library.clock import Who, who
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
@@ -96,7 +96,7 @@ def _ask(session: Session, name: str, there: bool, process: int | None) -> tuple
         with session.connect(name, name="colony ps", timeout_s=PATIENCE_S) as connection:
             status = connection.do(STATUS)
             more = connection.do(_MORE[name]()) if name in _MORE else None
-    except ConnectionProblem as problem:
+    except RobotConnectionError as problem:
         return ServerState(server=name, state="silent", process=process, problem=str(problem)), None
     others = tuple(c for c in status.connections if c.name != "colony ps")
     found = ServerState(

@@ -47,7 +47,7 @@ def do(server: str, ask: Ask[T]) -> Generator[Step, Any, T]:
     """Make a call to a server, and wait for the result.
 
     Raises:
-        CallRefused, ConnectionLost, TimedOut: the call has no result.
+        CallRefusedError, ConnectionLostError, CallTimeoutError: the call has no result.
     """
     answer: T = yield Do(server, ask)
     return answer

@@ -12,7 +12,7 @@ from threading import Event, Thread
 from typing import Any
 
 from colony.runtime.kit.connection import TIMEOUT_S, Connection, Session
-from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.script import Do, Script, Sleep
 
 _CHECK_INTERVAL_S = 0.1
@@ -57,7 +57,7 @@ def run_script(
             return found
 
         value: Any = None
-        problem: ConnectionProblem | None = None
+        problem: RobotConnectionError | None = None
         while not ended.is_set():
             try:
                 step = script.send(value) if problem is None else script.throw(problem)
@@ -71,7 +71,7 @@ def run_script(
                 case Do(server=server, ask=ask):
                     try:
                         value = connection(server).do(ask)
-                    except ConnectionProblem as found:
+                    except RobotConnectionError as found:
                         problem = found
         return False
 

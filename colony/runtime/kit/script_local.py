@@ -16,17 +16,17 @@ from typing import Any
 
 import msgspec
 
-from colony.runtime.kit.errors import CallRefused, ServerNotFound
+from colony.runtime.kit.errors import CallRefusedError, ServerNotFoundError
 from colony.runtime.kit.script import Do, Script, Sleep
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import LATER, Asked, Handler, Method, Refused
+from colony.runtime.protocol.calls import LATER, Asked, Handler, Method, RefusedError
 from colony.runtime.protocol.connections import Caller
 
 STEPS_IN_A_MOMENT = 20_000
 """The largest number of steps of a script within one moment; beyond it the script counts as endless."""
 
 
-class ScriptFailed(Exception):
+class ScriptError(Exception):
     """A script raised the exception that is `__cause__`."""
 
     def __init__(self, name: str, problem: BaseException) -> None:
@@ -59,12 +59,14 @@ class LocalServer:
         """Return the result of a call, or `LATER` if the call has to wait.
 
         Raises:
-            Refused: the server refuses the call.
+            RefusedError: the server refuses the call.
         """
         handler = self.handlers.get(ask.method)
         if handler is None:
             known = ", ".join(sorted(self.handlers))
-            raise Refused("method", f"{self.address} has no method `{ask.method}` here; expected {known}")
+            raise RefusedError(
+                "method", f"{self.address} has no method `{ask.method}` here; expected {known}"
+            )
         result = handler(asked, ask.arguments, now_ns)
         if isinstance(result, msgspec.Raw):
             return _decoder(ask.reply).decode(result)
@@ -117,7 +119,7 @@ class LocalScripts:
         """Resume the scripts that are due, until all sleep, wait or have ended.
 
         Raises:
-            ScriptFailed: a script raised an exception.
+            ScriptError: a script raised an exception.
         """
         sleeping, ready = self._sleeping, self._ready
         while sleeping and sleeping[0][0] <= now_ns:
@@ -140,7 +142,7 @@ class LocalScripts:
         for server in self._servers.values():
             if server.answers:
                 for asked, result in server.answers:
-                    refused = _raised(result) if isinstance(result, Refused) else None
+                    refused = _raised(result) if isinstance(result, RefusedError) else None
                     self._ready.append((self._waiting.pop(asked), None, refused))
                 server.answers.clear()
 
@@ -162,7 +164,7 @@ class LocalScripts:
                     asked = Asked(running.caller, running.calls)
                     try:
                         value = self._do(step, asked, now_ns)
-                    except (CallRefused, ServerNotFound) as refused:
+                    except (CallRefusedError, ServerNotFoundError) as refused:
                         problem = refused
                     if value is LATER:
                         self._waiting[asked] = running
@@ -172,18 +174,18 @@ class LocalScripts:
             running.ended = True
         except Exception as raised:
             running.ended = True
-            raise ScriptFailed(running.name, raised) from raised
+            raise ScriptError(running.name, raised) from raised
 
     def _do(self, step: Do, asked: Asked, now_ns: int) -> Any:
         server = self._servers.get(step.server)
         if server is None:
             known = ", ".join(self._servers)
-            raise ServerNotFound(f"there is no server `{step.server}` in this run; there is {known}")
+            raise ServerNotFoundError(f"there is no server `{step.server}` in this run; there is {known}")
         try:
             return server.do(asked, step.ask, now_ns)
-        except Refused as refused:
+        except RefusedError as refused:
             raise _raised(refused) from None
 
 
-def _raised(refused: Refused) -> CallRefused:
-    return CallRefused(refused.problem.code, refused.problem.message)
+def _raised(refused: RefusedError) -> CallRefusedError:
+    return CallRefusedError(refused.problem.code, refused.problem.message)

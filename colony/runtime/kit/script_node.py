@@ -9,7 +9,7 @@ from typing import Any
 from colony.runtime.kit.answers import TIMEOUT_S, read_result, waiting_time
 from colony.runtime.kit.conversation import Begin, Conversation, Outcome, Pending, Resolve, Tell, Transmit
 from colony.runtime.kit.conversation import Effect as Said
-from colony.runtime.kit.errors import ConnectionProblem, ServerNotFound, TimedOut
+from colony.runtime.kit.errors import CallTimeoutError, RobotConnectionError, ServerNotFoundError
 from colony.runtime.kit.script import Do, Script, Sleep
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Effect, Message, Notice, Reply, Send, Wake, WakeAt
@@ -102,7 +102,7 @@ class ScriptNode:
                 outcome, self._answer = self._answer, None
                 try:
                     value = read_result(server, pending.ask, outcome)
-                except ConnectionProblem as problem:
+                except RobotConnectionError as problem:
                     yield from self._resume(None, problem, now_ns)
                 else:
                     yield from self._resume(value, None, now_ns)
@@ -131,7 +131,7 @@ class ScriptNode:
         talk = self._talks.get(server)
         if talk is None:
             known = ", ".join(self._talks)
-            problem = ServerNotFound(f"{self.address} has no connection to `{server}`; it has {known}")
+            problem = ServerNotFoundError(f"{self.address} has no connection to `{server}`; it has {known}")
             yield from self._resume(None, problem, now_ns)
             return
         wait_s = waiting_time(ask, None, TIMEOUT_S)
@@ -160,7 +160,7 @@ class ScriptNode:
         if self._due is not None and self._answer is None and now_ns >= self._due[0]:
             _, pending, server, wait_s = self._due
             self._talks[server].forget(pending)
-            self._answer = TimedOut(f"{server} did not answer `{pending.ask.method}` in {wait_s:g} s")
+            self._answer = CallTimeoutError(f"{server} did not answer `{pending.ask.method}` in {wait_s:g} s")
 
     def _say(self, server: str, said: Iterator[Said], now_ns: int) -> Iterator[Effect]:
         for effect in said:

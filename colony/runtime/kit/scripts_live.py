@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from threading import Event, Lock, Thread
 
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_live import run_script
 
@@ -80,6 +80,6 @@ class LiveScripts:
     def _fail(self, name: str, problem: Exception) -> None:
         with self._lock:
             if not self._stop.is_set():
-                kind = "" if isinstance(problem, ConnectionProblem) else f"{type(problem).__name__}: "
+                kind = "" if isinstance(problem, RobotConnectionError) else f"{type(problem).__name__}: "
                 self.problem = f"{name}: {kind}{problem}"
             self._stop.set()

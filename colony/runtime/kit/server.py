@@ -21,12 +21,12 @@ import sys
 from collections.abc import Iterable, Mapping
 
 from colony.runtime.kit.service import Field, Report, Service, field, method
-from colony.runtime.protocol.calls import Method, Refused
+from colony.runtime.protocol.calls import Method, RefusedError
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.place import Local, local
 
-__all__ = ["Field", "Method", "Refused", "Server", "field", "method"]
+__all__ = ["Field", "Method", "RefusedError", "Server", "field", "method"]
 
 
 def _to_stderr(problem: str) -> None:
@@ -57,7 +57,7 @@ class Server:
         """Announce a server; it answers in `mainloop`. `report` takes each error that the server survives.
 
         Raises:
-            AlreadyRunning: the robot already has a server of this name.
+            AlreadyRunningError: the robot already has a server of this name.
             RunDirectoryError: the robot's folder cannot be used.
         """
         place = local(robot, environment)

@@ -12,7 +12,7 @@ from colony.ir.types import Value
 from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.kit.description import Description, FieldDescription, MethodDescription, field_type
 from colony.runtime.protocol import calls, topics
-from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, Refused
+from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, RefusedError
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.messages import (
     Effect,
@@ -67,7 +67,7 @@ def method(
     right: Right = "command",
     largest: int = calls.ARGUMENT_BYTES,
 ) -> Method:
-    """Return a method for a server. `handler` returns the result, or raises `Refused`.
+    """Return a method for a server. `handler` returns the result, or raises `RefusedError`.
 
     Calls with more than `largest` bytes of arguments, in msgpack, are refused with the code "size".
     """
@@ -118,12 +118,12 @@ class Service(QuietNode):
         def handle(asked: Asked, arguments: Any, now_ns: int) -> object:
             try:
                 return guarded.handler(asked, arguments, now_ns)
-            except Refused:
+            except RefusedError:
                 raise
             except Exception as problem:
                 where = f"{self.address}.{guarded.name}"
                 self._report(f"{where} failed:\n{traceback.format_exc()}")
-                raise Refused("failed", f"{where} failed: {type(problem).__name__}: {problem}") from None
+                raise RefusedError("failed", f"{where} failed: {type(problem).__name__}: {problem}") from None
 
         return handle
 

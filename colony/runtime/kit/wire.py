@@ -25,7 +25,7 @@ from colony.runtime.kit.conversation import (
     Tell,
     Transmit,
 )
-from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
@@ -115,10 +115,10 @@ class Wire:
         """Make a call; `resolve` is called with its outcome, from any thread.
 
         Raises:
-            CallRefused: the user does not have the right to this call.
+            CallRefusedError: the user does not have the right to this call.
         """
         if ask.right != "read" and ask.right not in self._rights:
-            raise CallRefused("right", self._not_allowed(ask))
+            raise CallRefusedError("right", self._not_allowed(ask))
         pending = Pending(ask, resolve)
         with self._lock:
             effects = list(self._talk.ask(pending, monotonic()))

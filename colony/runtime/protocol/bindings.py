@@ -13,7 +13,7 @@ from colony.execute.intake import converted
 from colony.ir.program import Actuator, Robot, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, Type, Value
 from colony.runtime.protocol.fields import SERVERS, CommandSpec, FieldSpec, ServerSpec
-from colony.text.diagnostics import Diagnostic, Failure, error
+from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.suggestions import did_you_mean
 from colony.text.units import NUMBER
 
@@ -85,14 +85,14 @@ def bind(robot: Robot, servers: tuple[ServerSpec, ...] = SERVERS) -> Bindings:
     """Find each sensor's field and each actuator's command among `servers`.
 
     Raises:
-        Failure: a sensor or actuator does not fit; every misfit is reported, at its declaration.
+        DiagnosticError: a sensor or actuator does not fit; every misfit is reported, at its declaration.
     """
     found: list[Diagnostic] = []
     sensors = [_bind_sensor(s, servers, found) for s in robot.sensors]
     actuators = [_bind_actuator(a, servers, found) for a in robot.actuators]
     found.extend(_shared_commands(robot.actuators))
     if found:
-        raise Failure(found)
+        raise DiagnosticError(found)
     return Bindings(
         sensors=tuple(s for s in sensors if s is not None),
         actuators=tuple(a for a in actuators if a is not None),

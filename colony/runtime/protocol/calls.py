@@ -9,7 +9,8 @@ The calls are those of thesis section 4.5.3. A server lists its methods and give
 
 A connection begins with the call `open` and ends with the call `close`, or when its lease expires. A call
 that changes something is done once however often it arrives: a repeated call gets the same answer again. A
-handler returns the result, raises `Refused`, or returns `LATER` and answers later through `CallDesk.answer`.
+handler returns the result, raises `RefusedError`, or returns `LATER` and answers later through
+`CallDesk.answer`.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ LONGEST_TEXT = 1000
 """Largest number of characters of a message for people; longer ones are truncated."""
 
 
-class Refused(Exception):
+class RefusedError(Exception):
     """A call that a server refuses to carry out.
 
     `code` is for programs: "arguments", "size", "method", "right", "closed", "malformed", "full", or one of
@@ -184,10 +185,10 @@ class CallDesk:
     Args:
         server: the server's name.
         methods: the server's methods, besides the built-in `open`, `close` and `status`.
-        admit: called before a connection opens; raises `Refused` to reject it.
+        admit: called before a connection opens; raises `RefusedError` to reject it.
         lost: called when a connection ended, by `close` or by its lease; returns effects.
-        stop: carries out an emergency stop, given the connection and the time; raises `Refused` if it could
-            not do all of it. Without it the server has nothing to stop.
+        stop: carries out an emergency stop, given the connection and the time; raises `RefusedError` if it
+            could not do all of it. Without it the server has nothing to stop.
         full: returns sentences about limits that the server's other parts have reached, for `status`.
     """
 
@@ -249,14 +250,14 @@ class CallDesk:
         """Send the result of a call whose handler returned `LATER`; do nothing if the caller is gone."""
         yield from self._reply(asked, _result(asked, result))
 
-    def refuse(self, asked: Asked, refused: Refused) -> Iterator[Effect]:
+    def refuse(self, asked: Asked, refused: RefusedError) -> Iterator[Effect]:
         """Refuse a call whose handler returned `LATER`; do nothing if the caller is gone."""
         yield from self._reply(asked, _problem(asked, refused.problem))
 
     def settle(self, answers: Iterable[tuple[Asked, object]]) -> Iterator[Effect]:
-        """Answer calls whose handlers returned `LATER`; a result of the type `Refused` refuses its call."""
+        """Answer calls whose handlers returned `LATER`; a `RefusedError` refuses its call."""
         for asked, result in answers:
-            if isinstance(result, Refused):
+            if isinstance(result, RefusedError):
                 yield from self.refuse(asked, result)
             else:
                 yield from self.answer(asked, result)
@@ -287,7 +288,7 @@ class CallDesk:
             connection.calls += 1
         try:
             stop(call.connection, now_ns)
-        except Refused as refused:
+        except RefusedError as refused:
             sent = self._fail(call.connection, call.number, refused.problem)
         else:
             reply = Reply(connection=call.connection, number=call.number)
@@ -318,7 +319,7 @@ class CallDesk:
             connection.calls += 1
             if full:
                 text = f"{self._server}: {WAITING_EACH} calls of this connection wait for answers already"
-                yield from self.refuse(Asked(connection.caller, number), Refused("full", text))
+                yield from self.refuse(Asked(connection.caller, number), RefusedError("full", text))
             else:
                 yield from self._do(connection, call, now_ns)
 
@@ -329,7 +330,7 @@ class CallDesk:
         kept = known is not None and known[0].right != "read"
         try:
             result = self._result_of(asked, call, now_ns)
-        except Refused as refused:
+        except RefusedError as refused:
             yield from self._reply(asked, _problem(asked, refused.problem), kept=kept)
             return
         if not isinstance(result, Later):
@@ -341,21 +342,25 @@ class CallDesk:
         found = self._methods.get(call.method)
         if found is None:
             known, name = ", ".join(self._methods), call.method[:LONGEST_NAME]
-            raise Refused("method", f"{self._server} has no method `{name}`; it has {known}")
+            raise RefusedError("method", f"{self._server} has no method `{name}`; it has {known}")
         called, decoder = found
         where = f"{self._server}.{called.name}"
         if call.right not in _RIGHTS[called.right] or (called.lasting and call.right == "stop"):
-            raise Refused("right", f"{where} needs the right to {called.right}, not to {call.right}")
+            raise RefusedError("right", f"{where} needs the right to {called.right}, not to {call.right}")
         if call.priority != asked.caller.priority:
             mine = asked.caller.priority
-            raise Refused("arguments", f"{where}: the connection has priority {mine}, not {call.priority}")
+            raise RefusedError(
+                "arguments", f"{where}: the connection has priority {mine}, not {call.priority}"
+            )
         size = len(memoryview(call.arguments))
         if size > called.largest:
-            raise Refused("size", f"{where}: {size} bytes of arguments; expected at most {called.largest}")
+            raise RefusedError(
+                "size", f"{where}: {size} bytes of arguments; expected at most {called.largest}"
+            )
         try:
             arguments = decoder.decode(call.arguments)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
-            raise Refused("arguments", f"{where}: {problem}") from None
+            raise RefusedError("arguments", f"{where}: {problem}") from None
         return called.handler(asked, arguments, now_ns)
 
     def _open(self, call: Call, now_ns: int) -> tuple[Connection | None, Problem]:
@@ -371,7 +376,7 @@ class CallDesk:
         caller = Caller(call.connection, opening.name[:LONGEST_NAME], call.priority, user)
         try:
             self._admit(caller)
-        except Refused as refused:
+        except RefusedError as refused:
             return None, refused.problem
         connection = Connection(caller=caller, since_ns=now_ns, heard_ns=now_ns)
         self._connections[call.connection] = connection

@@ -1,7 +1,7 @@
 """Encoding of messages: one version byte, then msgpack. Incoming messages are checked against the types.
 
 A message that is too large, of another version, or not of its type is never half-read: `decode` raises
-`NotAMessage`, which says what was found, where, and what was expected.
+`MessageFormatError`, which says what was found, where, and what was expected.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ _BATCH = _PREFIX + b"\x92" + msgspec.msgpack.encode("Batch")
 T = TypeVar("T")
 
 
-class NotAMessage(ValueError):
+class MessageFormatError(ValueError):
     """Bytes that are not a message of this version; the text says what is wrong with them."""
 
 
@@ -94,7 +94,7 @@ def decode(data: bytes) -> Sent:
     """Decode a message.
 
     Raises:
-        NotAMessage: the bytes are not a message, or exceed the limit of its kind.
+        MessageFormatError: the bytes are not a message, or exceed the limit of its kind.
     """
     return _decoded(data, _decoder)
 
@@ -103,13 +103,15 @@ def decode_all(data: bytes) -> tuple[Sent, ...]:
     """Decode a message, or the messages of a batch.
 
     Raises:
-        NotAMessage: the bytes are neither, or exceed the limit of their kind.
+        MessageFormatError: the bytes are neither, or exceed the limit of their kind.
     """
     found = _decoded(data, _decoder_of_all)
     if not isinstance(found, Batch):
         return (found,)
     if count(data) != len(found.messages):  # msgpack has several ways to write a batch; only one is counted
-        raise NotAMessage("the length of the batch cannot be counted: it is not in its shortest encoding")
+        raise MessageFormatError(
+            "the length of the batch cannot be counted: it is not in its shortest encoding"
+        )
     return found.messages
 
 
@@ -130,14 +132,14 @@ def count(data: bytes) -> int:
 
 def _decoded(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:
     if len(data) > (most := _largest_here(data)):
-        raise NotAMessage(f"{len(data)} bytes; expected at most {most}")
+        raise MessageFormatError(f"{len(data)} bytes; expected at most {most}")
     if data[:1] != _PREFIX:
         found = f"version {data[0]}" if data else "nothing"
-        raise NotAMessage(f"found {found}; expected a message of version {VERSION}")
+        raise MessageFormatError(f"found {found}; expected a message of version {VERSION}")
     try:
         return decoder.decode(memoryview(data)[1:])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
-        raise NotAMessage(str(problem) or type(problem).__name__) from None
+        raise MessageFormatError(str(problem) or type(problem).__name__) from None
 
 
 def _largest_here(data: bytes) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import Deployment, problems
 
@@ -19,16 +19,16 @@ class Leadership:
         """Return True if this is another run to be deployed, False if it is deployed already.
 
         Raises:
-            Refused: "busy" while the leader of another run is connected; "arguments" for a deployment that is
-                impossible.
+            RefusedError: "busy" while the leader of another run is connected; "arguments" for a deployment
+                that is impossible.
         """
         leader = self._leader
         if leader is not None and deployed.run != self._run and leader.connection != caller.connection:
             text = f"{self._server} is in the run `{self._run}`, which {leader.name} leads"
-            raise Refused("busy", text)
+            raise RefusedError("busy", text)
         wrong = problems(deployed)
         if wrong:
-            raise Refused("arguments", f"{self._server}.deploy: {'; '.join(wrong)}")
+            raise RefusedError("arguments", f"{self._server}.deploy: {'; '.join(wrong)}")
         self._leader = caller
         new = deployed.run != self._run
         self._run = deployed.run

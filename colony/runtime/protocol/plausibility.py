@@ -7,7 +7,7 @@ allows. A server that accepted one would ignore all ticks until the Clock gets t
 
 from __future__ import annotations
 
-from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import (
     Announcement,
     Checkpoint,
@@ -43,7 +43,7 @@ def check_plausible(message: Sent, now_ns: int) -> None:
     """Check frame numbers, times and names against what is possible at the robot's time `now_ns`.
 
     Raises:
-        NotAMessage: the message cannot be true.
+        MessageFormatError: the message cannot be true.
     """
     match message:
         case Tick():
@@ -69,25 +69,25 @@ def check_plausible(message: Sent, now_ns: int) -> None:
 def _check_tick(tick: Tick, now_ns: int) -> None:
     _check_number(tick.k, now_ns)
     if not 0 <= tick.start <= tick.k:
-        raise NotAMessage(f"frame {tick.k} of an epoch that began at {tick.start}")
+        raise MessageFormatError(f"frame {tick.k} of an epoch that began at {tick.start}")
     if max(len(tick.down), len(tick.lost), len(tick.void)) > MOST_NAMES:
-        raise NotAMessage(f"more than {MOST_NAMES} servers or clients in a tick")
+        raise MessageFormatError(f"more than {MOST_NAMES} servers or clients in a tick")
     if tick.released_ns > now_ns + AHEAD_NS:
-        raise NotAMessage(f"a release at {tick.released_ns} ns, and it is {now_ns}")
+        raise MessageFormatError(f"a release at {tick.released_ns} ns, and it is {now_ns}")
     _check_stop(tick.stopped, now_ns)
 
 
 def _check_stop(stopped: Stopped | None, now_ns: int) -> None:
     if stopped is not None and stopped.t_ns > now_ns + AHEAD_NS:
-        raise NotAMessage(f"an emergency stop at {stopped.t_ns} ns, and it is {now_ns}")
+        raise MessageFormatError(f"an emergency stop at {stopped.t_ns} ns, and it is {now_ns}")
 
 
 def _check_number(k: int, now_ns: int) -> None:
     """Check a frame number; -1 stands for no frame."""
     if not -1 <= k <= (now_ns + AHEAD_NS) // NUMBER_NS:
-        raise NotAMessage(f"frame {k} cannot be yet")
+        raise MessageFormatError(f"frame {k} cannot be yet")
 
 
 def _check_name(name: str) -> None:
     if len(name) > LONGEST_NAME:
-        raise NotAMessage(f"the name `{name[:20]}...` has {len(name)} characters")
+        raise MessageFormatError(f"the name `{name[:20]}...` has {len(name)} characters")

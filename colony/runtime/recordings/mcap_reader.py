@@ -24,11 +24,11 @@ from colony.runtime.protocol.messages import Tick, Verdict
 from colony.runtime.recordings.answers import AnswerMessage, read_answers
 from colony.runtime.recordings.keyframes import read_keyframe
 from colony.runtime.recordings.mcap_records import (
-    BrokenOff,
     ChunkMessage,
     Damage,
     Record,
-    TooLarge,
+    RecordTooLargeError,
+    TruncatedError,
     read_records,
 )
 from colony.runtime.recordings.mcap_writer import (
@@ -42,7 +42,7 @@ from colony.runtime.recordings.mcap_writer import (
 from colony.runtime.recordings.reader import BREAKS_OFF, command
 from colony.runtime.recordings.recorded import RecordedFrame, RunInfo
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, VERDICTS
-from colony.text.diagnostics import Failure, error
+from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
 SOURCES_BYTES = 32 * 1024 * 1024
@@ -80,7 +80,7 @@ class McapReader:
     """A recording as MCAP; the part before its first frame is read at once. Mutable: the position.
 
     Raises:
-        Failure: A002, it is no recording of a run; A006, the part before the frames is damaged.
+        DiagnosticError: A002, it is no recording of a run; A006, the part before the frames is damaged.
     """
 
     def __init__(self, file: BinaryIO, name: str) -> None:
@@ -97,7 +97,7 @@ class McapReader:
         """Yield the frames, as frames of `program`.
 
         Raises:
-            Failure: A004, the frames are not of that program, or malformed.
+            DiagnosticError: A004, the frames are not of that program, or malformed.
         """
         for actuator in program.robot.actuators if self._topics else ():
             if actuator.name not in self._actuators:
@@ -133,9 +133,9 @@ class McapReader:
                 if isinstance(record, Channel):
                     self._topics[record.id] = record.topic
                 yield record
-        except BrokenOff:
+        except TruncatedError:
             self.cut = BREAKS_OFF
-        except TooLarge:
+        except RecordTooLargeError:
             self._fail("A002", "it unpacks to far more than recordings do")
 
     def _header(self, records: Iterator[Record]) -> tuple[RunInfo, tuple[Record, ...]]:
@@ -198,7 +198,7 @@ class McapReader:
         )
 
     def _fail(self, code: Literal["A002", "A004", "A006"], message: str) -> NoReturn:
-        raise Failure([error(code, Span(Source(self._name, ""), 0, 0), message)]) from None
+        raise DiagnosticError([error(code, Span(Source(self._name, ""), 0, 0), message)]) from None
 
 
 def _source(attachment: Attachment) -> Iterator[SourceFile]:

@@ -62,11 +62,11 @@ class ChunkMessage(NamedTuple):
 Record = Metadata | Attachment | Channel | ChunkMessage | Damage
 
 
-class BrokenOff(Exception):
+class TruncatedError(Exception):
     """The file ends before the end of its data."""
 
 
-class TooLarge(Exception):
+class RecordTooLargeError(Exception):
     """The file unpacks to more than recordings do."""
 
 
@@ -74,8 +74,8 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
     """Yield the records of a file that begins with `MAGIC`, to the end of its data.
 
     Raises:
-        BrokenOff: after the last record, if the file lacks an end.
-        TooLarge: the file unpacks to more than recordings do.
+        TruncatedError: after the last record, if the file lacks an end.
+        RecordTooLargeError: the file unpacks to more than recordings do.
         OSError: the file cannot be read.
     """
     size = file.seek(0, 2)
@@ -85,7 +85,7 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
         file.seek(at)
         head = file.read(_LONGEST_HEAD)
         if len(head) < _RECORD.size:
-            raise BrokenOff
+            raise TruncatedError
         opcode, length = _RECORD.unpack_from(head)
         end = at + _RECORD.size + length
         shape = _shape(head) if opcode == Opcode.CHUNK else None
@@ -93,19 +93,19 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
             chunks = True
             allowance -= shape.unpacked if shape.unpacked <= LARGEST_CHUNK else 0
             if allowance < 0:
-                raise TooLarge
+                raise RecordTooLargeError
             file.seek(end - shape.packed)
             for record in _chunk(shape, file.read(shape.packed)):
                 messages -= isinstance(record, ChunkMessage)
                 if messages < 0:
-                    raise TooLarge
+                    raise RecordTooLargeError
                 yield record
             at = end
             continue
         if opcode == Opcode.DATA_END and length == _DATA_END_BYTES and end <= size:
             return
         if shape is not None or _cut_off(opcode, length, len(head)):
-            raise BrokenOff
+            raise TruncatedError
         found: Metadata | Attachment | Damage | None = Damage("a record that does not end in the file")
         if end <= size and length <= LARGEST_RECORD:
             file.seek(at + _RECORD.size)
@@ -113,7 +113,7 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
         if isinstance(found, Damage):
             following = _next_chunk(file, at + 1, size)
             if following is None and end > size and not chunks:
-                raise BrokenOff
+                raise TruncatedError
             yield found
             if following is None:
                 return

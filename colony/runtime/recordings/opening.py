@@ -9,7 +9,7 @@ from colony.files import open_regular, reason
 from colony.runtime.recordings.reader import MAGIC, FramesReader, LinesReader
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.runtime.recordings.replay import SUM_BEGINS
-from colony.text.diagnostics import Failure, error
+from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
 _HEAD_BYTES = 64 * 1024
@@ -20,7 +20,7 @@ def open_recording(path: str) -> BinaryIO:
     """Open the file of a recording.
 
     Raises:
-        Failure: A001, it cannot be read.
+        DiagnosticError: A001, it cannot be read.
     """
     try:
         return open_regular(path)
@@ -32,7 +32,7 @@ def read_frames(file: BinaryIO, name: str) -> RecordingReader:
     """Return a reader of frames to decide: an MCAP recording, or JSON lines, recorded or not.
 
     Raises:
-        Failure: A002, it is no recording of a run; A006, the part before its frames is damaged.
+        DiagnosticError: A002, it is no recording of a run; A006, the part before its frames is damaged.
     """
     if isinstance(file, BufferedReader) and file.peek(len(MAGIC)).startswith(MAGIC):
         from colony.runtime.recordings.mcap_reader import McapReader
@@ -42,14 +42,14 @@ def read_frames(file: BinaryIO, name: str) -> RecordingReader:
 
 
 def _unreadable(path: str, why: str) -> NoReturn:
-    raise Failure([error("A001", Span(Source(path, ""), 0, 0), f"cannot read the recording: {why}")])
+    raise DiagnosticError([error("A001", Span(Source(path, ""), 0, 0), f"cannot read the recording: {why}")])
 
 
 def read_recording(file: BinaryIO, name: str) -> RecordingReader:
     """Return the reader of a recording, detected by its beginning; one in lines may be damaged there.
 
     Raises:
-        Failure: A001, it cannot be read; A002, it is no recording.
+        DiagnosticError: A001, it cannot be read; A002, it is no recording.
     """
     try:
         head = file.read(_HEAD_BYTES)
@@ -63,4 +63,4 @@ def read_recording(file: BinaryIO, name: str) -> RecordingReader:
     if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"") or SUM_BEGINS in head:
         return LinesReader(file, name)
     message = "this is no recording: neither MCAP nor JSON lines"
-    raise Failure([error("A002", Span(Source(name, ""), 0, 0), message)])
+    raise DiagnosticError([error("A002", Span(Source(name, ""), 0, 0), message)])

@@ -18,7 +18,7 @@ from colony.runtime.recordings.answers import AnswerMessage, read_answers
 from colony.runtime.recordings.keyframes import read_keyframe
 from colony.runtime.recordings.recorded import RecordedFrame
 from colony.runtime.recordings.replay import LINE_BYTES, Row, Rows, located
-from colony.text.diagnostics import Failure, error
+from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -53,8 +53,8 @@ class LinesReader(_Lines):
         """Yield the frames, as frames of `program`.
 
         Raises:
-            Failure: at the first bad line. Codes: those of `Rows`, A004 for a malformed decision, and A001 if
-                the file cannot be read or a line is too long.
+            DiagnosticError: at the first bad line. Codes: those of `Rows`, A004 for a malformed decision, and
+                A001 if the file cannot be read or a line is too long.
         """
         actuators, start = program.robot.actuators, None
         rows = Rows(self._bounded(), self._name, program)
@@ -68,7 +68,9 @@ class LinesReader(_Lines):
                 recorded = _recorded(tick, row, actuators, told)
             except msgspec.ValidationError as problem:
                 message = f"what is recorded is no decision of this program: {problem}"
-                raise Failure([located("A004", self._name, row.number, row.text, 0, message)]) from None
+                raise DiagnosticError(
+                    [located("A004", self._name, row.number, row.text, 0, message)]
+                ) from None
             yield recorded
         self._end(rows)
 
@@ -77,7 +79,7 @@ class LinesReader(_Lines):
             yield from bounded_lines(self._file, LINE_BYTES)
         except OSError as problem:
             message = f"cannot read the recording: {reason(problem)}"
-            raise Failure([error("A001", Span(Source(self._name, ""), 0, 0), message)]) from None
+            raise DiagnosticError([error("A001", Span(Source(self._name, ""), 0, 0), message)]) from None
 
 
 class FramesReader(_Lines):
@@ -90,7 +92,7 @@ class FramesReader(_Lines):
         """Yield the frames, as frames of `program`, without verdicts.
 
         Raises:
-            Failure: at the first bad line, with the codes of `Rows`.
+            DiagnosticError: at the first bad line, with the codes of `Rows`.
             OSError: they cannot be read.
         """
         rows = Rows(bounded_lines(self._file, LINE_BYTES), self._name, program)

@@ -75,6 +75,6 @@ class RecordingReader(Protocol):
         """Yield the undamaged frames, once, in their order, as frames of `program`.
 
         Raises:
-            Failure: the frames are not of that program, or malformed.
+            DiagnosticError: the frames are not of that program, or malformed.
         """
         ...

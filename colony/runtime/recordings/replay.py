@@ -23,7 +23,7 @@ from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import Program
 from colony.ir.types import Array
 from colony.runtime.recordings.json_text import seconds_text
-from colony.text.diagnostics import Diagnostic, Failure, error
+from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.source import Source, Span
 from colony.text.suggestions import did_you_mean
 from colony.text.units import nanoseconds
@@ -57,8 +57,9 @@ class Rows:
     `name` is the file's name in messages. Mutable: the state of the file's end, once all rows were read.
 
     Raises:
-        Failure: during iteration, at the first bad line. Codes: F001 not JSON, F002 not an object, F003 no
-            proper time, F004 time does not rise, F005 unknown sensor, F006 wrong length, F007 not text.
+        DiagnosticError: during iteration, at the first bad line. Codes: F001 not JSON, F002 not an object,
+            F003 no proper time, F004 time does not rise, F005 unknown sensor, F006 wrong length, F007 not
+            text.
     """
 
     def __init__(self, lines: Iterable[bytes], name: str, program: Program) -> None:
@@ -127,7 +128,7 @@ class _Reader:
         text = self._text(number, data)
         try:
             row = json.loads(text, object_pairs_hook=_once_each)
-        except _Repeated as repeated:
+        except _RepeatedKeyError as repeated:
             at, hint = self._at(text, repeated.key, last=True), "each line is a whole frame, each name once"
             message = f"`{repeated.key}` stands twice in one object"
             raise self._failure("F001", number, text, at, message, hint) from None
@@ -195,11 +196,11 @@ class _Reader:
 
     def _failure(
         self, code: str, number: int, text: str, at: int, message: str, hint: str | None = None
-    ) -> Failure:
-        return Failure([located(code, self._name, number, text, at, message, hint)])
+    ) -> DiagnosticError:
+        return DiagnosticError([located(code, self._name, number, text, at, message, hint)])
 
 
-class _Repeated(Exception):
+class _RepeatedKeyError(Exception):
     """A name that appears twice in a JSON object: which value is meant is unknown."""
 
     def __init__(self, key: str) -> None:
@@ -210,7 +211,7 @@ def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     row = dict(pairs)
     if len(row) < len(pairs):
         counts = Counter(name for name, _ in pairs)
-        raise _Repeated(next(name for name, count in counts.items() if count > 1))
+        raise _RepeatedKeyError(next(name for name, count in counts.items() if count > 1))
     return row
 
 

@@ -7,7 +7,7 @@ import math
 from colony.runtime.arbitration.motion import STILL, OdometerPose, Seen, Speeds
 from colony.runtime.frames.publishing import Fields
 from colony.runtime.library import robot
-from colony.runtime.protocol.calls import Asked, Method, Nothing, Refused, method
+from colony.runtime.protocol.calls import Asked, Method, Nothing, RefusedError, method
 from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseDriver, BaseLimits, BaseState
@@ -123,7 +123,7 @@ class Base:
     def _present(self) -> BaseState:
         state = self.look()
         if state is None:
-            raise Refused("no value", f"{RSERVER.name}: the base has given nothing yet")
+            raise RefusedError("no value", f"{RSERVER.name}: the base has given nothing yet")
         return state
 
     def _bumper(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Bumpers:
@@ -158,7 +158,7 @@ def _pose(arguments: robot.PoseArguments) -> OdometerPose:
 
 def _check_pose(pose: OdometerPose) -> None:
     if not all(map(math.isfinite, pose)):
-        raise Refused("arguments", f"the pose is {tuple(pose)}; expected finite numbers")
+        raise RefusedError("arguments", f"the pose is {tuple(pose)}; expected finite numbers")
     if max(abs(pose.x), abs(pose.y)) > FARTHEST_MM or abs(pose.heading) > MOST_TURNED_DEG:
         expected = f"at most {FARTHEST_MM:g} mm from the origin, and {MOST_TURNED_DEG:g} deg"
-        raise Refused("arguments", f"the pose is {tuple(pose)}; expected {expected}")
+        raise RefusedError("arguments", f"the pose is {tuple(pose)}; expected {expected}")

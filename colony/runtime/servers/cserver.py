@@ -21,7 +21,7 @@ from colony.runtime.protocol.calls import (
     Later,
     Method,
     Nothing,
-    Refused,
+    RefusedError,
     method,
 )
 from colony.runtime.protocol.codec import LARGEST
@@ -115,7 +115,7 @@ class Camera:
         if self._shot is None:
             self._shot = self._driver.grab()
         if self._shot is None:
-            raise Refused("no image", f"{self.address}: the camera has no image to give")
+            raise RefusedError("no image", f"{self.address}: the camera has no image to give")
         return self._shot
 
     def _size(self, asked: Asked, arguments: Nothing, now_ns: int) -> ImageSize:
@@ -130,12 +130,12 @@ class Camera:
         try:
             return self._sendable(self._present().rows(arguments.first, arguments.count))
         except ValueError as problem:
-            raise Refused("arguments", f"{self.address}.grab_rows: {problem}") from None
+            raise RefusedError("arguments", f"{self.address}.grab_rows: {problem}") from None
 
     def _sendable(self, image: Image) -> Image:
         if len(image.pixels) > _LARGEST_PIXELS:
             found = f"{self.address}: {len(image.pixels)} bytes are too many for one message"
-            raise Refused("too large", f"{found}; grab rows, {_LARGEST_PIXELS} bytes at most")
+            raise RefusedError("too large", f"{found}; grab rows, {_LARGEST_PIXELS} bytes at most")
         return image
 
     def _take_lock(self, asked: Asked, arguments: LockImage, now_ns: int) -> Later | None:
@@ -151,7 +151,7 @@ class Camera:
         period_ns, least, most = arguments.period_ns, SHORTEST_PERIOD_NS, LONGEST_PERIOD_NS
         if not least <= period_ns <= most:
             found = f"{self.address}.set_period: {period_ns / 1e9:g} s"
-            raise Refused("arguments", f"{found}; expected {least / 1e9:g} to {most / 1e9:g} s")
+            raise RefusedError("arguments", f"{found}; expected {least / 1e9:g} to {most / 1e9:g} s")
         self._period_ns = period_ns
         self._due_ns = min(self._due_ns, now_ns + period_ns)
 

@@ -15,7 +15,7 @@ from colony.runtime.library.data import (
     Publish,
     Watch,
 )
-from colony.runtime.protocol.calls import Asked, CallDesk, Handler, Later, Method, Refused, method
+from colony.runtime.protocol.calls import Asked, CallDesk, Handler, Later, Method, RefusedError, method
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Effect, Message, Wake, WakeAt
@@ -137,7 +137,7 @@ class DataCalls:
             try:
                 self._expect_room()
                 result = handler(asked, arguments, now_ns)
-            except Refused:
+            except RefusedError:
                 self._answers.settle(connection, number)
                 raise
             if isinstance(result, Later):
@@ -152,10 +152,10 @@ class DataCalls:
         """Check that the changes of a call can be kept.
 
         Raises:
-            Refused: "full".
+            RefusedError: "full".
         """
         if (why := self._no_room()) is not None:
-            raise Refused("full", f"DServer keeps nothing new: {why}")
+            raise RefusedError("full", f"DServer keeps nothing new: {why}")
 
     # --- variables -----------------------------------------------------------------------------------
 
@@ -237,7 +237,7 @@ class DataCalls:
         """Answer the calls that have waited, and schedule a wake for those that still wait."""
         answers, self._data.answers = self._data.answers, []
         for asked, result in answers:
-            if isinstance(result, Refused):
+            if isinstance(result, RefusedError):
                 self._answers.settle(asked.caller.connection, asked.number)
             else:
                 self._answers.note(asked.caller.connection, asked.number, _NIL)

@@ -26,7 +26,7 @@ from colony.runtime.library.data import (
     SetMany,
     Wait,
 )
-from colony.runtime.protocol.calls import LATER, Asked, Later, Method, Refused, method
+from colony.runtime.protocol.calls import LATER, Asked, Later, Method, RefusedError, method
 from colony.runtime.protocol.deployment import ActuatorTable
 from colony.runtime.servers.naming import Names, named
 from colony.runtime.servers.semaphores import Semaphores, timed_out
@@ -136,9 +136,9 @@ class DataMethods:
     def _get(self, asked: Asked, arguments: Get, now_ns: int) -> msgspec.Raw:
         try:
             return msgspec.Raw(self._variables.value(arguments.name, arguments.back).data)
-        except Refused:
+        except RefusedError:
             if not self._variables.has(arguments.name) and self._semaphores.has(arguments.name):
-                raise Refused("unknown", f"DServer: `{arguments.name}` is a semaphore") from None
+                raise RefusedError("unknown", f"DServer: `{arguments.name}` is a semaphore") from None
             raise
 
     def _get_many(self, asked: Asked, arguments: GetMany, now_ns: int) -> dict[str, msgspec.Raw]:
@@ -155,7 +155,7 @@ class DataMethods:
         if not 1 <= limit <= MOST_VALUES or arguments.back > 0:
             wrong = f"{limit} values of a history, from value {arguments.back} on"
             expected = f"1 to {MOST_VALUES}, from value 0 or an older one on"
-            raise Refused("arguments", f"DServer: {wrong}; expected {expected}")
+            raise RefusedError("arguments", f"DServer: {wrong}; expected {expected}")
         found = tuple(islice(self._variables.history(arguments.name, arguments.back), limit))
         _fit(found, "fewer values, or single ones by `get`")
         return tuple(_dated(dating) for dating in found)
@@ -201,7 +201,7 @@ class DataMethods:
 
     def _delete_semaphore(self, asked: Asked, arguments: Named, now_ns: int) -> bool:
         deleted, waited = self._semaphores.delete(arguments.name)
-        refused = Refused("deleted", f"DServer: `{arguments.name}` was deleted")
+        refused = RefusedError("deleted", f"DServer: `{arguments.name}` was deleted")
         self.answers += [(waiter, refused) for waiter in waited]
         return deleted
 
@@ -236,20 +236,20 @@ def _fit(datings: Iterable[Dating], instead: str) -> None:
     size = sum(len(dating.data) + 16 for dating in datings)
     if size > REPLY_BYTES:
         text = f"DServer: {size} bytes of values are too many for one reply; ask for {instead}"
-        raise Refused("size", text)
+        raise RefusedError("size", text)
 
 
 def several(arguments: SetMany) -> list[Prepared]:
     """Return the values, checked, that a call of `set_many` sets.
 
     Raises:
-        Refused: "arguments" or "size".
+        RefusedError: "arguments" or "size".
     """
     few(arguments.count)
     try:
         values = arguments.read()
     except (msgspec.DecodeError, UnicodeDecodeError) as problem:
-        raise Refused("arguments", f"DServer.set_many: {problem} of the values") from None
+        raise RefusedError("arguments", f"DServer.set_many: {problem} of the values") from None
     readable = len(memoryview(arguments.values)) <= READ_BYTES
     return [prepared(named(name), value, readable=readable) for name, value in values.items()]
 
@@ -258,18 +258,20 @@ def few(count: int) -> None:
     """Check the number of names in one call.
 
     Raises:
-        Refused: "size".
+        RefusedError: "size".
     """
     if count > MOST_AT_ONCE:
-        raise Refused("size", f"DServer: {count} names in one call; expected at most {MOST_AT_ONCE}")
+        raise RefusedError("size", f"DServer: {count} names in one call; expected at most {MOST_AT_ONCE}")
 
 
 def _page(names: Names, wanted: ListNames) -> tuple[str, ...]:
     """Return the names that a call asks for.
 
     Raises:
-        Refused: "arguments".
+        RefusedError: "arguments".
     """
     if not 1 <= wanted.limit <= MOST_NAMES:
-        raise Refused("arguments", f"DServer: a limit of {wanted.limit} names; expected 1 to {MOST_NAMES}")
+        raise RefusedError(
+            "arguments", f"DServer: a limit of {wanted.limit} names; expected 1 to {MOST_NAMES}"
+        )
     return names.page(wanted.prefix, wanted.after, wanted.limit)

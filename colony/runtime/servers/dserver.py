@@ -21,7 +21,7 @@ from colony.runtime.arbitration.ballot import NOBODY, STOPPED
 from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Asked, Refused, method
+from colony.runtime.protocol.calls import Asked, RefusedError, method
 from colony.runtime.protocol.deployment import (
     DEPLOYMENT_BYTES,
     ActuatorTable,
@@ -160,9 +160,7 @@ class DServer:
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
         """Handle a message, and carry out its commands and stops."""
-        if self._journal.full is not None and now_ns >= self._look_for_room_at:
-            self._look_for_room_at = now_ns + ROOM_NS
-            self._journal.make_room()
+        self._make_room(now_ns)
         match message:
             case Call() | Alive():
                 yield from self._calls.handle(message, now_ns)
@@ -193,8 +191,7 @@ class DServer:
             case Wake():
                 yield from self._desk.wake(now_ns)
                 yield from self._calls.handle(message, now_ns)
-                if self._bark_at is not None and now_ns >= self._bark_at:
-                    self._bark_at, self._halting = None, True
+                self._bark(now_ns)
             case _:
                 return
         if self._halting:
@@ -203,6 +200,17 @@ class DServer:
         if self._changed:
             changed, self._changed = self._changed, []
             yield from self._calls.changed(changed, now_ns)
+
+    def _make_room(self, now_ns: int) -> None:
+        """Try now and then whether a full disk has room again."""
+        if self._journal.full is not None and now_ns >= self._look_for_room_at:
+            self._look_for_room_at = now_ns + ROOM_NS
+            self._journal.make_room()
+
+    def _bark(self, now_ns: int) -> None:
+        """Halt once the watchdog is due."""
+        if self._bark_at is not None and now_ns >= self._bark_at:
+            self._bark_at, self._halting = None, True
 
     def full(self) -> tuple[str, ...]:
         """Return sentences for users about the store, and about limits that are or were reached."""
@@ -294,7 +302,7 @@ class DServer:
         try:
             for part in parts:
                 part.load(entries)
-        except (msgspec.MsgspecError, LookupError, ValueError, Refused) as problem:
+        except (msgspec.MsgspecError, LookupError, ValueError, RefusedError) as problem:
             raise StoreError(f"what DServer's store has does not fit together: {problem!r}") from None
         if entries.get(_EPOCH, b"") != self._epoch.encode():
             self._other_epoch = bool(entries)

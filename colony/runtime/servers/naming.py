@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from itertools import islice, takewhile
 from operator import itemgetter
 
-from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.calls import RefusedError
 
 
 class Names:
@@ -50,13 +50,13 @@ def named(name: str) -> str:
     """Return `name` if it is valid for a variable or semaphore: 1 to 255 bytes of UTF-8.
 
     Raises:
-        Refused: "arguments".
+        RefusedError: "arguments".
     """
     try:
         size = len(name.encode())
     except UnicodeEncodeError:
-        raise Refused("arguments", f"DServer: the name {name[:20]!a} cannot be put into UTF-8") from None
+        raise RefusedError("arguments", f"DServer: the name {name[:20]!a} cannot be put into UTF-8") from None
     if not 1 <= size <= 255:
         shown = f"`{name[:20]}...`" if name else "``"
-        raise Refused("arguments", f"DServer: the name {shown} has {size} bytes; expected 1 to 255")
+        raise RefusedError("arguments", f"DServer: the name {shown} has {size} bytes; expected 1 to 255")
     return name

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.servers.bounds import Bound
 from colony.runtime.store.store import Journal, Key
 
@@ -71,10 +71,12 @@ class CallAnswers:
         """Return the result in msgpack of a call that was done; None if it was not.
 
         Raises:
-            Refused: "forgotten" for a number so far back that it may have been done; "arguments".
+            RefusedError: "forgotten" for a number so far back that it may have been done; "arguments".
         """
         if not 0 < number <= HIGHEST:
-            raise Refused("arguments", f"DServer: a call with the number {number}; expected 1 to {HIGHEST}")
+            raise RefusedError(
+                "arguments", f"DServer: a call with the number {number}; expected 1 to {HIGHEST}"
+            )
         ring = self._rings.get(connection)
         if ring is None:
             return None
@@ -83,7 +85,7 @@ class CallAnswers:
             return answer.result
         if number <= ring.floor and number not in ring.pending:
             text = f"DServer: call {number} comes too late to tell whether it was done already"
-            raise Refused("forgotten", text)
+            raise RefusedError("forgotten", text)
         return None
 
     def note(self, connection: str, number: int, result: bytes) -> None:

@@ -1,8 +1,8 @@
 """Translation of calls of RServer into motions of the base, checked against the allowed range.
 
 The functions return the motion, and most of them the new settings: a velocity or acceleration in a call is
-the default of later calls that give none (thesis section 4.6.3). Pure; impossible requests are `Refused` with
-the code "arguments".
+the default of later calls that give none (thesis section 4.6.3). Pure; impossible requests are `RefusedError`
+with the code "arguments".
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 from colony.runtime.arbitration import motion
 from colony.runtime.arbitration.motion import Ending, Motion, Speeds
 from colony.runtime.library import robot
-from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.servers.drivers import BaseLimits
 
 
@@ -150,7 +150,7 @@ def continuous_turn(
     """Return a turn by degrees along an arc, no faster than the base may turn."""
     degrees, radius = _finite("degrees", asked.degrees), _finite("radius", asked.radius)
     if radius <= 0.0:
-        raise Refused("arguments", f"radius is {radius:g} mm; expected more than 0")
+        raise RefusedError("arguments", f"radius is {radius:g} mm; expected more than 0")
     most = -allowed.turn[0] if degrees > 0.0 else allowed.turn[1]
     settings = _along(asked, settings, allowed, allowed.velocity[1])
     wanted = motion.Arc(
@@ -179,23 +179,23 @@ def _within(value: float, allowed: tuple[float, float]) -> float:
 
 def _finite(name: str, value: float) -> float:
     if not math.isfinite(value):
-        raise Refused("arguments", f"{name} is {value}; expected a finite number")
+        raise RefusedError("arguments", f"{name} is {value}; expected a finite number")
     return value
 
 
 def _checked(name: str, value: float, allowed: tuple[float, float], unit: str) -> float:
     if not (math.isfinite(value) and allowed[0] <= value <= allowed[1]):
         expected = f"expected {allowed[0]:g} to {allowed[1]:g} {unit}"
-        raise Refused("arguments", f"{name} is {value:g} {unit}; {expected}")
+        raise RefusedError("arguments", f"{name} is {value:g} {unit}; {expected}")
     return value
 
 
 def _magnitude(name: str, value: float, kept: float, most: float, unit: str) -> float:
     """Return a given magnitude or, if it is negative, the kept one."""
     if most <= 0.0:
-        raise Refused("arguments", f"{name}: the program's range leaves no motion that way")
+        raise RefusedError("arguments", f"{name}: the program's range leaves no motion that way")
     if value < 0.0:
         return min(kept, most)
     if value == 0.0:
-        raise Refused("arguments", f"{name} is 0 {unit}; expected more, or less to keep the setting")
+        raise RefusedError("arguments", f"{name} is 0 {unit}; expected more, or less to keep the setting")
     return _checked(name, value, (0.0, most), unit)

@@ -17,12 +17,12 @@ from colony.runtime.arbitration.motion import Ending, Mode, Motion, Seen, Speeds
 from colony.runtime.arbitration.outside import Commander, Outsiders, lease_end
 from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.library import robot
-from colony.runtime.protocol.calls import LATER, Asked, Later, Method, Nothing, Refused, method
+from colony.runtime.protocol.calls import LATER, Asked, Later, Method, Nothing, RefusedError, method
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.servers import orders
 from colony.runtime.servers.drivers import BaseLimits
 
-Answer = tuple[Asked, float | Refused | None]
+Answer = tuple[Asked, float | RefusedError | None]
 """A call that was waiting, and its result or refusal."""
 
 
@@ -161,10 +161,10 @@ class Pilot:
                 self.answers.append((asked, done))
             case "stalled":
                 stalled = f"no progress for {motion.STALLED_S:g} s, after {done:.4g} {unit}"
-                self.answers.append((asked, Refused("stalled", stalled)))
+                self.answers.append((asked, RefusedError("stalled", stalled)))
             case "front" | "rear":
                 bumped = f"the {why} bumper is pressed, after {done:.4g} {unit}"
-                self.answers.append((asked, Refused("bumper", bumped)))
+                self.answers.append((asked, RefusedError("bumper", bumped)))
 
     def report(self, now_ns: int) -> tuple[robot.OutsideReport, ...]:
         """Return the connections that have commanded, and their present commands."""
@@ -181,7 +181,7 @@ class Pilot:
 
     # --- ends of commands from outside ---------------------------------------------------------------
 
-    def cancel(self, refused: Refused, spared: str | None = None) -> None:
+    def cancel(self, refused: RefusedError, spared: str | None = None) -> None:
         """End every command, except that of one connection."""
         for commander in self.outsiders.all:
             if commander.caller.connection != spared:
@@ -205,15 +205,15 @@ class Pilot:
         for asked in self.lock.expire(now_ns):
             self.answers.append((asked, self.lock.refusal()))
 
-    def _drop(self, commander: Commander, refused: Refused) -> None:
+    def _drop(self, commander: Commander, refused: RefusedError) -> None:
         if commander.asked is not None:
             self.answers.append((commander.asked, refused))
         commander.motion = commander.asked = commander.until_ns = None
 
-    def _stopped(self) -> Refused:
+    def _stopped(self) -> RefusedError:
         stopped = self._emergency.stopped
         by = "" if stopped is None else f", by {stopped.by}"
-        return Refused(
+        return RefusedError(
             "stopped", f"the emergency stop is on{by}; the Clock releases it (`colony stop --release`)"
         )
 
@@ -229,7 +229,9 @@ class Pilot:
 
     def _admit_motion(self, caller: Caller, now_ns: int) -> Commander:
         if not self._ticking(now_ns):
-            raise Refused("clock", "no Clock ticks, so that nothing would move the base (see `colony ps`)")
+            raise RefusedError(
+                "clock", "no Clock ticks, so that nothing would move the base (see `colony ps`)"
+            )
         return self._admit(caller)
 
     def _hold(self, commander: Commander, wanted: Motion, until_ns: int) -> None:
@@ -320,4 +322,4 @@ class Pilot:
         self.changed = True
 
 
-_REPLACED = Refused("replaced", "this connection commanded something else")
+_REPLACED = RefusedError("replaced", "this connection commanded something else")

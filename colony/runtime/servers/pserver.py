@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.library.proximity import InfraredReading, SetTimeouts, SonarReading
-from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, Refused, method
+from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, RefusedError, method
 from colony.runtime.protocol.fields import PROXIMITY_SENSORS, PSERVER
 from colony.runtime.protocol.messages import (
     Alive,
@@ -89,10 +89,10 @@ class PServer(QuietNode):
     def _set_timeouts(self, asked: Asked, arguments: SetTimeouts, now_ns: int) -> None:
         ranges, where = arguments.ranges, f"{self.address}.set_timeouts"
         if len(ranges) != PROXIMITY_SENSORS:
-            raise Refused("arguments", f"{where}: {len(ranges)} ranges; expected {PROXIMITY_SENSORS}")
+            raise RefusedError("arguments", f"{where}: {len(ranges)} ranges; expected {PROXIMITY_SENSORS}")
         for sensor, most in enumerate(ranges):
             if not (math.isfinite(most) and most > 0.0):
-                raise Refused(
+                raise RefusedError(
                     "arguments", f"{where}: sensor {sensor}: {most} mm; expected a finite range above 0"
                 )
         self._timeouts = ranges

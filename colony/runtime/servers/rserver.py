@@ -20,7 +20,7 @@ from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.library import robot
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, Refused, method
+from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, RefusedError, method
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, ActuatorTable, Deployment
 from colony.runtime.protocol.fields import RSERVER
@@ -267,10 +267,10 @@ class RServer:
         where = f"{self.address}.deploy"
         wrong = misfit(deployed)
         if wrong is not None:
-            raise Refused("deployment", f"{where}: {wrong}")
+            raise RefusedError("deployment", f"{where}: {wrong}")
         tie = self._pilot.outsiders.tied(base_actuator(deployed, self._base.limits).places)
         if tie is not None:
-            raise Refused("tie", f"{where}: {tie}")
+            raise RefusedError("tie", f"{where}: {tie}")
         self._leadership.take(asked.caller, deployed)
         self._leader = asked.caller.connection
         if deployed.run != self._actuator.run:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import msgspec
 
 from colony.runtime.library.data import SemaphoreState
-from colony.runtime.protocol.calls import Asked, Refused
+from colony.runtime.protocol.calls import Asked, RefusedError
 from colony.runtime.servers.bounds import Bound
 from colony.runtime.servers.naming import Names
 from colony.runtime.store.store import Journal, Key
@@ -88,7 +88,7 @@ class Semaphores:
         """Return the state of a semaphore.
 
         Raises:
-            Refused: "unknown".
+            RefusedError: "unknown".
         """
         semaphore = self._of(name)
         return SemaphoreState(
@@ -101,14 +101,14 @@ class Semaphores:
         """Create a semaphore; return False if it exists already.
 
         Raises:
-            Refused: "arguments" or "full".
+            RefusedError: "arguments" or "full".
         """
         if name in self._semaphores:
             return False
         if not 0 <= value <= HIGHEST:
-            raise Refused("arguments", f"DServer: an initial value of {value}; expected 0 to {HIGHEST}")
+            raise RefusedError("arguments", f"DServer: an initial value of {value}; expected 0 to {HIGHEST}")
         if not self._most.allows(len(self._semaphores) + 1):
-            raise Refused("full", f"DServer has {MOST} semaphores already")
+            raise RefusedError("full", f"DServer has {MOST} semaphores already")
         self._semaphores[name] = _Semaphore(value=0)
         self.names.add(name)
         self._set(name, value)
@@ -135,11 +135,11 @@ class Semaphores:
         """Take one, and return None; if there is nothing to take, return the waiting call.
 
         Raises:
-            Refused: "unknown", "timeout" or "full".
+            RefusedError: "unknown", "timeout" or "full".
         """
         semaphore = self._of(name)
         if hold and not self._most_held.allows(self._held + 1):
-            raise Refused("full", f"DServer has {MOST_HELD} holds already")
+            raise RefusedError("full", f"DServer has {MOST_HELD} holds already")
         if semaphore.value > 0:
             self._set(name, semaphore.value - 1)
             if hold:
@@ -148,7 +148,7 @@ class Semaphores:
         if wait_ns is not None and wait_ns <= 0:
             raise timed_out(name)
         if not self._most_waiting.allows(self._waiting + 1):
-            raise Refused("full", f"DServer has {MOST_WAITING} calls that wait already")
+            raise RefusedError("full", f"DServer has {MOST_WAITING} calls that wait already")
         until_ns = None if wait_ns is None or wait_ns >= FOR_EVER_NS else now_ns + wait_ns
         waiter = Waiter(asked, name, until_ns, hold)
         semaphore.waiting[asked] = waiter
@@ -160,7 +160,7 @@ class Semaphores:
         """Put one back, and end a hold of `connection`; return the waiting call that gets it, if any.
 
         Raises:
-            Refused: "unknown".
+            RefusedError: "unknown".
         """
         self._of(name)
         held = self._held_by(connection, name)
@@ -172,11 +172,11 @@ class Semaphores:
         """Release a semaphore that the connection holds; return the waiting call that gets it, if any.
 
         Raises:
-            Refused: "unknown" or "not held".
+            RefusedError: "unknown" or "not held".
         """
         self._of(name)
         if self._held_by(connection, name) is None:
-            raise Refused("not held", f"DServer: this connection does not hold `{name}` (any more)")
+            raise RefusedError("not held", f"DServer: this connection does not hold `{name}` (any more)")
         return self.signal(name, connection)
 
     def drop(self, connection: str) -> tuple[tuple[int, ...], tuple[Asked, ...]]:
@@ -231,7 +231,7 @@ class Semaphores:
     def _of(self, name: str) -> _Semaphore:
         semaphore = self._semaphores.get(name)
         if semaphore is None:
-            raise Refused("unknown", f"DServer has no semaphore `{name}`")
+            raise RefusedError("unknown", f"DServer has no semaphore `{name}`")
         return semaphore
 
     def _set(self, name: str, value: int) -> None:
@@ -280,9 +280,9 @@ class Semaphores:
         return None if held is None else next((number for number, n in held.items() if n == name), None)
 
 
-def timed_out(name: str) -> Refused:
+def timed_out(name: str) -> RefusedError:
     """Return the refusal of a call whose wait timed out."""
-    return Refused("timeout", f"DServer: `{name}` was not signaled in time")
+    return RefusedError("timeout", f"DServer: `{name}` was not signaled in time")
 
 
 _encode = msgspec.msgpack.Encoder().encode

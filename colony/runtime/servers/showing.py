@@ -13,7 +13,7 @@ import msgspec
 
 from colony.ir.types import Value
 from colony.runtime.frames.publishing import Fields
-from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.bounds import Bound
 from colony.runtime.store.store import Journal, Key
@@ -113,23 +113,23 @@ class Shown:
         """Check that frames have room for `size` more bytes that no program reads.
 
         Raises:
-            Refused: "full".
+            RefusedError: "full".
         """
         if not self._published.allows(self._used_besides + size):
             text = (
                 f"DServer's frames have no room for more than {PUBLISHED_SPACE} bytes that no program reads"
             )
-            raise Refused("full", text)
+            raise RefusedError("full", text)
 
     def expect_room(self, growth: int) -> None:
         """Check that the program's part of frames has room for `growth` more bytes.
 
         Raises:
-            Refused: "full".
+            RefusedError: "full".
         """
         if growth > 0 and not self._bound.allows(self._used + growth):
             text = f"DServer's frames have no room for more than {self._bound.most} bytes of numbers"
-            raise Refused("full", text)
+            raise RefusedError("full", text)
 
     def want(self, name: str) -> None:
         """Show a variable from now on; the caller must `put` its present value."""
@@ -220,14 +220,18 @@ class Wanted:
         """Add names to those that a connection asks for; return the ones that had no reader before.
 
         Raises:
-            Refused: "full".
+            RefusedError: "full".
         """
         asked = self._asked.get(connection, {})
         new = [name for name in dict.fromkeys(names) if name not in asked]
         if len(asked) + len(new) > MOST_EACH:
-            raise Refused("full", f"DServer: a connection asks for at most {MOST_EACH} variables in frames")
+            raise RefusedError(
+                "full", f"DServer: a connection asks for at most {MOST_EACH} variables in frames"
+            )
         if not self._bound.allows(self._total + len(new)):
-            raise Refused("full", f"DServer: connections ask for {MOST_ASKED} variables in frames already")
+            raise RefusedError(
+                "full", f"DServer: connections ask for {MOST_ASKED} variables in frames already"
+            )
         self._asked.setdefault(connection, asked).update(dict.fromkeys(new))
         self._total += len(new)
         return tuple(self._add(new))

@@ -16,7 +16,7 @@ import msgspec
 
 from colony.ir.types import Value
 from colony.runtime.frames.publishing import Fields
-from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.servers.bounds import Bound
 from colony.runtime.servers.naming import Names
 from colony.runtime.servers.showing import FRAME_SPACE, Showing, Shown, showing
@@ -131,7 +131,7 @@ class Variables:
         """Check that frames have room for these variables, too.
 
         Raises:
-            Refused: "full".
+            RefusedError: "full".
         """
         known = (self._variables.get(name) for name in names)
         self._shown.expect_room_besides(
@@ -174,7 +174,7 @@ class Variables:
         """Return the value `-back` times before the present one.
 
         Raises:
-            Refused: "unknown", "range" or "unset".
+            RefusedError: "unknown", "range" or "unset".
         """
         variable = self._variables.get(name)
         if variable is None:
@@ -184,17 +184,19 @@ class Variables:
         if not -variable.length < back <= 0:
             least = 1 - variable.length
             text = f"DServer: there is no value {back} of `{name}`; expected {least} to 0"
-            raise Refused("range", text if least else f"{text}, as its history is 1 long")
+            raise RefusedError("range", text if least else f"{text}, as its history is 1 long")
         if -back >= len(variable.values):
             times = "never" if not variable.values else f"only {len(variable.values)} times"
-            raise Refused("unset", f"DServer: there is no value {back} of `{name}` yet; it was set {times}")
+            raise RefusedError(
+                "unset", f"DServer: there is no value {back} of `{name}` yet; it was set {times}"
+            )
         return variable.values[back - 1]
 
     def history(self, name: str, back: int = 0) -> Iterator[Dating]:
         """Yield the values kept, the newest first, from the value `-back` times before the present one on.
 
         Raises:
-            Refused: "unknown".
+            RefusedError: "unknown".
         """
         if name not in self._variables:
             raise unknown(name)
@@ -206,7 +208,7 @@ class Variables:
         """Set several variables, of different names, at one moment.
 
         Raises:
-            Refused: "full"; nothing is set then.
+            RefusedError: "full"; nothing is set then.
         """
         growth = frame_growth = 0
         new = 0
@@ -247,9 +249,11 @@ class Variables:
 
     def _expect_room(self, growth: int, new: int) -> None:
         if new and not self._most.allows(len(self._variables) + new):
-            raise Refused("full", f"DServer has no room for more than {self._most.most} variables")
+            raise RefusedError("full", f"DServer has no room for more than {self._most.most} variables")
         if growth > 0 and not self._space.allows(self._used + growth):
-            raise Refused("full", f"DServer has no room for more than {self._space.most} bytes of values")
+            raise RefusedError(
+                "full", f"DServer has no room for more than {self._space.most} bytes of values"
+            )
 
     def hold(self, held: Mapping[str, Value]) -> None:
         """Set variables that stay as fresh as each frame until they are set again; hold no others."""
@@ -263,10 +267,10 @@ class Variables:
         """Keep `length` values of a variable from now on; create a missing one, without a value.
 
         Raises:
-            Refused: "arguments" or "full".
+            RefusedError: "arguments" or "full".
         """
         if not 1 <= length <= HISTORY_LENGTH:
-            raise Refused(
+            raise RefusedError(
                 "arguments", f"DServer: a history of {length} values; expected 1 to {HISTORY_LENGTH}"
             )
         variable = self._variables.get(name)
@@ -367,24 +371,24 @@ def prepared(name: str, value: msgspec.Raw | bytes, *, readable: bool = True) ->
         readable: True to decode it too, and refuse a value that no client could read (see `READ_BYTES`).
 
     Raises:
-        Refused: "arguments" for a value that is no msgpack, "size" for one that is too large.
+        RefusedError: "arguments" for a value that is no msgpack, "size" for one that is too large.
     """
     data = bytes(value)
     if len(data) > VALUE_BYTES:
         text = f"DServer: the value of `{name}` has {len(data)} bytes; expected at most {VALUE_BYTES}"
-        raise Refused("size", text)
+        raise RefusedError("size", text)
     shown = showing(name, data)
     try:
         if readable and shown.value is None and len(data) <= READ_BYTES:
             _anything.decode(data)
     except (msgspec.DecodeError, ValueError, TypeError, RecursionError) as problem:
-        raise Refused("arguments", f"DServer: the value of `{name}`: {problem}") from None
+        raise RefusedError("arguments", f"DServer: the value of `{name}`: {problem}") from None
     return Prepared(name, data, shown)
 
 
-def unknown(name: str) -> Refused:
+def unknown(name: str) -> RefusedError:
     """Return the refusal of a call for a variable that does not exist."""
-    return Refused("unknown", f"DServer has no variable `{name}`")
+    return RefusedError("unknown", f"DServer has no variable `{name}`")
 
 
 def _cost(data: bytes) -> int:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.topics import user_of
 from colony.runtime.servers.bounds import Bound
 from colony.runtime.store.store import Journal, Key
@@ -77,24 +77,24 @@ class Watches:
         """Add names and prefixes to the watches of a connection.
 
         Raises:
-            Refused: "full".
+            RefusedError: "full".
         """
         watch = self._watches.get(connection, _Watch())
         names = [name for name in dict.fromkeys(names) if name not in watch.names]
         prefixes = [prefix for prefix in dict.fromkeys(prefixes) if prefix not in watch.prefixes]
         if len(watch.names) + len(names) + len(watch.prefixes) + len(prefixes) > MOST:
-            raise Refused("full", f"DServer: a connection watches at most {MOST} names and prefixes")
+            raise RefusedError("full", f"DServer: a connection watches at most {MOST} names and prefixes")
         if len(watch.prefixes) + len(prefixes) > MOST_PREFIXES_EACH:
-            raise Refused("full", f"DServer: a connection watches at most {MOST_PREFIXES_EACH} prefixes")
+            raise RefusedError("full", f"DServer: a connection watches at most {MOST_PREFIXES_EACH} prefixes")
         mine = [w for c, w in self._watches.items() if user_of(c) == user_of(connection)]
         if sum(len(w.names) for w in mine) + len(names) > MOST_NAMES // SHARE:
-            raise Refused("full", f"DServer: a user watches at most {MOST_NAMES // SHARE} names")
+            raise RefusedError("full", f"DServer: a user watches at most {MOST_NAMES // SHARE} names")
         if sum(len(w.prefixes) for w in mine) + len(prefixes) > MOST_PREFIXES // SHARE:
-            raise Refused("full", f"DServer: a user watches at most {MOST_PREFIXES // SHARE} prefixes")
+            raise RefusedError("full", f"DServer: a user watches at most {MOST_PREFIXES // SHARE} prefixes")
         if not self._most_names.allows(self._names + len(names)):
-            raise Refused("full", f"DServer: connections watch {MOST_NAMES} names already")
+            raise RefusedError("full", f"DServer: connections watch {MOST_NAMES} names already")
         if not self._most_prefixes.allows(self._prefixes + len(prefixes)):
-            raise Refused("full", f"DServer: connections watch {MOST_PREFIXES} prefixes already")
+            raise RefusedError("full", f"DServer: connections watch {MOST_PREFIXES} prefixes already")
         self._journal.promise()
         self._watches[connection] = watch
         watch.names |= dict.fromkeys(names)

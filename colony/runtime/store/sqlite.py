@@ -38,7 +38,7 @@ from colony.files import open_regular, reason, sync_folder
 from colony.os_errors import limit_advice
 from colony.runtime.store.quarantine import BESIDE, quarantine
 from colony.runtime.store.reserve import RESERVE_BYTES, Reserve
-from colony.runtime.store.store import Key, StoreError, StoreFull
+from colony.runtime.store.store import Key, StoreError, StoreFullError
 
 APPLICATION = 0x436F6C44
 """`ColD`: the application id that marks a file as DServer's."""
@@ -72,7 +72,8 @@ class SqliteStore:
         report: called with a line for users when the file is damaged and was quarantined.
 
     Raises:
-        StoreFull: the file is missing, or is of an earlier version, and the disk has no room for a new one.
+        StoreFullError: the file is missing, or is of an earlier version, and the disk has no room for a new
+            one.
         StoreError: the file cannot be opened or quarantined, is in use, or is something else.
     """
 
@@ -89,7 +90,7 @@ class SqliteStore:
         self._database: sqlite3.Connection | None = None
         try:
             self._begin()
-        except _Damaged as damage:
+        except _DamagedStoreError as damage:
             self._begin_with_nothing(damage)
 
     def _begin(self) -> None:
@@ -122,7 +123,7 @@ class SqliteStore:
         else:
             self.full = None
 
-    def _begin_with_nothing(self, damage: _Damaged) -> None:
+    def _begin_with_nothing(self, damage: _DamagedStoreError) -> None:
         """Quarantine a damaged database and create a new one."""
         self._abandon()
         try:
@@ -138,7 +139,7 @@ class SqliteStore:
         """Return every committed entry; quarantine a damaged database and return no entries."""
         try:
             entries = list(self._entries())
-        except _Damaged as damage:
+        except _DamagedStoreError as damage:
             self._begin_with_nothing(damage)
             entries = []
         return iter(entries)
@@ -148,7 +149,7 @@ class SqliteStore:
             for kind, name, slot, data, found in self._open().execute("SELECT * FROM state"):
                 key = Key(kind, name, slot)
                 if not isinstance(data, bytes) or found != _checksum(key, data):
-                    raise _Damaged(self._path, f"the {kind} `{name}` is not what was written")
+                    raise _DamagedStoreError(self._path, f"the {kind} `{name}` is not what was written")
                 yield key, data
         except (sqlite3.Error, UnicodeDecodeError) as problem:
             raise self._error(problem) from None
@@ -157,7 +158,7 @@ class SqliteStore:
         """Commit the changes; if the disk is full, release the reserve and retry once."""
         try:
             self._commit(changes)
-        except StoreFull as problem:
+        except StoreFullError as problem:
             self.full = str(problem)
             self._reserve.give_up()
             self._carry_over()
@@ -211,7 +212,7 @@ class SqliteStore:
         database.execute("COMMIT")
         found = database.execute("PRAGMA integrity_check(1)").fetchone()[0]
         if found != "ok":
-            raise _Damaged(self._path, found)
+            raise _DamagedStoreError(self._path, found)
 
     def _check_owner(self, database: sqlite3.Connection) -> None:
         """Refuse a database of another program or of a later version, before anything is written to it."""
@@ -223,7 +224,7 @@ class SqliteStore:
             raise StoreError(f"{self._path} is of version {version}; this is a server of version {VERSION}")
         if owner != 0 or database.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0]:
             raise StoreError(f"{self._path} is another program's database; give DServer a file of its own")
-        raise _Damaged(self._path, "there is nothing in it")
+        raise _DamagedStoreError(self._path, "there is nothing in it")
 
     def _open(self) -> sqlite3.Connection:
         if self._database is None:
@@ -245,16 +246,16 @@ class SqliteStore:
         if primary == sqlite3.SQLITE_FULL or code == sqlite3.SQLITE_IOERR_WRITE:
             return self._no_room(problem)
         if primary in _DAMAGE or isinstance(problem, UnicodeDecodeError):
-            return _Damaged(self._path, str(problem))
+            return _DamagedStoreError(self._path, str(problem))
         return StoreError(f"{self._path}: {problem}")
 
-    def _no_room(self, problem: Exception) -> StoreFull:
+    def _no_room(self, problem: Exception) -> StoreFullError:
         advice = limit_advice(problem) if isinstance(problem, OSError) else None
         room = f"free some space in {self._path.parent}"
-        return StoreFull(f"{self._path}: {reason(problem)}: {advice or room}")
+        return StoreFullError(f"{self._path}: {reason(problem)}: {advice or room}")
 
 
-class _Damaged(StoreError):
+class _DamagedStoreError(StoreError):
     """A database that is not what DServer wrote, or not all of it."""
 
     def __init__(self, path: Path, why: str) -> None:
@@ -273,11 +274,11 @@ def _look_at(path: Path) -> bool:
         _header(path.with_name(path.name + ending))
     header, log = _header(path), _header(path.with_name(f"{path.name}-wal"))
     if header is None and log:
-        raise _Damaged(path, "it is missing, but its log is there")
+        raise _DamagedStoreError(path, "it is missing, but its log is there")
     if header == b"":
-        raise _Damaged(path, "it is empty")
+        raise _DamagedStoreError(path, "it is empty")
     if header is not None and header != _HEADER:
-        raise _Damaged(path, "it is no database")
+        raise _DamagedStoreError(path, "it is no database")
     return header is None
 
 

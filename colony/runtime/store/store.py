@@ -33,7 +33,7 @@ class StoreError(Exception):
     """A store cannot be opened, read or written; the message names it, the reason and the remedy."""
 
 
-class StoreFull(StoreError):
+class StoreFullError(StoreError):
     """The store has no room for the changes, and none of them was kept."""
 
 
@@ -64,7 +64,7 @@ class Store(Protocol):
         """Set entries, and remove those that are None, atomically.
 
         Raises:
-            StoreFull: there is no room for them; `full` gives the reason from now on.
+            StoreFullError: there is no room for them; `full` gives the reason from now on.
             StoreError: the commit failed.
         """
         ...
@@ -107,11 +107,11 @@ class UnmadeStore:
     It has no entries and keeps none until the store can be created. Mutable: the store, once it exists.
 
     Args:
-        make: creates the store, or raises `StoreFull`.
+        make: creates the store, or raises `StoreFullError`.
         problem: the reason why the store could not be created so far.
     """
 
-    def __init__(self, make: Callable[[], Store], problem: StoreFull) -> None:
+    def __init__(self, make: Callable[[], Store], problem: StoreFullError) -> None:
         self._make = make
         self._problem = str(problem)
         self._store: Store | None = None
@@ -128,7 +128,7 @@ class UnmadeStore:
             return
         try:
             self._store = self._make()
-        except StoreFull as problem:
+        except StoreFullError as problem:
             self._problem = str(problem)
 
     def load(self) -> Iterable[tuple[Key, bytes]]:
@@ -139,11 +139,11 @@ class UnmadeStore:
         """Commit to the store.
 
         Raises:
-            StoreFull: the store could not be created yet, or has no room.
+            StoreFullError: the store could not be created yet, or has no room.
             StoreError: the commit failed.
         """
         if self._store is None:
-            raise StoreFull(self._problem)
+            raise StoreFullError(self._problem)
         self._store.commit(changes)
 
     def close(self) -> None:
@@ -193,7 +193,7 @@ class Journal:
             return
         try:
             self._store.commit(self._changes)
-        except StoreFull:
+        except StoreFullError:
             if self._promised:
                 raise
             self._waiting = True

@@ -61,7 +61,7 @@ def plant_socket(folder: Path) -> Path:
     return folder / "plant"
 
 
-class NoRoom(Exception):
+class NoRoomError(Exception):
     """The robot cannot start where the map says; the message is one line that begins with the file."""
 
 
@@ -78,8 +78,8 @@ def serve(
 
     Raises:
         LiveError: a plant of the robot runs already, or the folder cannot be used.
-        Failure: the map is bad.
-        NoRoom: the robot has no room in it.
+        DiagnosticError: the map is bad.
+        NoRoomError: the robot has no room in it.
     """
     with RobotDirectory(Path(spec.folder), spec.robot).claim(SIMULATOR):
         from colony.nav.maps.stickrep.reader import load_map
@@ -104,7 +104,7 @@ def serve(
         try:
             serve_plant(options, stop=lambda: bool(ending), ready=ready)
         except ValueError as problem:
-            raise NoRoom(f"{spec.map}: error: the robot cannot start there: {problem}") from None
+            raise NoRoomError(f"{spec.map}: error: the robot cannot start there: {problem}") from None
 
 
 def _camera(look: Look) -> CameraConfig | CeilingCameraConfig:
@@ -116,7 +116,7 @@ def _camera(look: Look) -> CameraConfig | CeilingCameraConfig:
 
 def main() -> None:
     """Run the process."""
-    from colony.text.diagnostics import Failure
+    from colony.text.diagnostics import DiagnosticError
 
     drop_what_cannot_be_printed()
     ending = Ending()
@@ -124,7 +124,7 @@ def main() -> None:
         on_death_of_parent(ending)
         try:
             serve(msgspec.json.decode(read_file(sys.argv[1], SPEC_BYTES), type=PlantSpec), ending, tell=print)
-        except (LiveError, NoRoom, Failure) as problem:
+        except (LiveError, NoRoomError, DiagnosticError) as problem:
             give_up(str(problem))
         except Exception as problem:
             give_up_without(problem)

@@ -30,7 +30,7 @@ class PlantControl:
 
     Raises, here and in each method:
         OSError: the plant does not answer, within `timeout_s`.
-        BadBytes: what it answers makes no sense.
+        PlantProtocolError: what it answers makes no sense.
         ValueError: it refuses, in its words.
     """
 

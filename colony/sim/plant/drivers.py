@@ -34,12 +34,12 @@ from colony.sim.plant.protocol import (
     AttachCamera,
     Attached,
     AttachProximity,
-    BadBytes,
     BaseReading,
     CameraReading,
     DriveBase,
     FromPlant,
     Halt,
+    PlantProtocolError,
     ProximityReading,
     Reading,
     Refusal,
@@ -150,7 +150,7 @@ class _Cable(Generic[R]):
                     sock.settimeout(None)
                     if self._adopt(sock):
                         self._receive(sock)
-            except (OSError, BadBytes) as problem:
+            except (OSError, PlantProtocolError) as problem:
                 self._problem = str(problem)
             with self._guard:
                 pause_s = _SHORTEST_PAUSE_S if self._attached else min(2.0 * pause_s, _LONGEST_PAUSE_S)

@@ -39,8 +39,8 @@ from colony.sim.plant.protocol import (
     AttachCamera,
     AttachControl,
     Attached,
-    BadBytes,
     FromPlant,
+    PlantProtocolError,
     Refusal,
     Unpacker,
     pack,
@@ -61,7 +61,7 @@ _UNREAD = 65536
 """Bytes of unread answers at which the plant stops reading from a client until it takes them."""
 
 
-class PlantInUse(Exception):
+class PlantInUseError(Exception):
     """Another process serves this socket already."""
 
 
@@ -109,7 +109,7 @@ def serve_plant(
 
     Raises:
         ValueError: the options make no sense: a robot has no room, or logical time with several robots.
-        PlantInUse: another process serves this socket.
+        PlantInUseError: another process serves this socket.
         OSError: the socket cannot be made.
     """
     devices = _devices(options, clock)
@@ -166,7 +166,7 @@ def _listening(path: Path) -> Iterator[socket.socket]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise PlantInUse(f"{path} is served by another process already") from None
+            raise PlantInUseError(f"{path} is served by another process already") from None
         path.unlink(missing_ok=True)
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
             listener.bind(os.fspath(path))
@@ -267,7 +267,7 @@ class _Server:
         try:
             for payload in connection.unpacker.feed(data):
                 self._take(connection, payload)
-        except (BadBytes, ValueError) as problem:
+        except (PlantProtocolError, ValueError) as problem:
             self._send(connection, pack(Refusal(message=str(problem))))
             self._drop(connection)
 

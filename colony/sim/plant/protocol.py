@@ -185,7 +185,7 @@ Reading = BaseReading | ProximityReading | CameraReading
 FromPlant = Attached | Refusal | Done | Reading | Truth
 
 
-class BadBytes(ValueError):
+class PlantProtocolError(ValueError):
     """These bytes are not the protocol; what comes after them cannot be read either."""
 
 
@@ -204,7 +204,7 @@ def read_to_plant(payload: bytes) -> ToPlant:
     """Read the message in a payload.
 
     Raises:
-        BadBytes: there is none.
+        PlantProtocolError: there is none.
     """
     return _read(payload, _to_plant)
 
@@ -216,11 +216,11 @@ def read_from_plant(payload: bytes) -> FromPlant:
 
 def _read(payload: bytes, decoder: msgspec.msgpack.Decoder[M]) -> M:
     if payload[:1] != bytes([VERSION]):
-        raise BadBytes(f"found version {payload[0] if payload else 'none'}; expected {VERSION}")
+        raise PlantProtocolError(f"found version {payload[0] if payload else 'none'}; expected {VERSION}")
     try:
         return decoder.decode(memoryview(payload)[1:])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
-        raise BadBytes(str(problem) or type(problem).__name__) from None
+        raise PlantProtocolError(str(problem) or type(problem).__name__) from None
 
 
 class Unpacker:
@@ -234,13 +234,13 @@ class Unpacker:
         """Return every payload that is complete.
 
         Raises:
-            BadBytes: one claims to be empty or larger than allowed.
+            PlantProtocolError: one claims to be empty or larger than allowed.
         """
         self._rest += data
         while len(self._rest) >= _LENGTH:
             length = int.from_bytes(self._rest[:_LENGTH], "big")
             if not 0 < length <= self._largest:
-                raise BadBytes(f"a message of {length} bytes; expected 1 to {self._largest}")
+                raise PlantProtocolError(f"a message of {length} bytes; expected 1 to {self._largest}")
             if len(self._rest) < _LENGTH + length:
                 return
             payload = bytes(self._rest[_LENGTH : _LENGTH + length])

@@ -147,7 +147,7 @@ def audit_recording(
     """Hold a recording against the reference interpreter; `progress` is called after each frame.
 
     Raises:
-        Failure: what is recorded is none of the program's.
+        DiagnosticError: what is recorded is none of the program's.
     """
     auditor = Auditor(program)
     for recorded in recording.frames(program):

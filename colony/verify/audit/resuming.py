@@ -25,7 +25,7 @@ class Resuming:
         Raises:
             ValueError: it is not the memory of the program, or the interpreter is to run modules in Python,
                 which have memory of their own.
-            Failure: a module in Python cannot be imported or built.
+            DiagnosticError: a module in Python cannot be imported or built.
         """
         self._clients = self._clients or ProgramExecutor(
             compile_program(self._program).compiled, simplified=False, answered=self._answered

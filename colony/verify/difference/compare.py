@@ -43,7 +43,7 @@ def difference(
     compared). `actuators` are pairs to compare, A's name and B's; without it, those of one name.
 
     Raises:
-        Failure: V040 to V042, where the two cannot be compared.
+        DiagnosticError: V040 to V042, where the two cannot be compared.
     """
     check_sensors(a, b)
     leave_out = ignored(a, b, ignore)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from colony.ir.program import Actuator, Program, Sensor
-from colony.text.diagnostics import Diagnostic, Failure, error
+from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.source import NOWHERE, Span
 from colony.text.suggestions import did_you_mean
 from colony.text.wording import duration_text
@@ -34,7 +34,7 @@ def ignored(a: Program, b: Program, names: Iterable[str]) -> Ignored:
     """Return what `names` mean in either program: an actuator, `actuator.field`, or a module.
 
     Raises:
-        Failure: V040, for a name that neither program has.
+        DiagnosticError: V040, for a name that neither program has.
     """
     actuators = {x.name for p in (a, b) for x in p.robot.actuators}
     fields = {(x.name, f.name) for p in (a, b) for x in p.robot.actuators for f in x.fields}
@@ -51,7 +51,7 @@ def ignored(a: Program, b: Program, names: Iterable[str]) -> Ignored:
             found["modules"].add(name)
         else:
             known = [*sorted(actuators), *(f"{x}.{y}" for x, y in sorted(fields)), *sorted(modules)]
-            raise Failure([_unknown(name, known, "actuator, field or module", a)])
+            raise DiagnosticError([_unknown(name, known, "actuator, field or module", a)])
     return Ignored(
         actuators=frozenset(found["actuators"]), fields=frozenset(some), modules=frozenset(found["modules"])
     )
@@ -69,15 +69,15 @@ def pairs(
     """Return the actuators to compare: those of equal names, or those `chosen` (A's name, B's name).
 
     Raises:
-        Failure: V040, for a name that there is not; V041, where the actuators take different commands;
-            V042, where nothing is left to compare.
+        DiagnosticError: V040, for a name that there is not; V041, where the actuators take different
+            commands; V042, where nothing is left to compare.
     """
     of_a = {x.name: x for x in a.robot.actuators}
     of_b = {x.name: x for x in b.robot.actuators}
     for one, other in chosen:
         for name, there, program in ((one, of_a, a), (other, of_b, b)):
             if name not in there:
-                raise Failure([_unknown(name, list(there), "actuator", program)])
+                raise DiagnosticError([_unknown(name, list(there), "actuator", program)])
     names = chosen or [(name, name) for name in of_a if name in of_b]
     found, wrong = [], list[Diagnostic]()
     for one, other in names:
@@ -89,11 +89,11 @@ def pairs(
         if not mismatch:
             found.append(_pair(of_a[one], of_b[other], leave_out))
     if wrong:
-        raise Failure(wrong)
+        raise DiagnosticError(wrong)
     if not any(pair.compared for pair in found):
         hint = "name pairs with `--actuator A=B`" if not names else "ignore less"
         message = "there is nothing to compare: the behaviors have no actuator in common that is not ignored"
-        raise Failure([error("V042", b.robot.span, message, hint)])
+        raise DiagnosticError([error("V042", b.robot.span, message, hint)])
     return tuple(found)
 
 
@@ -133,7 +133,7 @@ def check_sensors(a: Program, b: Program) -> None:
     """Check that sensors of one name are equal, and that sensors of one source have one name.
 
     Raises:
-        Failure: V041, for each that differs, at B's declaration.
+        DiagnosticError: V041, for each that differs, at B's declaration.
     """
     of_a = {s.name: s for s in a.robot.sensors}
     sources = {(s.server, s.field): s for s in a.robot.sensors}
@@ -150,7 +150,7 @@ def check_sensors(a: Program, b: Program) -> None:
                 _differs(what, f"the name `{same_source.name}` for that", sensor.span, same_source.span)
             )
     if wrong:
-        raise Failure(wrong)
+        raise DiagnosticError(wrong)
 
 
 def _sensor_differences(a: Sensor, b: Sensor) -> Iterator[Diagnostic]:

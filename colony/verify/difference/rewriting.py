@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 from colony.ir import expression as ir
 
@@ -15,10 +16,7 @@ def rewritten(e: ir.Expression, rename: Rename, shift: int) -> ir.Expression:
 
     Sensors keep their names. `e` is no contract expression.
     """
-
-    def again(of: ir.Expression) -> ir.Expression:
-        return rewritten(of, rename, shift)
-
+    again = partial(rewritten, rename=rename, shift=shift)
     match e:
         case ir.DerivedValue(name=name) | ir.LocalValue(name=name) | ir.StateValue(name=name):
             return replace(e, name=rename(name))

@@ -11,7 +11,7 @@ from colony.compile.clients import ActuatorClients, Client, ClientList
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently
 
 
-class Unreadable(Exception):
+class EmittedFormError(Exception):
     """An emitted form is not what it should look like: `found`, and what was `expected`."""
 
     def __init__(self, found: str, expected: str) -> None:
@@ -24,7 +24,7 @@ def read_json(text: str) -> ClientList:
     """Return the clients that a text describes.
 
     Raises:
-        Unreadable: it describes none.
+        EmittedFormError: it describes none.
     """
     try:
         whole = json.loads(text)
@@ -34,7 +34,7 @@ def read_json(text: str) -> ClientList:
         actuators = tuple(_clients(name, one, len(nodes)) for name, one in whole["actuators"].items())
         observed = tuple((name, _reference(at, len(nodes))) for name, at in whole["observed"].items())
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as problem:
-        raise Unreadable(
+        raise EmittedFormError(
             f"{type(problem).__name__}: {problem}", "clients in the form colony-clients/1"
         ) from None
     return ClientList(guards=nodes, actuators=actuators, observed=observed)

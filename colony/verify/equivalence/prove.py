@@ -30,7 +30,7 @@ from colony.verify.equivalence.disagreement import (
     nested_histories,
 )
 from colony.verify.equivalence.forms import prove_form
-from colony.verify.equivalence.json_text import Unreadable, read_json
+from colony.verify.equivalence.json_text import EmittedFormError, read_json
 from colony.verify.equivalence.lowered import read_lowered, views
 from colony.verify.equivalence.matching import Matching
 from colony.verify.equivalence.priorities import Induction, first_by_structure, gates_of
@@ -101,7 +101,7 @@ def prove_json(program: Program, json: str, *, form: str = JSON, timeout_ms: int
     """Prove that a text in the form `colony-clients/1`, from any source, is the program's network."""
     try:
         clients = read_json(json)
-    except Unreadable as problem:
+    except EmittedFormError as problem:
         return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
     return prove_clients(program, clients, form=form, timeout_ms=timeout_ms)
 
@@ -116,7 +116,7 @@ def _prove_json(clients: ClientList, json: str) -> Result:
     """Prove that a text says what the clients are: one obligation a client and thing observed."""
     try:
         read = read_json(json)
-    except Unreadable as problem:
+    except EmittedFormError as problem:
         return Malformed(form=JSON, subject="text", found=problem.found, expected=problem.expected)
     if read.guards != clients.guards or read.observed != clients.observed:
         return Malformed(form=JSON, subject="nodes", found="other guards", expected="those of the clients")
@@ -138,7 +138,7 @@ def prove_python(
     try:
         with gc_paused():
             found = prove_form(partial(read_python, program, clients, python, form), clients, timeout_ms)
-    except Unreadable as problem:
+    except EmittedFormError as problem:
         return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
     return found
 

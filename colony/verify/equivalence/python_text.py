@@ -18,7 +18,7 @@ from colony.compile.lower.lower import lower
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque
 from colony.verify.equivalence.forms import Alike, Form, Timer, Winner, module_of, with_activities
-from colony.verify.equivalence.json_text import Unreadable
+from colony.verify.equivalence.json_text import EmittedFormError
 
 PYTHON = "generated Python"
 
@@ -30,7 +30,7 @@ def read_python(program: Program, clients: ClientList, text: str, name: str, ali
     """Return the winners by a text; `name` is the name of the form.
 
     Raises:
-        Unreadable: it is not of the form that is generated.
+        EmittedFormError: it is not of the form that is generated.
     """
     circuit = Circuit()
     numbers: dict[Key, int] = {}
@@ -61,11 +61,11 @@ def _run(text: str, circuit: Circuit, numbers: dict[Key, int], alike: Alike) -> 
     try:
         tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError) as problem:
-        raise Unreadable(f"{type(problem).__name__}: {problem}", "Python") from None
+        raise EmittedFormError(f"{type(problem).__name__}: {problem}", "Python") from None
     classes = [node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == "Program"]
     functions = {n.name: n for n in classes[0].body if isinstance(n, ast.FunctionDef)} if classes else {}
     if len(classes) != 1 or not {"__init__", "step"} <= functions.keys():
-        raise Unreadable("no class `Program` with `__init__` and `step`", "one")
+        raise EmittedFormError("no class `Program` with `__init__` and `step`", "one")
     initial = {
         target.attr: statement.value.value
         for statement in functions["__init__"].body
@@ -75,7 +75,7 @@ def _run(text: str, circuit: Circuit, numbers: dict[Key, int], alike: Alike) -> 
     }
     run = _Run(circuit, numbers, alike, initial, _deciding(functions["step"]))
     if run.block(functions["step"].body, TRUE) != FALSE:
-        raise Unreadable("a `step` that may end without a result", "a `return` at its end")
+        raise EmittedFormError("a `step` that may end without a result", "a `return` at its end")
     return run
 
 
@@ -95,7 +95,7 @@ def _deciding(step: ast.FunctionDef) -> Mapping[str, str]:
             case _:
                 continue
         if found.setdefault(actuator, by) != by:
-            raise Unreadable(f"decisions on {actuator} by {found[actuator]} and by {by}", "one of them")
+            raise EmittedFormError(f"decisions on {actuator} by {found[actuator]} and by {by}", "one of them")
     return found
 
 
@@ -142,7 +142,7 @@ class _Run:
                     pass
                 case _:
                     line = f"line {statement.lineno}: {type(statement).__name__}"
-                    raise Unreadable(line, "assignments, `if`, `while True`, `break` and `return`")
+                    raise EmittedFormError(line, "assignments, `if`, `while True`, `break` and `return`")
         return reached
 
     def _branch(self, test: int, body: Sequence[ast.stmt], orelse: Sequence[ast.stmt], reached: int) -> int:
@@ -167,7 +167,7 @@ class _Run:
         """Run a loop once: every branch that is reached ends with a `break`."""
         end, changed = self._apart(body, reached)
         if end != FALSE:
-            raise Unreadable("a loop over clients that may not end", "a `break` behind every client")
+            raise EmittedFormError("a loop over clients that may not end", "a `break` behind every client")
         self._loops += 1
         for name in (*changed, *self.decided_by.values()):
             self._name(name, self._numbered(("after loop", self._loops, name)))
@@ -203,7 +203,9 @@ class _Run:
             case ast.Attribute(value=ast.Name(id="self"), attr=attribute):
                 self.updates.setdefault(attribute, []).append((reached, number))
             case _:
-                raise Unreadable(f"line {target.lineno}: {ast.unparse(target)} = ...", "a name or attribute")
+                raise EmittedFormError(
+                    f"line {target.lineno}: {ast.unparse(target)} = ...", "a name or attribute"
+                )
 
     def _won(self, by: str, value: ast.expr, reached: int, rest: Sequence[ast.stmt]) -> None:
         """Record a winner. It is final: a `break` follows directly, with no other winner before it."""
@@ -213,11 +215,13 @@ class _Run:
             case ast.Constant(value=str() as module):
                 pass
             case _:
-                raise Unreadable(f"line {value.lineno}: {by} = {ast.unparse(value)}", "the name of a module")
+                raise EmittedFormError(
+                    f"line {value.lineno}: {by} = {ast.unparse(value)}", "the name of a module"
+                )
         straight = all(isinstance(s, ast.Assign) for s in rest[:-1]) and isinstance(rest[-1], ast.Break)
         others = [s for s in rest[1:-1] if isinstance(s, ast.Assign) and _names(s.targets[0], by)]
         if not straight or others:
-            raise Unreadable(f"line {value.lineno}: {by} = {module!r}", "a `break` right behind it")
+            raise EmittedFormError(f"line {value.lineno}: {by} = {module!r}", "a `break` right behind it")
         of = self.winners.setdefault(by, {})
         of[module] = self.circuit.either(of.get(module, FALSE), reached)
 

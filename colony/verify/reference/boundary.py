@@ -9,10 +9,10 @@ from importlib import import_module
 from colony.ir.frame import Frame, Reading, RecordKind
 from colony.ir.program import Actuator, PythonModule, Sensor
 from colony.ir.types import Array, Bool, Enum, Scalar, ScalarValue, Value
-from colony.text.diagnostics import Failure, error
+from colony.text.diagnostics import DiagnosticError, error
 
 
-class Fault(Exception):
+class PythonModuleError(Exception):
     """A value from outside is not of its type."""
 
 
@@ -42,7 +42,7 @@ def sense(sensor: Sensor, reading: Reading, factor: float) -> tuple[Value | None
         return None, None
     try:
         value = typed(sensor, reading, factor)
-    except Fault:
+    except PythonModuleError:
         return None, "sensor fault"
     inside = clamped(value, sensor)
     return inside, None if inside == value else "sensor clamped"
@@ -53,7 +53,7 @@ def typed(sensor: Sensor, reading: Reading, factor: float) -> Value:
     if not isinstance(sensor.type, Array):
         return typed_scalar(sensor.type, reading, factor)
     if not isinstance(reading, list | tuple) or len(reading) != sensor.type.size:
-        raise Fault
+        raise PythonModuleError
     return tuple(typed_scalar(sensor.type.element, x, factor) for x in reading)
 
 
@@ -61,18 +61,18 @@ def typed_scalar(of: Scalar, reading: object, factor: float = 1.0) -> ScalarValu
     """Return a bool, a number that is not NaN, or an enumerator that exists."""
     if isinstance(of, Bool):
         if not isinstance(reading, bool):
-            raise Fault
+            raise PythonModuleError
         return reading
     value = number(reading)
     if math.isnan(value) or (isinstance(of, Enum) and value not in [n for _, n in of.members]):
-        raise Fault
+        raise PythonModuleError
     return value * factor
 
 
 def number(x: object) -> float:
     """Return an int or float as a float; an int beyond all floats is infinite."""
     if isinstance(x, bool) or not isinstance(x, int | float):
-        raise Fault
+        raise PythonModuleError
     try:
         return float(x)
     except OverflowError:
@@ -150,7 +150,7 @@ class PythonRunner:
         """Import and build the class, once.
 
         Raises:
-            Failure: that did not work; the error says why.
+            DiagnosticError: that did not work; the error says why.
         """
         self.module = module
         self._fields = actuator.fields if actuator else ()
@@ -161,7 +161,7 @@ class PythonRunner:
             path = f"{module.module_path}:{module.class_name}"
             message = f"`{path}` cannot be imported and built: {type(problem).__name__}: {problem}"
             hint = "it is looked for beside the behavior and in this folder; its params are given by keyword"
-            raise Failure([error("P001", module.span, message, hint)]) from problem
+            raise DiagnosticError([error("P001", module.span, message, hint)]) from problem
         self._last_call: int | None = None
         self._answers: list[tuple[int, Command]] = []  # with the time from which each stands
 
@@ -189,7 +189,7 @@ class PythonRunner:
         if result is None:
             return None
         if not isinstance(result, Mapping) or set(result) != {f.name for f in self._fields}:
-            raise Fault
+            raise PythonModuleError
         return tuple(self._field(f.type, result[f.name]) for f in self._fields)
 
     def _field(self, of: Scalar, x: object) -> ScalarValue:

@@ -34,7 +34,7 @@ class Interpreter:
     If `answered`, Python modules are not run: `step` is given what they answered.
 
     Raises:
-        Failure: the class of a Python module cannot be imported and built.
+        DiagnosticError: the class of a Python module cannot be imported and built.
     """
 
     def __init__(self, program: ir.Program, *, answered: bool = False) -> None:

@@ -127,7 +127,7 @@ class Clients:
     answers are given to the clients. Records and breaches are the reference's: clients know none.
 
     Raises:
-        Failure: a Python module's class cannot be imported or built.
+        DiagnosticError: a Python module's class cannot be imported or built.
     """
 
     def __init__(self, compilation: Compilation, *, alone: bool) -> None:

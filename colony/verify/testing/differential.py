@@ -112,7 +112,7 @@ def try_traces(
     trace that shows a disagreement ends it; a contract that is broken does not.
 
     Raises:
-        Failure: a module in Python cannot be imported or built.
+        DiagnosticError: a module in Python cannot be imported or built.
     """
     examination = _Examination(program, count, seed, executors, trials, max_frames)
     while not examination.report.finished:

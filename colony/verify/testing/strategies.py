@@ -63,7 +63,7 @@ def programs(*, python: bool = True) -> st.SearchStrategy[Program]:
     """Draw programs as the front end makes them of `texts`.
 
     Raises:
-        Failure: while drawing, if the front end refuses a text; that is a bug in one of the two.
+        DiagnosticError: while drawing, if the front end refuses a text; that is a bug in one of the two.
     """
     from colony.dsl.load import load_text
 

@@ -7,7 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from colony.runtime.kit.errors import CallRefused, ConnectionLost, ServerNotFound, TimedOut
+from colony.runtime.kit.errors import (
+    CallRefusedError,
+    CallTimeoutError,
+    ConnectionLostError,
+    ServerNotFoundError,
+)
 from colony.runtime.kit.script import Step, do
 from colony.runtime.library import camera
 from colony.runtime.protocol.images import Image
@@ -16,7 +21,7 @@ from colony.vision.lights.scan_lines import Light, ceiling_lights
 
 _TRIES = 3
 
-SILENT = (CallRefused, ConnectionLost, ServerNotFound, TimedOut)
+SILENT = (CallRefusedError, ConnectionLostError, ServerNotFoundError, CallTimeoutError)
 """Errors of a server that does not answer; the next look asks it again."""
 
 

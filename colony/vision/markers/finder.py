@@ -136,7 +136,8 @@ class _Finder:
             doors_deg: the heading at which the robot faces the doors, as far as it knows.
 
         Raises:
-            CallRefused, ConnectionLost, ServerNotFound, TimedOut: a server does not answer.
+            CallRefusedError, ConnectionLostError, ServerNotFoundError, CallTimeoutError: a server does not
+                answer.
         """
         here = yield from do("RServer", robot.position())
         if abs(math.remainder(here.heading - doors_deg, 360.0)) > MOST_ASIDE_DEG:

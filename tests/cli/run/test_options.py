@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.cli.run.options import BadOption, duration_ns, variables
+from colony.cli.run.options import OptionError, duration_ns, variables
 from colony.ir.program import Program, Robot, Sensor
 from colony.ir.types import BOOL, DISTANCE, PLAIN, Array, Enum, Type
 
@@ -30,7 +30,7 @@ def test_durations(text: str, expected: int) -> None:
     "text", ["", "0", "-1", "1e-12", "x", "5 mm", "5 parsec", "nan", "inf", "1e999", "1e10", "5 s s"]
 )
 def test_bad_durations(text: str) -> None:
-    with pytest.raises(BadOption, match="--duration: found"):
+    with pytest.raises(OptionError, match="--duration: found"):
         duration_ns(text)
 
 
@@ -98,7 +98,7 @@ BAD = [
 
 @pytest.mark.parametrize(("setting", "text"), BAD)
 def test_bad_settings(setting: str, text: str) -> None:
-    with pytest.raises(BadOption, match=r"^--set") as bad:
+    with pytest.raises(OptionError, match=r"^--set") as bad:
         variables(PROGRAM.robot, (setting,))
     assert text in str(bad.value)
 

@@ -11,7 +11,7 @@ from colony.compile.passes.eliminate_inhibition import eliminate_inhibition
 from colony.compile.passes.forward_traversal import forward_traversal
 from colony.compile.passes.simplify import simplify
 from colony.compile.pipeline import compile_program
-from colony.verify.equivalence.json_text import Unreadable, read_json
+from colony.verify.equivalence.json_text import EmittedFormError, read_json
 from tests.compile.passes.network_semantics import networks
 from tests.networks import random_program
 from tests.wiring import program
@@ -76,7 +76,7 @@ def changed(path: list[str | int], value: object) -> str:
     "text", ["{", "[" * 100_000, "9" * 10_000, "[]", "{}", changed(["format"], "colony-clients/2")]
 )
 def test_what_is_no_client_list_is_not_read(text: str) -> None:
-    with pytest.raises(Unreadable):
+    with pytest.raises(EmittedFormError):
         read_json(text)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from colony.nav.maps.building import MAX_MAPS, Landing, Ride, load_building
-from colony.text.diagnostics import Failure, headline
+from colony.text.diagnostics import DiagnosticError, headline
 from tests.paths import MAPS
 
 
@@ -42,7 +42,7 @@ def tower(tmp_path: Path) -> Path:
 
 
 def told(path: Path) -> list[str]:
-    with pytest.raises(Failure) as caught:
+    with pytest.raises(DiagnosticError) as caught:
         load_building(path)
     return [headline(d).removeprefix(f"{path.parent}/") for d in caught.value.diagnostics]
 
@@ -127,7 +127,7 @@ def test_elevators_that_do_not_fit(tower: Path, line: str, expected: str) -> Non
 
 def test_the_missing_line_is_told(tower: Path) -> None:
     (tower / "up/3.stickrep").write_text(floor("three", level="3"))
-    with pytest.raises(Failure) as caught:
+    with pytest.raises(DiagnosticError) as caught:
         load_building(tower / "2.stickrep")
     (problem,) = caught.value.diagnostics
     assert problem.hint == f"add `elevator a.L ../2.stickrep b.L` to {tower}/up/3.stickrep"

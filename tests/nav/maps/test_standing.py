@@ -7,7 +7,7 @@ import math
 import pytest
 
 from colony.nav.maps.signs import plates_of
-from colony.nav.maps.standing import NoPlace, standing_at, standing_before
+from colony.nav.maps.standing import NoPlaceError, standing_at, standing_before
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import free_distance, walls_of
@@ -42,7 +42,7 @@ def test_every_node_is_a_place_or_says_why_not() -> None:
     for node in (node.name for ring in MSU.rings for node in ring.nodes):
         try:
             x, y, heading = standing_before(MSU, node)
-        except NoPlace:
+        except NoPlaceError:
             refused += 1
         else:
             standing_at(MSU, f"{x!r},{y!r},{heading!r}")
@@ -59,7 +59,7 @@ def test_every_node_is_a_place_or_says_why_not() -> None:
     ],
 )
 def test_poses_that_are_none(place: str, found: str) -> None:
-    with pytest.raises(NoPlace, match=found):
+    with pytest.raises(NoPlaceError, match=found):
         standing_at(MSU, place)
 
 
@@ -68,5 +68,5 @@ def test_a_pose_is_taken_as_it_is() -> None:
 
 
 def test_a_name_that_is_not_there_has_others_like_it() -> None:
-    with pytest.raises(NoPlace, match="no door or node `3767`; did you mean `377` or `376`"):
+    with pytest.raises(NoPlaceError, match="no door or node `3767`; did you mean `377` or `376`"):
         standing_before(MSU, "3767")

@@ -15,7 +15,7 @@ from colony.nav.maps.corridors import corridors_of
 from colony.nav.maps.stickrep.geometry import corners, in_free_space
 from colony.nav.maps.stickrep.model import EdgeKind, Map, Ring
 from colony.nav.plan.plan import Plan
-from colony.nav.plan.route import NoPlan, plan
+from colony.nav.plan.route import NoPlanError, plan
 from colony.nav.shared import GoalKind
 from tests.paths import MAPS
 
@@ -100,7 +100,7 @@ def test_a_door_stands_for_the_jamb_that_makes_the_shorter_path() -> None:
     ],
 )
 def test_names_that_make_no_plan(origin: str, goal: str, message: str, hint: str) -> None:
-    with pytest.raises(NoPlan) as problem:
+    with pytest.raises(NoPlanError) as problem:
         plan(floor("loop"), origin, goal)
     assert problem.value.message == message
     assert hint in problem.value.hint
@@ -116,7 +116,7 @@ def test_from_a_door_to_its_other_jamb() -> None:
 def test_rings_without_links_are_not_joined_where_the_wall_is_on_the_left() -> None:
     unlinked = replace(floor("loop"), links=())
     with pytest.raises(
-        NoPlan, match=r"ring `outline`, the other on `block`, and no links join these"
+        NoPlanError, match=r"ring `outline`, the other on `block`, and no links join these"
     ) as problem:
         plan(unlinked, "201R", "214L", travel="wall-on-left")
     assert "write lines `link` into the map" in problem.value.hint
@@ -139,7 +139,7 @@ def test_between_nodes_of_one_ring_no_link_is_taken() -> None:
 def test_what_stands_in_no_corridor_cannot_be_reached() -> None:
     loop = floor("loop")
     hall = replace(loop, rings=(loop.rings[0],), links=())  # without its block it is one hall of 30 m by 20 m
-    with pytest.raises(NoPlan, match="`201L` stands in no corridor"):
+    with pytest.raises(NoPlanError, match="`201L` stands in no corridor"):
         plan(hall, "201L", "205L")
 
 
@@ -183,14 +183,16 @@ def test_names_are_looked_for_on_the_floor_that_was_asked_for() -> None:
     three = building("msu_engineering_3").maps[0]
     twins = Building(maps=(floor("loop"), three, replace(three, name="another", floor="")))
     with pytest.raises(
-        NoPlan, match="several floors: `msu_engineering_3`, `another`; say which one: `msu_eng"
+        NoPlanError, match="several floors: `msu_engineering_3`, `another`; say which one: `msu_eng"
     ):
         plan(twins, "201L", "350R")
 
 
 def test_floors_without_an_elevator_are_apart() -> None:
     both = Building(maps=building("msu_engineering_3").maps)
-    with pytest.raises(NoPlan, match="from `msu_engineering_3` to `msu_engineering_2` has no elevator that"):
+    with pytest.raises(
+        NoPlanError, match="from `msu_engineering_3` to `msu_engineering_2` has no elevator that"
+    ):
         plan(both, "350R", "264L")
 
 
@@ -208,7 +210,7 @@ def test_a_floor_may_have_the_name_of_another_map() -> None:
     found = plan(renamed, "372R", "264L")
     assert found.modes == plan(building("msu_engineering_3"), "372R", "264L").modes
     lifts = [replace(one, rings=(_with_node(one.rings[0], "lift"), *one.rings[1:])) for one in renamed.maps]
-    with pytest.raises(NoPlan, match="say which one: `2:lift`"):
+    with pytest.raises(NoPlanError, match="say which one: `2:lift`"):
         plan(Building(maps=(floor("loop"), *lifts)), "201L", "2:lift")
 
 
@@ -218,15 +220,15 @@ def _with_node(ring: Ring, name: str) -> Ring:
 
 
 def test_a_name_that_is_none_is_quoted_in_one_short_line() -> None:
-    with pytest.raises(NoPlan) as problem:
+    with pytest.raises(NoPlanError) as problem:
         plan(floor("loop"), "x" * 5000 + "\n", "205L")
     assert len(problem.value.message) < 100
-    with pytest.raises(NoPlan, match=r"no goal `a\\nb` in the map"):
+    with pytest.raises(NoPlanError, match=r"no goal `a\\nb` in the map"):
         plan(floor("loop"), "205L", "a\nb")
 
 
 def test_a_name_in_other_letters_is_the_one_that_is_meant() -> None:
-    with pytest.raises(NoPlan, match="did you mean `205L`"):
+    with pytest.raises(NoPlanError, match="did you mean `205L`"):
         plan(floor("loop"), "205l", "201L")
 
 

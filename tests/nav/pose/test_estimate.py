@@ -21,11 +21,11 @@ from colony.nav.pose.pose import pose_of
 from colony.nav.pose.tracker import Source
 from colony.nav.shared import LIGHT_FIX, MARKER_FIX, PLATE_FIX, GoalKind
 from colony.runtime.kit.errors import (
-    CallRefused,
-    ConnectionLost,
-    ConnectionProblem,
-    ServerNotFound,
-    TimedOut,
+    CallRefusedError,
+    CallTimeoutError,
+    ConnectionLostError,
+    RobotConnectionError,
+    ServerNotFoundError,
 )
 from colony.runtime.kit.script import Do, Script, Sleep, Step
 from colony.runtime.library import proximity
@@ -215,7 +215,7 @@ class Stepped:
                 self.variables[names[0]] = msgspec.msgpack.decode(told.value)
                 step = self._script.send(None)
             elif any(name not in self.variables for name in names):
-                step = self._script.throw(CallRefused("unset", f"{names} were never set"))
+                step = self._script.throw(CallRefusedError("unset", f"{names} were never set"))
             else:
                 found = {name: self.variables[name] for name in names}
                 step = self._script.send(found if step.ask.method == "get_many" else found[names[0]])
@@ -234,9 +234,15 @@ def test_sonars_that_have_nothing_to_say_are_done_without() -> None:
 
 
 @pytest.mark.parametrize(
-    "problem", [ServerNotFound("away"), ConnectionLost("lost"), TimedOut("late"), CallRefused("no value", "")]
+    "problem",
+    [
+        ServerNotFoundError("away"),
+        ConnectionLostError("lost"),
+        CallTimeoutError("late"),
+        CallRefusedError("no value", ""),
+    ],
 )
-def test_servers_that_are_away_are_waited_for(problem: ConnectionProblem) -> None:
+def test_servers_that_are_away_are_waited_for(problem: RobotConnectionError) -> None:
     robot = Stepped(estimator(WALLS))
     assert robot.answer(0) == Do("PServer", proximity.sonar())
     assert robot.refuse(problem) == Do("RServer", robot_asks.position())
@@ -266,7 +272,7 @@ def test_without_dserver_it_goes_on_by_the_sonars() -> None:
         if step.ask.method == "adjust_position":
             return
         step = (
-            script.throw(ConnectionLost("lost"))
+            script.throw(ConnectionLostError("lost"))
             if step.server == "DServer"
             else script.send(answers[step.ask.method])
         )
@@ -276,8 +282,8 @@ def test_without_dserver_it_goes_on_by_the_sonars() -> None:
 def test_what_is_refused_for_ever_is_told() -> None:
     robot = Stepped(estimator(WALLS))
     robot.answer(0)
-    with pytest.raises(CallRefused):
-        robot.refuse(CallRefused("permission", "not yours"))
+    with pytest.raises(CallRefusedError):
+        robot.refuse(CallRefusedError("permission", "not yours"))
 
 
 def test_a_floor_that_is_not_in_the_building_is_refused_in_words() -> None:
@@ -423,7 +429,7 @@ def told_twice(fixes: list[object]) -> tuple[float, float]:
         robot.answer(0)
         step = robot.answer(Position(x=EAST_POSE.x, y=EAST_POSE.y, heading=270.0, t_ns=k * 100_000_000))
         if step != Sleep(0.1):
-            assert robot.refuse(ConnectionLost("lost")) == Sleep(0.1)  # who is not told stays wrong
+            assert robot.refuse(ConnectionLostError("lost")) == Sleep(0.1)  # who is not told stays wrong
     pose = pose_of(robot.variables["Pose"])
     assert pose is not None
     return pose.x_mm, pose.y_mm

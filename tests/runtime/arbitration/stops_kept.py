@@ -32,7 +32,7 @@ import pytest
 from colony.runtime.arbitration.stop_file import FILE_BYTES, Kept, StopFile
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.emergency import StopButton
-from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import clock
 from colony.runtime.library.clock import Who
 from colony.runtime.protocol.messages import Stopped
@@ -124,7 +124,7 @@ class Trial:
             try:
                 with self._machine.session() as session, session.connect(CLOCK, timeout_s=1.0) as connection:
                     return connection.do(clock.who())
-            except ConnectionProblem:
+            except RobotConnectionError:
                 return None
 
         return until(who, "the Clock answers")

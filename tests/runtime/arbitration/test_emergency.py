@@ -9,7 +9,7 @@ import pytest
 
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.emergency import StopButton
-from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import data, emergency
 from colony.runtime.library.ask import Ask
@@ -179,7 +179,7 @@ def test_the_clock_alone_keeps_it(machine: Machine) -> None:
             assert button.press().kept
         with session.connect("Clock") as clock:
             clock.do(clock_library.release())
-        with session.connect("Clock") as clock, pytest.raises(CallRefused, match="no method `halt`"):
+        with session.connect("Clock") as clock, pytest.raises(CallRefusedError, match="no method `halt`"):
             clock.do(emergency.stop()._replace(method="halt"))
 
 

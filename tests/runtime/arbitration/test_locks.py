@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from colony.runtime.arbitration.locks import LockQueue
-from colony.runtime.protocol.calls import Asked, Refused
+from colony.runtime.protocol.calls import Asked, RefusedError
 from colony.runtime.protocol.connections import Caller
 
 S = 1_000_000_000
@@ -29,7 +29,7 @@ def test_the_first_who_asks_gets_it_and_may_ask_again(lock: LockQueue) -> None:
 
 def test_who_does_not_wait_is_refused_by_name(lock: LockQueue) -> None:
     lock.ask(asked("ann"), 0, wait_ns=0)
-    with pytest.raises(Refused, match="ann holds the lock"):
+    with pytest.raises(RefusedError, match="ann holds the lock"):
         lock.ask(asked("bob"), 0, wait_ns=0)
     assert lock.waiting == ()
 
@@ -57,11 +57,11 @@ def test_all_calls_of_a_connection_that_wait_are_granted_together(lock: LockQueu
 
 
 def test_only_the_holder_gives_it_back(lock: LockQueue) -> None:
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(RefusedError) as refused:
         lock.release(asked("ann").caller)
     assert refused.value.problem.code == "unlocked"
     lock.ask(asked("ann"), 0, wait_ns=0)
-    with pytest.raises(Refused):
+    with pytest.raises(RefusedError):
         lock.release(asked("bob").caller)
     assert lock.holder == asked("ann").caller
 

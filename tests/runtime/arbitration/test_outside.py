@@ -8,7 +8,7 @@ import pytest
 
 from colony.runtime.arbitration.motion import STILL, ConstantSpeeds
 from colony.runtime.arbitration.outside import LONGEST_LEASE_S, Outsiders, lease_end
-from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.connections import Caller
 
 PLACES = {3: "back_off", 1: "cruise"}
@@ -24,9 +24,9 @@ def test_the_order_is_that_of_priorities_and_nobody_shares_one() -> None:
         outsiders.enter(caller(name, priority), PLACES)
     assert [c.caller.name for c in outsiders.all] == ["high", "middle", "low"]
     assert outsiders.enter(caller("high", 9), PLACES) is outsiders.all[0]
-    with pytest.raises(Refused, match=r"priority 9 is taken: high \(user/high\) commands with it"):
+    with pytest.raises(RefusedError, match=r"priority 9 is taken: high \(user/high\) commands with it"):
         outsiders.enter(caller("other", 9), PLACES)
-    with pytest.raises(Refused, match="priority 3 is taken: `back_off`, a client of the program,"):
+    with pytest.raises(RefusedError, match="priority 3 is taken: `back_off`, a client of the program,"):
         outsiders.enter(caller("other", 3), PLACES)
 
 
@@ -60,7 +60,7 @@ def test_a_network_with_the_priority_of_somebody_outside_is_a_tie() -> None:
 
 @pytest.mark.parametrize("lease_s", [0.0, -0.1, math.inf, -math.inf, math.nan, LONGEST_LEASE_S + 0.1])
 def test_a_lease_is_positive_and_finite(lease_s: float) -> None:
-    with pytest.raises(Refused, match="expected more than 0 and at most 60 s"):
+    with pytest.raises(RefusedError, match="expected more than 0 and at most 60 s"):
         lease_end(lease_s, 0)
 
 

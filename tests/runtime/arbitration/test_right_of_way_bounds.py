@@ -7,7 +7,7 @@ import pytest
 from colony.runtime.arbitration.locks import LockQueue
 from colony.runtime.arbitration.motion import STILL, ConstantSpeeds
 from colony.runtime.arbitration.outside import LONGEST_LEASE_S, Outsiders, lease_end
-from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.calls import RefusedError
 from tests.runtime.arbitration.test_locks import S, asked, names
 from tests.runtime.arbitration.test_outside import PLACES, caller
 
@@ -21,7 +21,7 @@ def test_who_waits_for_a_moment_waits(lock: LockQueue, wait_ns: int, waits: bool
         assert not lock.ask(asked("bob"), 7, wait_ns=wait_ns)
         assert lock.wake_at == 7 + wait_ns
     else:
-        with pytest.raises(Refused) as refused:
+        with pytest.raises(RefusedError) as refused:
             lock.ask(asked("bob"), 7, wait_ns=wait_ns)
         assert (refused.value.problem.code, refused.value.problem.message) == ("locked", "ann holds the lock")
 
@@ -35,7 +35,7 @@ def test_who_asked_first_is_served_first_however_long_anybody_waits(lock: LockQu
 
 def test_a_lock_that_nobody_holds(lock: LockQueue) -> None:
     assert lock.refusal().problem.message == "nobody holds the lock"
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(RefusedError) as refused:
         lock.release(asked("ann").caller)
     found = refused.value.problem
     assert (found.code, found.message) == ("unlocked", "ann does not hold the lock")
@@ -70,7 +70,7 @@ def test_a_lease_up_to_the_longest_and_no_longer() -> None:
     assert lease_end(1e-9, 3) == 4
     assert lease_end(2.6e-9, 0) == 3
     for lease in (LONGEST_LEASE_S + 1e-6, 0.0):
-        with pytest.raises(Refused) as refused:
+        with pytest.raises(RefusedError) as refused:
             lease_end(lease, 0)
         assert refused.value.problem.code == "arguments"
         text = f"a lease of {lease:g} s; expected more than 0 and at most 60 s"
@@ -95,7 +95,7 @@ def test_ties_are_told_in_full() -> None:
     outsiders = Outsiders()
     outsiders.enter(caller("ann", 9), PLACES)
     for priority, holder in ((9, "ann (user/ann)"), (3, "`back_off`, a client of the program,")):
-        with pytest.raises(Refused) as refused:
+        with pytest.raises(RefusedError) as refused:
             outsiders.enter(caller("bob", priority), PLACES)
         found = refused.value.problem
         assert found.code == "tie"
@@ -112,6 +112,6 @@ def test_ties_are_told_in_full() -> None:
 def test_somebody_outside_who_was_there_first_is_named_before_a_client_of_the_program() -> None:
     outsiders = Outsiders()
     outsiders.enter(caller("ann", 3), {})
-    with pytest.raises(Refused, match=r"ann \(user/ann\) commands with it"):
+    with pytest.raises(RefusedError, match=r"ann \(user/ann\) commands with it"):
         outsiders.enter(caller("bob", 3), PLACES)
     assert outsiders.enter(caller("ann", 3), PLACES) is outsiders.all[0]

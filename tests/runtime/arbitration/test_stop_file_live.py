@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import clock
 from colony.runtime.library.clock import Who
 from colony.runtime.protocol.topics import CLOCK
@@ -42,7 +42,7 @@ class Robot:
         try:
             with self.machine.session() as session, session.connect(CLOCK, timeout_s=1.0) as connection:
                 return connection.do(clock.who())
-        except ConnectionProblem:
+        except RobotConnectionError:
             return None
 
     def run(self, *arguments: str) -> tuple[int, str]:

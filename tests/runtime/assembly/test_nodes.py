@@ -14,7 +14,7 @@ from colony.ir.types import PLAIN
 from colony.runtime.assembly.nodes import build_announcer, build_clients, build_observer
 from colony.runtime.assembly.sharing import ClientProcess, announcer_process, client_processes
 from colony.runtime.protocol.bindings import bind
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 from tests.runtime.assembly.test_virtual import pulsing
 from tests.runtime.programs import constant, drive, number, roam
 
@@ -108,7 +108,7 @@ def test_each_module_in_python_is_a_process_of_its_own_and_no_other_imports_it()
         (node,) = build_clients(compiled, bindings, [("drive", module)], "run")
         assert node.address == f"drive/{module}"
     assert "DServer/activity/pulse/frames" in build_observer(compiled, bindings, (), "run").listens
-    with pytest.raises(Failure, match="P001"):
+    with pytest.raises(DiagnosticError, match="P001"):
         build_announcer(compiled, bindings, "pulse", "run")
     with pytest.raises(KeyError):
         build_announcer(compiled, bindings, "cruise", "run")

@@ -112,18 +112,18 @@ def test_a_server_that_stops_answering_is_idle_first_and_then_its_sensors_are_mi
     assert all(not f.disagreements for f in log.frames)
 
 
-class Trouble(Exception):
+class TroubleError(Exception):
     pass
 
 
 def test_an_exception_stops_the_robot_and_closes_the_sinks() -> None:
     def failing(t: int) -> Sample:
         if t >= 1 * S:
-            raise Trouble
+            raise TroubleError
         return Sample(FAR, t)
 
     stage, log = Script(sonar_at=failing), Log()
-    with pytest.raises(Trouble):
+    with pytest.raises(TroubleError):
         session(roam(), stage, log).run(5 * S)
     assert stage.stopped == [0, 1 * S]
     assert log.closed == 1

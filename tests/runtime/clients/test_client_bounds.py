@@ -6,7 +6,7 @@ import pytest
 
 from colony.execute.executor import ClientMemory
 from colony.runtime.clients.client import ClientNode
-from colony.runtime.clients.memory import BadMemory, decode_memory, encode_memory
+from colony.runtime.clients.memory import MemoryFormatError, decode_memory, encode_memory
 from colony.runtime.protocol.messages import Checkpoint, Fetch, Ready, Recall, Request
 from tests.runtime.clients.test_client import (
     ADDRESS,
@@ -62,7 +62,7 @@ def test_what_is_no_memory_says_what_is_wrong_with_it() -> None:
         (b"\x01", "Expected `array`"),
         (b"\x92\xa1x\x80", "Expected `int | null`"),
     ):
-        with pytest.raises(BadMemory, match=text):
+        with pytest.raises(MemoryFormatError, match=text):
             decode_memory(data)
     assert encode_memory(ClientMemory(5, {"a": 1.0})) == b"\x92\x05\x81\xa1a\xcb?\xf0\x00\x00\x00\x00\x00\x00"
 

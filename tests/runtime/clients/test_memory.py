@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.execute.executor import ClientMemory
-from colony.runtime.clients.memory import BadMemory, decode_memory, encode_memory
+from colony.runtime.clients.memory import MemoryFormatError, decode_memory, encode_memory
 
 CELLS = st.dictionaries(
     st.text(max_size=10), st.floats() | st.booleans() | st.integers(-(2**63), 2**63 - 1), max_size=5
@@ -47,12 +47,12 @@ BAD = [
 
 @pytest.mark.parametrize("data", BAD)
 def test_other_bytes_are_refused(data: bytes) -> None:
-    with pytest.raises(BadMemory) as refused:
+    with pytest.raises(MemoryFormatError) as refused:
         decode_memory(data)
     assert str(refused.value)
 
 
 @given(st.binary(max_size=40))
 def test_any_bytes_are_memory_or_refused(data: bytes) -> None:
-    with contextlib.suppress(BadMemory):
+    with contextlib.suppress(MemoryFormatError):
         decode_memory(data)

@@ -11,7 +11,7 @@ import msgspec
 
 from colony.runtime.kit.server import Field, Method, Server, field, method
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Nothing, Refused
+from colony.runtime.protocol.calls import Nothing, RefusedError
 from colony.runtime.protocol.connections import Caller
 from tests.runtime.transport.live.stage import ROBOT, python_process
 from tests.waiting import until
@@ -52,7 +52,7 @@ class Battery:
 
     def charge(self, caller: Caller, given: Charge) -> float:
         if given.amperes < 0:
-            raise Refused("range", f"{given.amperes:g} A: expected 0 or more")
+            raise RefusedError("range", f"{given.amperes:g} A: expected 0 or more")
         self.charges += 1
         self.level += given.amperes / 10
         return self.level

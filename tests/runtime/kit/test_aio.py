@@ -10,7 +10,12 @@ import msgspec
 import pytest
 
 from colony.runtime.kit import aio
-from colony.runtime.kit.errors import CallRefused, ConnectionLost, ServerNotFound, TimedOut
+from colony.runtime.kit.errors import (
+    CallRefusedError,
+    CallTimeoutError,
+    ConnectionLostError,
+    ServerNotFoundError,
+)
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import Nothing
 from tests.runtime.kit.stage import BATTERY, battery_process, battery_thread, charge, gone, level, plain
@@ -27,7 +32,7 @@ def test_many_calls_at_once(environment: Mapping[str, str]) -> None:
         async with aio.connect(BATTERY, robot=ROBOT, environment=environment) as battery:
             levels = await asyncio.gather(*(battery.do(level()) for _ in range(50)))
             assert levels == [0.5] * 50
-            with pytest.raises(CallRefused, match="expected 0 or more"):
+            with pytest.raises(CallRefusedError, match="expected 0 or more"):
                 await battery.do(charge(-1.0))
 
     with battery_thread(environment):
@@ -40,7 +45,7 @@ def test_an_answer_that_does_not_come_in_time(environment: Mapping[str, str]) ->
         async def work() -> None:
             async with aio.connect(BATTERY, robot=ROBOT, environment=environment) as battery:
                 server.wait.clear()
-                with pytest.raises(TimedOut, match="did not answer `wait`"):
+                with pytest.raises(CallTimeoutError, match="did not answer `wait`"):
                     await battery.do(plain("wait"), timeout_s=0.05)
                 waiting = asyncio.create_task(battery.do(plain("wait")))
                 await asyncio.sleep(0)
@@ -53,11 +58,11 @@ def test_an_answer_that_does_not_come_in_time(environment: Mapping[str, str]) ->
 
 def test_nobody_there(environment: Mapping[str, str]) -> None:
     async def work() -> None:
-        with pytest.raises(ServerNotFound, match="no robot `siena`"):
+        with pytest.raises(ServerNotFoundError, match="no robot `siena`"):
             async with aio.connect(BATTERY, robot="siena", environment=environment):
                 pass
         async with aio.Session.open(ROBOT, environment=environment) as session:
-            with pytest.raises(ServerNotFound, match="rome has no Radio"):
+            with pytest.raises(ServerNotFoundError, match="rome has no Radio"):
                 async with session.connect("Radio", timeout_s=0.2):
                     pass
 
@@ -103,7 +108,7 @@ def test_closing_ends_what_is_awaited(environment: Mapping[str, str]) -> None:
             async with aio.connect(BATTERY, robot=ROBOT, environment=environment) as battery:
                 waiting = asyncio.create_task(battery.do(plain("wait")))
                 await asyncio.sleep(0)
-            with pytest.raises(ConnectionLost, match="was closed before the answer"):
+            with pytest.raises(ConnectionLostError, match="was closed before the answer"):
                 await waiting
             server.wait.set()
 

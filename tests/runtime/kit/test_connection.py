@@ -12,7 +12,12 @@ import msgspec
 import pytest
 
 from colony.runtime.kit.connection import Connection, Session, connect
-from colony.runtime.kit.errors import CallRefused, ConnectionLost, ServerNotFound, TimedOut
+from colony.runtime.kit.errors import (
+    CallRefusedError,
+    CallTimeoutError,
+    ConnectionLostError,
+    ServerNotFoundError,
+)
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, method
@@ -81,7 +86,7 @@ def test_the_server_knows_who_calls(environment: Mapping[str, str]) -> None:
     ],
 )
 def test_what_the_server_does_not_do(battery: Connection, ask: Ask[object], code: str, says: str) -> None:
-    with pytest.raises(CallRefused, match=says) as refused:
+    with pytest.raises(CallRefusedError, match=says) as refused:
         battery.do(ask)
     assert refused.value.code == code
     assert battery.do(level()) == 0.5
@@ -93,7 +98,7 @@ def test_an_answer_that_does_not_come_in_time(environment: Mapping[str, str]) ->
         connect(BATTERY, robot=ROBOT, environment=environment) as connection,
     ):
         server.wait.clear()
-        with pytest.raises(TimedOut, match=r"Battery did not answer `wait` in 0\.05 s"):
+        with pytest.raises(CallTimeoutError, match=r"Battery did not answer `wait` in 0\.05 s"):
             connection.do(plain("wait"), timeout_s=0.05)
         server.wait.set()
         assert connection.do(level()) == 0.5
@@ -140,14 +145,16 @@ def test_connections_share_a_session(environment: Mapping[str, str]) -> None:
 
 
 def test_nobody_there(environment: Mapping[str, str]) -> None:
-    with pytest.raises(ServerNotFound, match=r"no robot `rome` on this machine: /tmp/.* is not there .*none"):
+    with pytest.raises(
+        ServerNotFoundError, match=r"no robot `rome` on this machine: /tmp/.* is not there .*none"
+    ):
         connect(BATTERY, robot=ROBOT, environment=environment)
     with battery_thread(environment):
-        with pytest.raises(ServerNotFound, match=r"no robot `siena` .*robots found: rome"):
+        with pytest.raises(ServerNotFoundError, match=r"no robot `siena` .*robots found: rome"):
             connect(BATTERY, robot="siena", environment=environment)
-        with pytest.raises(ServerNotFound, match="rome has no Radio: found Battery"):
+        with pytest.raises(ServerNotFoundError, match="rome has no Radio: found Battery"):
             connect("Radio", robot=ROBOT, environment=environment, timeout_s=0.2)
-    with pytest.raises(ServerNotFound, match=r"nothing of rome runs on this machine \(looked in /tmp"):
+    with pytest.raises(ServerNotFoundError, match=r"nothing of rome runs on this machine \(looked in /tmp"):
         connect(BATTERY, robot=ROBOT, environment=environment, timeout_s=0.2)
 
 
@@ -155,7 +162,7 @@ def test_a_server_that_answers_nothing(environment: Mapping[str, str]) -> None:
     silent = Recorder("Silent", topics.calls("Silent"))
     with (
         hosted(environment, [silent]),
-        pytest.raises(ServerNotFound, match="Silent of rome is there, but does not answer"),
+        pytest.raises(ServerNotFoundError, match="Silent of rome is there, but does not answer"),
     ):
         connect("Silent", robot=ROBOT, environment=environment, timeout_s=0.2)
 
@@ -239,7 +246,7 @@ def test_a_server_that_is_started_anew_is_found_again(environment: Mapping[str, 
             os.kill(second.pid, signal.SIGSTOP)
             lost, waiting = connection.send(charge(1.0)), connection.send(level())
             gone(second)
-            with pytest.raises(ConnectionLost, match="Battery went away before it answered"):
+            with pytest.raises(ConnectionLostError, match="Battery went away before it answered"):
                 lost.result()
         with battery_process(environment):
             assert waiting.result() == 0.5
@@ -274,7 +281,7 @@ def test_a_closed_connection_says_so(environment: Mapping[str, str]) -> None:
         connection = connect(BATTERY, robot=ROBOT, environment=environment)
         connection.close()
         connection.close()
-        with pytest.raises(ConnectionLost, match="the connection to Battery was closed"):
+        with pytest.raises(ConnectionLostError, match="the connection to Battery was closed"):
             connection.do(level())
 
 

@@ -21,7 +21,7 @@ from colony.runtime.kit.conversation import (
     Tell,
     Transmit,
 )
-from colony.runtime.kit.errors import CallRefused, ConnectionLost
+from colony.runtime.kit.errors import CallRefusedError, ConnectionLostError
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import EMERGENCY_STOP, Nothing
 from colony.runtime.protocol.codec import LARGEST
@@ -101,7 +101,7 @@ def test_it_opens_with_a_call_and_then_calls_are_answered_by_number() -> None:
     _resolve(talk.take(refused, 0))
     _resolve(talk.take(refused, 0))
     problem = outcomes[1]
-    assert isinstance(problem, CallRefused)
+    assert isinstance(problem, CallRefusedError)
     assert (problem.code, str(problem), len(outcomes)) == ("locked", "by bob", 2)
 
 
@@ -132,7 +132,7 @@ def test_when_the_server_does_not_know_us_any_more_it_opens_anew_and_numbers_on(
     list(talk.ask(_pending("read", outcomes, repeatable=True), 0))
     list(talk.ask(_pending("go", outcomes), 0))
     effects = _resolve(talk.take(_closed("ada/1"), 0))
-    assert isinstance(outcomes[0], ConnectionLost)
+    assert isinstance(outcomes[0], ConnectionLostError)
     assert len(outcomes) == 1
     assert [(c.connection, c.number, c.method) for c in _calls(effects)] == [("ada/1", 4, "open")]
     assert not list(talk.take(_closed("ada/1", 2), 0)), "it answers what was said before it was known"
@@ -149,7 +149,7 @@ def test_when_the_server_dies_only_calls_that_may_be_repeated_go_on_waiting() ->
     list(talk.ask(_pending("go", outcomes), 0))
     (read,) = _calls(talk.ask(_pending("read", outcomes, repeatable=True), 0))
     _resolve(talk.vanished())
-    assert [type(outcome) for outcome in outcomes] == [ConnectionLost]
+    assert [type(outcome) for outcome in outcomes] == [ConnectionLostError]
     assert list(talk.appeared(0)) == [Transmit(Alive(connection="ada/1"))]
     assert _calls(talk.tend(AGAIN_NS)) == [read]
 
@@ -165,7 +165,7 @@ def test_a_refused_opening_is_told_and_tried_again() -> None:
     list(talk.open(opened.append, 0))
     refusal = Reply(connection="ada/1", number=1, problem=Problem(code="full", message="1000 connections"))
     _resolve(talk.take(refusal, 0))
-    assert isinstance(opened[0], CallRefused)
+    assert isinstance(opened[0], CallRefusedError)
     assert (talk.state, talk.complaint) == (State.OPENING, "1000 connections")
     assert len(_calls(talk.tend(AGAIN_NS))) == 1
 
@@ -187,7 +187,7 @@ def test_closing_tells_the_server_and_whoever_waits() -> None:
     effects = _resolve(talk.close(0))
     assert [c.method for c in _calls(effects)] == ["close"]
     _resolve(talk.ask(_pending("go", outcomes), 0))
-    assert [type(outcome) for outcome in outcomes] == [ConnectionLost] * 2
+    assert [type(outcome) for outcome in outcomes] == [ConnectionLostError] * 2
     assert not [*talk.close(0), *talk.tend(10**12), *talk.lose(0), *talk.vanished(), *talk.appeared(0)]
 
 
@@ -205,7 +205,9 @@ def test_who_gave_up_waiting_is_not_told() -> None:
 
 def test_arguments_that_are_too_large_are_refused_before_anything_is_sent() -> None:
     ask: Ask[None] = Ask("write", _Blob(data=bytes(LARGEST)), None, "command")
-    with pytest.raises(CallRefused, match=r"write: the arguments are [0-9]+ bytes; expected at most 4193280"):
+    with pytest.raises(
+        CallRefusedError, match=r"write: the arguments are [0-9]+ bytes; expected at most 4193280"
+    ):
         Pending(ask, lambda outcome: None)
 
 

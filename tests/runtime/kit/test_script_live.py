@@ -8,7 +8,7 @@ import time
 import pytest
 
 from colony.runtime.kit.connection import Connection, Session
-from colony.runtime.kit.errors import CallRefused, ServerNotFound
+from colony.runtime.kit.errors import CallRefusedError, ServerNotFoundError
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.script_live import run_script
 from colony.runtime.library import data
@@ -51,11 +51,11 @@ def test_refusals_are_raised_in_the_script(session: Session) -> None:
         for server, ask in (("DServer", data.get("Nothing")), ("DServer", data.wait("$Nothing"))):
             try:
                 yield from do(server, ask)
-            except CallRefused as refused:
+            except CallRefusedError as refused:
                 codes.append(refused.code)
         yield from do("Nobody", data.get("Nothing"))
 
-    with pytest.raises(ServerNotFound):
+    with pytest.raises(ServerNotFoundError):
         run_script(session, script(), name="asker", timeout_s=0.2)
     assert codes == ["unknown", "unknown"]
 
@@ -115,5 +115,5 @@ def test_a_script_is_stopped_that_is_just_opening_a_connection(session: Session)
 def _waiting(connection: Connection, name: str) -> int:
     try:
         return len(connection.do(data.semaphore(name)).waiting)
-    except CallRefused:
+    except CallRefusedError:
         return -1

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime.kit.errors import CallRefused, ServerNotFound
+from colony.runtime.kit.errors import CallRefusedError, ServerNotFoundError
 from colony.runtime.kit.script import Script, do, sleep
-from colony.runtime.kit.script_local import ScriptFailed
+from colony.runtime.kit.script_local import ScriptError
 from colony.runtime.library import data, robot
 from tests.script_stage import FRAME_NS, ScriptStage
 
@@ -61,7 +61,7 @@ def test_patience_ends_in_the_first_frame_at_or_after_its_time() -> None:
         for patience in (0.0, 0.12, 0.05):
             try:
                 yield from do("DServer", data.wait("$S", timeout_s=patience))
-            except CallRefused as refused:
+            except CallRefusedError as refused:
                 found.append((refused.code, (yield from sleep(0.0)) // FRAME_NS))
 
     stage = Stage({"one": script()})
@@ -75,11 +75,11 @@ def test_strange_servers_and_methods_are_refused() -> None:
     def script() -> Script:
         try:
             yield from do("RServer", robot.position())
-        except ServerNotFound as problem:
+        except ServerNotFoundError as problem:
             found.append(str(problem))
         try:
             yield from do("DServer", data.publish(("X",)))
-        except CallRefused as refused:
+        except CallRefusedError as refused:
             found.append(refused.code)
 
     Stage({"one": script()}).run(1)
@@ -95,9 +95,9 @@ def test_a_script_that_raises_or_never_rests_is_named() -> None:
         while True:
             yield from do("DServer", data.set("X", 1))
 
-    with pytest.raises(ScriptFailed, match="the script `bad` raised ValueError: no such light"):
+    with pytest.raises(ScriptError, match="the script `bad` raised ValueError: no such light"):
         Stage({"bad": raises()}).run(3)
-    with pytest.raises(ScriptFailed, match="20000 calls without a `sleep`"):
+    with pytest.raises(ScriptError, match="20000 calls without a `sleep`"):
         Stage({"spinner": spins()}).run(1)
 
 

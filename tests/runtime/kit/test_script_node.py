@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime.kit.errors import CallRefused, ServerNotFound, TimedOut
+from colony.runtime.kit.errors import CallRefusedError, CallTimeoutError, ServerNotFoundError
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.library import data
@@ -66,12 +66,12 @@ def test_refusals_and_strangers_are_raised_in_the_script() -> None:
         for ask in (data.get("Nothing"), data.wait("$Nothing")):
             try:
                 yield from do("DServer", ask)
-            except CallRefused as refused:
+            except CallRefusedError as refused:
                 codes.append(refused.code)
         yield from do("DServer", data.create_semaphore("$Slow", 0))
         try:
             yield from do("DServer", data.wait("$Slow", timeout_s=7.5))
-        except CallRefused as refused:
+        except CallRefusedError as refused:
             codes.append((refused.code, (yield from sleep(0.0))))
         yield from do("RServer", data.get("Nothing"))
 
@@ -79,7 +79,7 @@ def test_refusals_and_strangers_are_raised_in_the_script() -> None:
     stage.transport.run_until(20 * S)
     assert codes == ["unknown", "unknown", ("timeout", 7_500_000_000)]
     assert node.ended
-    assert isinstance(node.problem, ServerNotFound)
+    assert isinstance(node.problem, ServerNotFoundError)
     assert "DServer" in str(node.problem)
 
 
@@ -89,7 +89,7 @@ def test_a_server_that_is_not_there_is_waited_for_and_then_given_up() -> None:
     def script() -> Script:
         try:
             yield from do("Later", data.get("X"))
-        except TimedOut as problem:
+        except CallTimeoutError as problem:
             times.append((str(problem), (yield from sleep(0.0))))
 
     stage.add("asker", script(), "Later")

@@ -60,7 +60,7 @@ def test_a_server_that_is_not_there_is_told_in_its_own_words(session: Session) -
         assert team.wait(PATIENCE_S)
     assert team.problem.startswith("lost: ")
     assert "Nobody" in team.problem
-    assert "ServerNotFound" not in team.problem
+    assert "ServerNotFoundError" not in team.problem
     assert not team.done
 
 

@@ -12,14 +12,14 @@ from colony.ir.program import Sensor
 from colony.ir.types import BOOL, PLAIN, Array, Quantity
 from colony.runtime.kit.connection import Session, connect
 from colony.runtime.kit.description import Description, FieldDescription, describe, field_type, server_spec
-from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.kit.server import Server, field
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import SensorBinding, bind
 from colony.runtime.protocol.fields import SERVERS, FieldSpec
 from colony.runtime.protocol.messages import Effect, Fetch, Message, Send, ServerFrame, Tick, Wake, WakeAt
-from colony.runtime.transport.live.errors import AlreadyRunning
-from colony.text.diagnostics import Failure
+from colony.runtime.transport.live.errors import AlreadyRunningError
+from colony.text.diagnostics import DiagnosticError
 from colony.text.units import LENGTH, TIME
 from tests.runtime.kit.stage import BATTERY, Battery, battery_process, battery_thread, level, plain
 from tests.runtime.programs import robot
@@ -99,7 +99,7 @@ def test_what_a_handler_raises_is_reported_and_the_server_lives_on(environment: 
         battery_thread(environment, report=reports.append),
         connect(BATTERY, robot=ROBOT, environment=environment) as connection,
     ):
-        with pytest.raises(CallRefused, match=r"Battery\.fail failed: ZeroDivisionError") as refused:
+        with pytest.raises(CallRefusedError, match=r"Battery\.fail failed: ZeroDivisionError") as refused:
             connection.do(plain("fail"))
         assert refused.value.code == "failed"
         assert connection.do(level()) == 0.5
@@ -109,7 +109,7 @@ def test_what_a_handler_raises_is_reported_and_the_server_lives_on(environment: 
 def test_its_name_is_taken_as_long_as_it_is_open(environment: Mapping[str, str]) -> None:
     with (
         battery_thread(environment),
-        pytest.raises(AlreadyRunning, match="Battery of rome runs already"),
+        pytest.raises(AlreadyRunningError, match="Battery of rome runs already"),
     ):
         Server.open(BATTERY, robot=ROBOT, environment=environment)
     Server.open(BATTERY, robot=ROBOT, environment=environment).close()
@@ -142,5 +142,5 @@ def test_a_program_reads_it() -> None:
         sensor="charged", server=BATTERY, field="full", within_ns=None, factor=1.0
     )
     wrong = Sensor(name="charged", type=BOOL, server=BATTERY, field="level")
-    with pytest.raises(Failure, match=r"Battery\.level is number, not bool"):
+    with pytest.raises(DiagnosticError, match=r"Battery\.level is number, not bool"):
         bind(robot(wrong), servers)

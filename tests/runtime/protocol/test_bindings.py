@@ -12,7 +12,7 @@ from colony.ir.program import Actuator, ActuatorField, Program, Sensor
 from colony.ir.types import BOOL, DEGREES, DISTANCE, PLAIN, Array, Enum, Type
 from colony.runtime.protocol.bindings import SensorBinding, bind, nearest
 from colony.runtime.protocol.fields import SPEED, TURN_RATE
-from colony.text.diagnostics import Failure, render
+from colony.text.diagnostics import DiagnosticError, render
 from colony.text.source import Source, Span
 from colony.text.units import parse_unit
 from tests.runtime.programs import drive, roam, robot
@@ -50,7 +50,7 @@ BAD_SENSORS = [
 def test_a_sensor_bound_to_nothing_is_an_error_with_a_hint(
     type: Type, server: str, field: str, code: str, message: str, hint: str
 ) -> None:
-    with pytest.raises(Failure) as failed:
+    with pytest.raises(DiagnosticError) as failed:
         bind(with_sensor(type, server, field).robot)
     (found,) = failed.value.diagnostics
     assert found.code == code
@@ -67,7 +67,7 @@ def test_errors_are_at_the_declaration_and_all_are_told() -> None:
             Sensor(name="b", type=BOOL, server="Server", field="x", span=second),
         )
     )
-    with pytest.raises(Failure) as failed:
+    with pytest.raises(DiagnosticError) as failed:
         bind(program.robot)
     texts = [render(d) for d in failed.value.diagnostics]
     assert texts[0].startswith("rome.colony:1:8: error[R002]: `a`: RServer has no field `bumpre`")
@@ -126,7 +126,7 @@ BAD_COMMANDS = [
 
 @pytest.mark.parametrize(("command", "field", "code", "hint"), BAD_COMMANDS)
 def test_a_command_that_no_server_takes(command: str, field: ActuatorField, code: str, hint: str) -> None:
-    with pytest.raises(Failure) as failed:
+    with pytest.raises(DiagnosticError) as failed:
         bind(command_to(command, field).robot)
     (found,) = failed.value.diagnostics
     assert found.code == code
@@ -134,13 +134,13 @@ def test_a_command_that_no_server_takes(command: str, field: ActuatorField, code
 
 
 def test_a_sensor_server_takes_no_commands() -> None:
-    with pytest.raises(Failure) as failed:
+    with pytest.raises(DiagnosticError) as failed:
         bind(command_to("sonar", server="PServer").robot)
     assert failed.value.diagnostics[0].hint == "there is none"
 
 
 def test_two_actuators_on_one_command_would_not_be_arbitrated() -> None:
-    with pytest.raises(Failure) as failed:
+    with pytest.raises(DiagnosticError) as failed:
         bind(replace(robot(), actuators=(drive(), replace(drive(), name="wheels"))))
     assert failed.value.diagnostics[0].code == "R006"
 

@@ -17,7 +17,7 @@ from colony.runtime.protocol.calls import (
     CallDesk,
     Nothing,
     Open,
-    Refused,
+    RefusedError,
     Status,
     method,
 )
@@ -74,12 +74,12 @@ class Sums:
 
     def _add(self, asked: Asked, add: Add, now_ns: int) -> int:
         if add.amount < 0:
-            raise Refused("negative", f"found {add.amount}; expected at least 0")
+            raise RefusedError("negative", f"found {add.amount}; expected at least 0")
         self.sum += add.amount
         return self.sum
 
     def _fail(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
-        raise Refused("failed", "x" * 4_000_000)
+        raise RefusedError("failed", "x" * 4_000_000)
 
     def _wait(self, asked: Asked, arguments: Nothing, now_ns: int) -> object:
         self.asked.append(asked)
@@ -87,7 +87,7 @@ class Sums:
 
     def _admit(self, caller: Caller) -> None:
         if caller.name == self.banned:
-            raise Refused("banned", f"{caller.name} may not come in")
+            raise RefusedError("banned", f"{caller.name} may not come in")
 
     def _lost(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
         self.gone.append(caller)
@@ -266,7 +266,7 @@ def test_an_answer_that_comes_later(sums: Sums) -> None:
     assert result(sums.sent(sums.desk.answer(asked, "now"))) == "now"
     assert result(sums.tell(call(ANN, 2, "wait"))) == "now"
     sums.tell(call(ANN, 3, "wait"))
-    assert code(sums.sent(sums.desk.refuse(sums.asked[1], Refused("never", "no")))) == "never"
+    assert code(sums.sent(sums.desk.refuse(sums.asked[1], RefusedError("never", "no")))) == "never"
 
 
 def test_notices(sums: Sums) -> None:

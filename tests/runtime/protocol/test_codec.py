@@ -15,7 +15,7 @@ from colony.ir.frame import Answer
 from colony.runtime.protocol.codec import (
     LARGEST,
     VERSION,
-    NotAMessage,
+    MessageFormatError,
     count,
     decode,
     decode_all,
@@ -110,13 +110,13 @@ def test_types_stay_apart() -> None:
     ],
 )
 def test_what_is_no_message(data: bytes, why: str) -> None:
-    with pytest.raises(NotAMessage, match=why):
+    with pytest.raises(MessageFormatError, match=why):
         decode(data)
 
 
 def read_or_refused(data: bytes) -> None:
     """Nothing but a message, or a reason why there is none, comes of any bytes."""
-    with suppress(NotAMessage):
+    with suppress(MessageFormatError):
         assert isinstance(decode(data), get_args(Sent))
 
 
@@ -159,7 +159,9 @@ def test_messages_of_frames_are_small_and_each_kind_has_its_limit(message: Sent)
 def test_one_that_is_too_large_for_its_kind_is_not_read(message: Sent) -> None:
     data = bytes([VERSION]) + msgspec.msgpack.encode(message)
     assert len(data) < LARGEST
-    with pytest.raises(NotAMessage, match=f"{len(data)} bytes; expected at most {largest(type(message))}"):
+    with pytest.raises(
+        MessageFormatError, match=f"{len(data)} bytes; expected at most {largest(type(message))}"
+    ):
         decode(data)
 
 
@@ -185,7 +187,7 @@ def other_heads(message: Sent | Batch) -> tuple[bytes, ...]:
 def test_the_limit_of_a_kind_holds_however_it_is_written() -> None:
     large = ServerFrame(server="S", k=0, fields={"scan": Sample((1.5,) * 40_000, 0)})
     for data in other_heads(large):
-        with pytest.raises(NotAMessage, match="bytes; expected at most"):
+        with pytest.raises(MessageFormatError, match="bytes; expected at most"):
             decode(data)
 
 
@@ -222,14 +224,14 @@ def test_any_other_message_is_one(message: Sent) -> None:
 
 
 def test_nobody_but_a_transport_reads_batches() -> None:
-    with pytest.raises(NotAMessage, match="Invalid value 'Batch'"):
+    with pytest.raises(MessageFormatError, match="Invalid value 'Batch'"):
         decode(encode(Batch(messages=SAID)))
 
 
 def counted_or_refused(data: bytes) -> None:
     """What comes in counts for as many messages as it has: otherwise a rate could be got around."""
     counted = count(data)
-    with suppress(NotAMessage):
+    with suppress(MessageFormatError):
         assert len(decode_all(data)) == counted
 
 
@@ -247,7 +249,7 @@ def test_a_batch_that_is_written_in_another_way_is_refused() -> None:
     batch = Batch(messages=SAID)
     ways = [*other_heads(batch), *(way for way in wider_lengths(batch))]
     for data in ways[:3]:
-        with pytest.raises(NotAMessage, match="cannot be counted"):
+        with pytest.raises(MessageFormatError, match="cannot be counted"):
             decode_all(data)
     for data in ways:
         counted_or_refused(data)
@@ -275,5 +277,5 @@ def wider_lengths(batch: Batch) -> tuple[bytes, ...]:
     ids=["too many", "none", "another kind", "a batch", "too large"],
 )
 def test_what_is_no_batch(batch: Batch, why: str) -> None:
-    with pytest.raises(NotAMessage, match=why):
+    with pytest.raises(MessageFormatError, match=why):
         decode_all(bytes([VERSION]) + msgspec.msgpack.encode(batch))

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from colony.ir.frame import Answer
-from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import (
     Announcement,
     Checkpoint,
@@ -47,7 +47,7 @@ def test_what_can_be_true_passes(message: Sent) -> None:
 @pytest.mark.parametrize("k", [HIGHEST + 1, 1 << 62, -2, (1 << 64) - 1])
 @pytest.mark.parametrize("message", MESSAGES[:-1], ids=[type(m).__name__ for m in MESSAGES[:-1]])
 def test_frames_that_cannot_be_yet(message: Sent, k: int) -> None:
-    with pytest.raises(NotAMessage, match="cannot be yet"):
+    with pytest.raises(MessageFormatError, match="cannot be yet"):
         check_plausible(msgspec.structs.replace(message, k=k), NOW_NS)
 
 
@@ -72,5 +72,5 @@ def test_the_highest_number_passes() -> None:
     ],
 )
 def test_other_things_that_cannot_be(message: Sent, says: str) -> None:
-    with pytest.raises(NotAMessage, match=says):
+    with pytest.raises(MessageFormatError, match=says):
         check_plausible(message, NOW_NS)

@@ -20,7 +20,7 @@ from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Sample, Tick, Verdict
 from colony.runtime.recordings.lines import Recording, encoder, seconds_text, summed
 from colony.runtime.recordings.replay import Rows, has_right_sum
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 from colony.text.units import nanoseconds
 from tests.runtime.programs import roam
 from tests.runtime.scripted import FAR, Log, Script, session
@@ -234,16 +234,16 @@ def test_zeros_at_the_end_are_damage() -> None:
 def test_lines_without_checksums_are_plain_input() -> None:
     plain = '{"t": 0, "b": true}\n'
     assert rows(plain) == ([0.0], False, False)
-    with pytest.raises(Failure, match="F001"):
+    with pytest.raises(DiagnosticError, match="F001"):
         rows(plain, '{"t": 1, "b": tru')
 
 
 def test_a_time_beyond_all_clocks_is_refused() -> None:
-    with pytest.raises(Failure, match="F003"):
+    with pytest.raises(DiagnosticError, match="F003"):
         rows('{"t": 1e305}\n')
 
 
 def test_names_that_repeat_are_found_at_once() -> None:
     many = ", ".join(f'"x{i}": 0' for i in range(100_000))
-    with pytest.raises(Failure, match="`x0` stands twice"):
+    with pytest.raises(DiagnosticError, match="`x0` stands twice"):
         rows(f'{{"t": 0, {many}, "x0": 1}}\n')

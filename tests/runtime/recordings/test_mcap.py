@@ -16,7 +16,7 @@ from colony.ir.frame import Frame, Outcome
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Request
 from colony.runtime.recordings.mcap_writer import checksum
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 from tests.runtime.recordings.mcap_files import (
     PROGRAM,
     SOURCES,
@@ -195,6 +195,6 @@ def test_long_frames_are_chunks_of_their_own() -> None:
 def test_of_another_robot() -> None:
     data = as_mcap(PROGRAM, logs(PROGRAM, trace())).content
     for old, new in (("lamp", "light"), ("velocity", "speed")):
-        with pytest.raises(Failure) as caught:
+        with pytest.raises(DiagnosticError) as caught:
             read_mcap(load_text(TEXT.replace(old, new)), data)
         assert caught.value.diagnostics[0].code == "A004"

@@ -21,7 +21,7 @@ from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.runtime.recordings.recorded import RecordedFrame
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 from tests.runtime.recordings.mcap_files import (
     PROGRAM,
     SOURCES,
@@ -38,7 +38,7 @@ def refused_or_read(data: bytes) -> tuple[list[RecordedFrame], McapReader | None
     """What is read of damaged bytes; nothing where they are refused as damaged should be."""
     try:
         return read_mcap(PROGRAM, data)
-    except Failure as failure:
+    except DiagnosticError as failure:
         if failure.diagnostics[0].code not in ("A002", "A006"):
             raise
         return [], None
@@ -95,7 +95,7 @@ def test_what_precedes_the_frames_must_be_whole() -> None:
         *map(file.content.index, (b"colony-recording/2", b"cruise", b"module back", b"checksum")),
         chunk,
     ):
-        with pytest.raises(Failure, match="damaged") as caught:
+        with pytest.raises(DiagnosticError, match="damaged") as caught:
             read_mcap(PROGRAM, flipped(file.content, at))
         assert caught.value.diagnostics[0].code == "A006"
 
@@ -110,7 +110,7 @@ def test_chunks_by_other_tools_are_read_and_bombs_are_not() -> None:
         assert len(found) == 20
         assert found[8].damaged
     many = b"".join([*chunks[:2], *[bombed("zstd", 1 << 23)] * 60, *chunks[2:]])
-    with pytest.raises(Failure, match="unpacks to far more"):
+    with pytest.raises(DiagnosticError, match="unpacks to far more"):
         read_mcap(PROGRAM, many)
 
 
@@ -126,13 +126,13 @@ def test_frames_without_end_are_a_bomb() -> None:
     empty = struct.pack("<BQHIQQ", 5, 22, 999, 0, 0, 0)
     for records, message in ((chunk * 2000, "time must rise"), (empty * 200_000, "unpacks to far more")):
         many = rechunked(file.writes[1], "zstd", records)
-        with pytest.raises(Failure, match=message):
+        with pytest.raises(DiagnosticError, match=message):
             read_mcap(PROGRAM, b"".join([file.writes[0], many, *file.writes[2:]]))
 
 
 def test_a_program_without_end_is_refused() -> None:
     sources = tuple(SourceFile(kind="python", place=f"m{i}.py", data=bytes(5_000_000)) for i in range(8))
-    with pytest.raises(Failure, match="more than 32 MiB"):
+    with pytest.raises(DiagnosticError, match="more than 32 MiB"):
         read_mcap(PROGRAM, as_mcap(PROGRAM, [], *sources).content)
 
 

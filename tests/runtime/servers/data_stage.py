@@ -27,7 +27,7 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.servers.dserver import DServer
-from colony.runtime.store.store import Key, MemoryStore, Store, StoreFull
+from colony.runtime.store.store import Key, MemoryStore, Store, StoreFullError
 from tests.runtime.calling import CLOSE, call_of, opening
 
 T = TypeVar("T")
@@ -35,7 +35,7 @@ MS = 1_000_000
 S = 1000 * MS
 
 
-class Failed(Exception):
+class StageError(Exception):
     """A call that was refused."""
 
     def __init__(self, problem: Problem) -> None:
@@ -58,7 +58,7 @@ class Cramped(MemoryStore):
         self.commits += 1
         if not self.room:
             self.full = "no room"
-            raise StoreFull(self.full)
+            raise StoreFullError(self.full)
         super().commit(changes)
 
 
@@ -149,7 +149,7 @@ class Connection:
 
     def refusal(self, ask: Ask[Any]) -> str:
         """The code with which a call is refused at once."""
-        with pytest.raises(Failed) as failed:
+        with pytest.raises(StageError) as failed:
             self.do(ask)
         return failed.value.code
 
@@ -167,7 +167,7 @@ class Connection:
     def result(self, ask: Ask[T], effects: Iterable[Effect]) -> T:
         reply = self.reply(effects)
         if reply.problem is not None:
-            raise Failed(reply.problem)
+            raise StageError(reply.problem)
         found: T = msgspec.msgpack.decode(reply.result, type=ask.reply)
         return found
 

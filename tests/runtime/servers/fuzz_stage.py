@@ -18,7 +18,7 @@ import msgspec
 from colony.runtime.frames.clock import Clock
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.calls import CallDesk, Method, Open
-from colony.runtime.protocol.codec import LARGEST, NotAMessage
+from colony.runtime.protocol.codec import LARGEST, MessageFormatError
 from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import (
     Announcement,
@@ -171,7 +171,7 @@ class Stage:
         message: Message
         try:
             message = codec.decode(data)
-        except NotAMessage as problem:
+        except MessageFormatError as problem:
             message = Malformed(topic=topic, connection=None, reason=str(problem))
         if self._tame and isinstance(getattr(message, "k", 0), int) and getattr(message, "k", 0) > self.k:
             return
@@ -183,7 +183,7 @@ class Stage:
         key = CallKey(right, connection)
         try:
             message = check_call(codec.decode(data), key)
-        except NotAMessage as problem:
+        except MessageFormatError as problem:
             message = Malformed(
                 topic=topics.calls(self.node.address), connection=connection, reason=str(problem)
             )

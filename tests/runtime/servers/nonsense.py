@@ -29,6 +29,13 @@ Hints = Mapping[str, Callable[[Random], Any]]
 """How the fields of these names are drawn, whatever type they are of."""
 
 
+NUMBERS: dict[type, tuple[object, ...]] = {
+    inspect.BoolType: (False, True),
+    inspect.IntType: (0, 1, 2, 5, 100, -1),
+    inspect.FloatType: (0.0, 0.25, 1.0, 40.0, -40.0, 120.0),
+}
+
+
 class Grammar:
     """Draws valid values of types, as what msgspec makes of them: numbers, strings, lists, mappings."""
 
@@ -54,12 +61,8 @@ class Grammar:
                 return [self.draw(item) for item in items]
             case inspect.DictType(key_type=key, value_type=value):
                 return {self.draw(key): self.draw(value) for _ in range(random.randrange(4))}
-            case inspect.BoolType():
-                return random.random() < 0.5
-            case inspect.IntType():
-                return random.choice((0, 1, 2, 5, 100, -1))
-            case inspect.FloatType():
-                return random.choice((0.0, 0.25, 1.0, 40.0, -40.0, 120.0))
+            case inspect.BoolType() | inspect.IntType() | inspect.FloatType() as number:
+                return random.choice(NUMBERS[type(number)])
             case inspect.StrType():
                 return random.choice(STRINGS[1:5])
             case inspect.BytesType():

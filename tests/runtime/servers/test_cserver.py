@@ -10,7 +10,7 @@ from colony.runtime.protocol.codec import LARGEST
 from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import Fetch, Send, ServerFrame, Tick
 from colony.runtime.servers.cserver import CServer
-from tests.runtime.asking import Asker, Trouble
+from tests.runtime.asking import Asker, TroubleError
 
 MS = 1_000_000
 PERIOD = 500 * MS
@@ -76,7 +76,7 @@ def test_size_and_rows() -> None:
     assert one.do("ann", camera.size()) == camera.ImageSize(height=3, width=4, channels=1)
     band = one.do("ann", camera.grab_rows(1, 2))
     assert (band.first_row, band.height, band.t_ns) == (1, 2, 1)
-    with pytest.raises(Trouble, match="expected at least 1 of rows 0 to 2") as trouble:
+    with pytest.raises(TroubleError, match="expected at least 1 of rows 0 to 2") as trouble:
         one.do("ann", camera.grab_rows(2, 2))
     assert trouble.value.code == "arguments"
 
@@ -108,16 +108,16 @@ def test_who_waits_for_the_lock_gets_it_with_a_new_image() -> None:
 def test_who_does_not_wait_or_not_long_enough_is_refused() -> None:
     one = asker(None, "ann", "bob")
     one.do("ann", camera.lock())
-    with pytest.raises(Trouble, match="ann holds the lock") as trouble:
+    with pytest.raises(TroubleError, match="ann holds the lock") as trouble:
         one.do("bob", camera.lock())
     assert trouble.value.code == "locked"
     waiting = one.send("bob", camera.lock(wait_s=0.3))
     later(one, 299 * MS, "ann", "bob")
     assert not one.answered("bob", waiting)
     later(one, 300 * MS, "ann", "bob")
-    with pytest.raises(Trouble, match="ann holds the lock"):
+    with pytest.raises(TroubleError, match="ann holds the lock"):
         one.answer("bob", camera.lock(), waiting)
-    with pytest.raises(Trouble) as trouble:
+    with pytest.raises(TroubleError) as trouble:
         one.do("bob", camera.unlock(), now_ns=300 * MS)
     assert trouble.value.code == "unlocked"
 
@@ -143,7 +143,7 @@ def test_the_period_can_be_changed_within_reason() -> None:
     later(one, 1000 * MS, "ann")
     assert number(one, 1000 * MS) == 11
     for seconds in (0.0, -1.0, 0.005, 1e6):
-        with pytest.raises(Trouble, match=r"expected 0\.01 to 3600 s"):
+        with pytest.raises(TroubleError, match=r"expected 0\.01 to 3600 s"):
             one.do("ann", camera.set_period(seconds), now_ns=1000 * MS)
 
 
@@ -152,20 +152,20 @@ def test_a_camera_that_is_gone_gives_no_image_and_comes_back() -> None:
     film.covered = True
     one = asker(film)
     for ask in (camera.grab(), camera.size(), camera.grab_rows(0)):
-        with pytest.raises(Trouble, match="no image") as trouble:
+        with pytest.raises(TroubleError, match="no image") as trouble:
             one.do("ann", ask)
         assert trouble.value.code == "no image"
     film.covered = False
     assert number(one, 1) == 1
     film.covered = True
     later(one, PERIOD, "ann")
-    with pytest.raises(Trouble):
+    with pytest.raises(TroubleError):
         number(one, PERIOD)
 
 
 def test_an_image_too_large_for_a_message_can_be_had_in_rows() -> None:
     one = asker(Film(width=LARGEST // 2))
-    with pytest.raises(Trouble, match="grab rows") as trouble:
+    with pytest.raises(TroubleError, match="grab rows") as trouble:
         one.do("ann", camera.grab())
     assert trouble.value.code == "too large"
     assert one.do("ann", camera.grab_rows(2)).width == LARGEST // 2

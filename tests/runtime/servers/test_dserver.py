@@ -30,7 +30,7 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.store.sqlite import SqliteStore
 from colony.runtime.store.store import Key, MemoryStore, StoreError
-from tests.runtime.servers.data_stage import MS, Connection, DataStage, Failed, S
+from tests.runtime.servers.data_stage import MS, Connection, DataStage, S, StageError
 
 
 def field(name: str, kind: Any = "number") -> FieldTable:
@@ -124,7 +124,7 @@ def test_one_run_at_a_time(stage: DataStage) -> None:
     ada, bob = stage.connect("ada/1"), stage.connect("bob/1")
     ada.do(deploy(program("first", LAMP)))
     ada.do(deploy(program("first", LAMP)))
-    with pytest.raises(Failed, match="which ada/1 leads") as failed:
+    with pytest.raises(StageError, match="which ada/1 leads") as failed:
         bob.do(deploy(program("second", POSE)))
     assert failed.value.code == "busy"
     ada.do(deploy(program("third", LAMP)))
@@ -150,7 +150,7 @@ def test_the_same_run_again_changes_nothing(stage: DataStage) -> None:
 def test_impossible_deployments_are_refused(stage: DataStage) -> None:
     leader = stage.connect()
     wrong = Deployment(run="r", program="demo", frame_ns=0, seed=1, actuators=())
-    with pytest.raises(Failed, match="0 ns"):
+    with pytest.raises(StageError, match="0 ns"):
         leader.do(deploy(wrong))
 
 

@@ -11,8 +11,8 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import Nothing, Status
 from colony.runtime.protocol.messages import Request, Send, Tick, Verdict
 from colony.runtime.servers.dserver import ROOM_NS
-from colony.runtime.store.store import StoreFull
-from tests.runtime.servers.data_stage import Connection, Cramped, DataStage, Failed, S
+from colony.runtime.store.store import StoreFullError
+from tests.runtime.servers.data_stage import Connection, Cramped, DataStage, S, StageError
 from tests.runtime.servers.test_dserver import DRIVE, LAMP, POSE, checkpoint, deploy, program, recalled
 
 KEPT = [
@@ -88,7 +88,7 @@ def test_what_must_be_kept_is_refused_before_anything_is_changed(
 ) -> None:
     fill(stage, store)
     before = stage.fields(2, "run"), ada.do(data.semaphore("free")), ada.do(data.semaphore("taken"))
-    with pytest.raises(Failed, match="DServer keeps nothing new: no room") as failed:
+    with pytest.raises(StageError, match="DServer keeps nothing new: no room") as failed:
         ada.do(ask)
     assert failed.value.code == "full"
     assert before == (
@@ -161,12 +161,12 @@ def test_a_call_that_waits_is_not_answered_where_that_cannot_be_kept(
     bob = stage.connect("bob/1")
     assert bob.begin(data.wait("taken", hold=True)) == []
     fill(stage, store)
-    with pytest.raises(StoreFull):
+    with pytest.raises(StoreFullError):
         ada.close()
     assert bob.replies(stage.sent)[-1].number == 1  # of `open`
     stage.kill_and_restart()
     bob.open()
-    with pytest.raises(Failed, match="keeps nothing new") as failed:
+    with pytest.raises(StageError, match="keeps nothing new") as failed:
         bob.do(data.wait("taken", hold=True), 2)
     assert failed.value.code == "full"
 
@@ -176,7 +176,7 @@ def test_a_batch_that_cannot_be_kept_ends_the_server_before_it_answers(
 ) -> None:
     store.room = False
     sent = len(stage.sent)
-    with pytest.raises(StoreFull):
+    with pytest.raises(StoreFullError):
         ada.begin(data.set("X", 2))
     assert stage.sent[sent:] == []
     stage.kill_and_restart()

@@ -10,7 +10,7 @@ from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.servers.once import CONNECTIONS, KEPT, CallAnswers
 from colony.runtime.store.store import Journal, MemoryStore
-from tests.runtime.servers.data_stage import Connection, Failed, S
+from tests.runtime.servers.data_stage import Connection, S, StageError
 
 
 def again(connection: Connection) -> None:
@@ -59,7 +59,7 @@ def test_a_call_that_was_not_committed_is_done_when_it_comes_again(ada: Connecti
 
 
 def test_a_call_refused_may_succeed_later(ada: Connection) -> None:
-    with pytest.raises(Failed):
+    with pytest.raises(StageError):
         ada.do(data.signal("S"))
     number = ada.number
     ada.do(data.create_semaphore("S", 0))
@@ -92,7 +92,7 @@ def test_a_call_from_too_far_back_is_refused(ada: Connection) -> None:
     for x in range(KEPT):
         ada.do(data.set("X", x))
     again(ada)
-    with pytest.raises(Failed) as failed:
+    with pytest.raises(StageError) as failed:
         ada.do(data.set("X", "again"), number)
     assert failed.value.code == "forgotten"
     ada.do(data.set("X", "in time"), number + 1)

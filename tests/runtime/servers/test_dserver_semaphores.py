@@ -11,7 +11,7 @@ from colony.runtime.library.ask import Ask
 from colony.runtime.library.data import SemaphoreState
 from colony.runtime.protocol.messages import Effect
 from colony.runtime.servers.data_calls import RETURN_NS
-from tests.runtime.servers.data_stage import MS, Connection, DataStage, Failed, S
+from tests.runtime.servers.data_stage import MS, Connection, DataStage, S, StageError
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_unknown_semaphores_are_refused(ada: Connection, ask: Ask[Any]) -> None:
 
 
 def test_a_semaphore_is_no_variable(ada: Connection) -> None:
-    with pytest.raises(Failed, match="is a semaphore"):
+    with pytest.raises(StageError, match="is a semaphore"):
         ada.do(data.get("$XYZ"))
 
 

@@ -9,12 +9,12 @@ import pytest
 
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Refused
+from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.messages import Wake
 from colony.runtime.servers.variables import VALUE_BYTES, Variables, prepared
 from colony.runtime.servers.watching import KEPT_NS
 from colony.runtime.store.store import Journal, MemoryStore
-from tests.runtime.servers.data_stage import MS, Connection, DataStage, Failed, S
+from tests.runtime.servers.data_stage import MS, Connection, DataStage, S, StageError
 
 
 def show(stage: DataStage, *names: str) -> None:
@@ -122,7 +122,7 @@ def test_several_are_set_and_got_at_one_moment(stage: DataStage, ada: Connection
 def test_where_one_of_several_cannot_be_set_none_is(ada: Connection) -> None:
     ada.do(data.set("X", 1))
     for bad in ({"X": 2, "": 3}, {"X": 2, "Y": b"a" * VALUE_BYTES}):
-        with pytest.raises(Failed):
+        with pytest.raises(StageError):
             ada.do(data.set_many(bad))
         assert ada.do(data.get("X")) == 1
         assert ada.do(data.names()) == ("X",)
@@ -168,7 +168,7 @@ def test_there_is_an_end_to_the_room() -> None:
         variables.set((prepared(name, msgspec.msgpack.encode(value)),), 0)
 
     put("a", b"a" * 8_000)
-    with pytest.raises(Refused, match="no room"):
+    with pytest.raises(RefusedError, match="no room"):
         put("b", b"b" * 3_900)
     put("a", b"a" * 8_500)
     variables.delete("a")
@@ -177,12 +177,12 @@ def test_there_is_an_end_to_the_room() -> None:
     variables.delete("c")
     variables.read_by_program(["c"])
     variables.show(["c"])
-    with pytest.raises(Refused, match="frames"):
+    with pytest.raises(RefusedError, match="frames"):
         put("c", [0.5] * 200)
     put("c", [0.5] * 50)
     assert [*variables.fields(0)] == ["c"]
     variables.set_history("c", 5)
-    with pytest.raises(Refused, match="no room"):
+    with pytest.raises(RefusedError, match="no room"):
         variables.set_history("d" * 3_000, 1)
 
 

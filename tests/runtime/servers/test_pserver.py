@@ -10,7 +10,7 @@ from colony.runtime.library import proximity
 from colony.runtime.protocol.fields import PSERVER
 from colony.runtime.protocol.messages import Malformed, Sample, Send, ServerFrame, Tick
 from colony.runtime.servers.pserver import PServer
-from tests.runtime.asking import Asker, Trouble
+from tests.runtime.asking import Asker, TroubleError
 
 RANGES = tuple(500.0 + 100.0 * sensor for sensor in range(24))
 SEEN = tuple(sensor in (11, 12, 13) for sensor in range(24))
@@ -89,7 +89,7 @@ def test_beyond_its_time_out_a_sonar_reads_just_that() -> None:
 )
 def test_time_outs_that_make_no_sense_change_nothing(ranges: list[float], found: str) -> None:
     one = asker()
-    with pytest.raises(Trouble, match=found) as trouble:
+    with pytest.raises(TroubleError, match=found) as trouble:
         one.do("ann", proximity.set_timeouts(ranges))
     assert trouble.value.code == "arguments"
     assert one.do("ann", proximity.timeouts()) is None
@@ -97,7 +97,7 @@ def test_time_outs_that_make_no_sense_change_nothing(ranges: list[float], found:
 
 def test_whoever_may_only_read_sets_no_time_outs() -> None:
     one = asker()
-    with pytest.raises(Trouble) as trouble:
+    with pytest.raises(TroubleError) as trouble:
         one.do("ann", proximity.set_timeouts([1000.0] * 24)._replace(right="read"))
     assert trouble.value.code == "right"
 

@@ -9,7 +9,7 @@ from colony.runtime.frames.clock import Clock
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol.messages import Send, ServerFrame, Tick
 from colony.runtime.servers.runtime_server import RuntimeServer, random_of_frame
-from tests.runtime.asking import Asker, Trouble
+from tests.runtime.asking import Asker, TroubleError
 from tests.runtime.frames.clock_stage import deployed
 
 
@@ -29,7 +29,7 @@ def test_the_seed_comes_with_the_deployment() -> None:
     leader.do("leader", deploy(msgspec.structs.replace(deployed("a"), seed=7)))
     assert chance(server, 1) == random_of_frame(7, 1)
     leader.open("other")
-    with pytest.raises(Trouble, match="leads"):
+    with pytest.raises(TroubleError, match="leads"):
         leader.do("other", deploy(msgspec.structs.replace(deployed("b"), seed=8)))
     assert chance(server, 2) == random_of_frame(7, 2)
 

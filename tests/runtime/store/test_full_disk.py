@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from colony.runtime.store.reserve import RESERVE_BYTES
-from colony.runtime.store.store import Journal, Key, StoreFull, UnmadeStore
+from colony.runtime.store.store import Journal, Key, StoreFullError, UnmadeStore
 from tests.paths import ROOT
 from tests.runtime.servers.data_stage import Cramped
 from tests.small_disk import SmallDisk, small_disk
@@ -122,7 +122,7 @@ def test_where_the_reserve_is_used_up_nothing_is_lost(disk: SmallDisk, start: St
     kept = until_full(store)
     while (found := store.ask("put", f"O{len(kept):05}", 5000))["problem"] is None:
         kept.append(f"O{len(kept):05}")
-    assert found["problem"].startswith("StoreFull: ")
+    assert found["problem"].startswith("StoreFullError: ")
     assert sorted(store.ask("names")["answer"]) == sorted(kept)
     store.kill()
     store = start()
@@ -165,7 +165,7 @@ def test_a_store_of_a_full_disk_can_be_read_and_is_full(disk: SmallDisk, start: 
 def test_no_store_can_be_made_on_a_full_disk(disk: SmallDisk, start: Start) -> None:
     disk.fill()
     store = start()
-    assert store.ask("open")["problem"].startswith(f"StoreFull: {disk.path}/state.db: ")
+    assert store.ask("open")["problem"].startswith(f"StoreFullError: {disk.path}/state.db: ")
     disk.clear()
     store.well("open")
     store.well("put", "X", 1)
@@ -177,7 +177,7 @@ def test_a_limit_of_the_size_of_files_is_like_a_full_disk(disk: SmallDisk, start
     kept: list[str] = []
     while (found := store.ask("put", f"N{len(kept):05}", 50_000))["problem"] is None:
         kept.append(f"N{len(kept):05}")
-    assert found["problem"].startswith("StoreFull: ")
+    assert found["problem"].startswith("StoreFullError: ")
     assert found["full"].endswith(": File too large: raise the limit of file sizes (`ulimit -f`)")
     assert store.ask("names")["answer"] == kept
     store.kill()
@@ -220,9 +220,9 @@ def test_what_was_promised_is_kept_or_the_server_ends() -> None:
     journal.put(X, b"1")
     journal.promise()
     store.room = False
-    with pytest.raises(StoreFull):
+    with pytest.raises(StoreFullError):
         journal.settle()
-    with pytest.raises(StoreFull):
+    with pytest.raises(StoreFullError):
         journal.settle()
     store.room = True
     journal.settle()
@@ -238,17 +238,17 @@ def test_a_store_that_cannot_be_made_is_full_until_it_can() -> None:
 
     def make() -> Cramped:
         if not made.room:
-            raise StoreFull("no room for a store")
+            raise StoreFullError("no room for a store")
         return made
 
-    store = UnmadeStore(make, StoreFull("no room"))
+    store = UnmadeStore(make, StoreFullError("no room"))
     assert (store.full, list(store.load())) == ("no room", [])
     journal = Journal(store)
     journal.put(X, b"1")
     journal.settle()
     journal.make_room()
     assert journal.full == "no room for a store"
-    with pytest.raises(StoreFull, match="no room for a store"):
+    with pytest.raises(StoreFullError, match="no room for a store"):
         store.commit({Z: b"1"})
     made.room = True
     journal.make_room()

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from colony.runtime.protocol import codec, topics
-from colony.runtime.protocol.codec import LARGEST, NotAMessage
+from colony.runtime.protocol.codec import LARGEST, MessageFormatError
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -80,7 +80,7 @@ class VirtualStage:
         message: Message
         try:
             message = codec.decode(data)
-        except NotAMessage as problem:
+        except MessageFormatError as problem:
             message = Malformed(topic=topic, connection=connection, reason=str(problem))
         self._transport.inject(topic, message)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from colony.sim.plant.control import PlantControl
-from colony.sim.plant.process import PlantInUse, PlantOptions, serve_plant
+from colony.sim.plant.process import PlantInUseError, PlantOptions, serve_plant
 from colony.sim.plant.protocol import (
     LARGEST_FROM_PLANT,
     LARGEST_TO_PLANT,
@@ -256,7 +256,7 @@ def options(path: Path, **changed: object) -> PlantOptions:
 
 
 def test_a_socket_left_behind_is_replaced_and_one_in_use_is_not(tmp_path: Path, plant: PlantProcess) -> None:
-    with pytest.raises(PlantInUse, match="by another process already"):
+    with pytest.raises(PlantInUseError, match="by another process already"):
         serve_plant(options(plant.path), stop=lambda: True)
     left = tmp_path / "left"
     with socket.socket(socket.AF_UNIX) as old:

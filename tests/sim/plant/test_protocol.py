@@ -11,11 +11,11 @@ from colony.runtime.protocol.images import Image
 from colony.sim.plant.protocol import (
     LARGEST_TO_PLANT,
     AttachBase,
-    BadBytes,
     CameraReading,
     DriveBase,
     FromPlant,
     Halt,
+    PlantProtocolError,
     ProximityReading,
     Rings,
     ToPlant,
@@ -45,20 +45,20 @@ def test_messages_survive_a_stream_cut_anywhere() -> None:
 
 def test_lengths_that_are_not_allowed() -> None:
     for length in (0, 101, 2**32 - 1):
-        with pytest.raises(BadBytes, match=f"a message of {length} bytes; expected 1 to 100"):
+        with pytest.raises(PlantProtocolError, match=f"a message of {length} bytes; expected 1 to 100"):
             list(Unpacker(100).feed(length.to_bytes(4, "big")))
 
 
 def test_directions_versions_and_types_are_checked() -> None:
     (reading,) = Unpacker(10_000).feed(pack(HEARD[0]))
-    with pytest.raises(BadBytes, match="Invalid value"):
+    with pytest.raises(PlantProtocolError, match="Invalid value"):
         read_to_plant(reading)
-    with pytest.raises(BadBytes, match="found version 9"):
+    with pytest.raises(PlantProtocolError, match="found version 9"):
         read_to_plant(b"\x09" + reading[1:])
-    with pytest.raises(BadBytes, match="found version none"):
+    with pytest.raises(PlantProtocolError, match="found version none"):
         read_to_plant(b"")
     (odd,) = Unpacker(10_000).feed(pack(DriveBase(velocity="fast", turn=0.0)))  # type: ignore[arg-type]
-    with pytest.raises(BadBytes, match=r"Expected `float`, got `str`"):
+    with pytest.raises(PlantProtocolError, match=r"Expected `float`, got `str`"):
         read_to_plant(odd)
 
 
@@ -70,5 +70,5 @@ def test_noise_is_refused_and_never_anything_else() -> None:
         noise = bytearray(sound)
         for _ in range(rng.randrange(1, 4)):
             noise[rng.randrange(1, len(noise))] = rng.randrange(256)
-        with contextlib.suppress(BadBytes):
+        with contextlib.suppress(PlantProtocolError):
             read_to_plant(bytes(noise[: rng.randrange(1, len(noise) + 1)]))

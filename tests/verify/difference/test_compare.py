@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from colony.dsl.load import load_file, load_text
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 from colony.verify.difference import Different, Same, Undecided, difference
 from tests.paths import BEHAVIORS, ROOT
 from tests.sampling import sampled
@@ -147,11 +147,11 @@ def test_fields_actuators_and_modules_can_be_ignored() -> None:
 
 
 def test_an_unknown_name_is_refused_with_those_that_there_are() -> None:
-    with pytest.raises(Failure) as raised:
+    with pytest.raises(DiagnosticError) as raised:
         compare(ROAM, ROAM, "drive.velocty")
     [problem] = raised.value.diagnostics
     assert (problem.code, problem.hint) == ("V040", "did you mean `drive.velocity`?")
-    with pytest.raises(Failure) as raised:
+    with pytest.raises(DiagnosticError) as raised:
         compare(ROAM, ROAM, "xyz")
     hint = "there are: drive, lamp, drive.turn, drive.velocity, lamp.on, avoid, cruise"
     assert raised.value.diagnostics[0].hint == hint
@@ -178,7 +178,7 @@ def test_an_unknown_name_is_refused_with_those_that_there_are() -> None:
 def test_robots_must_be_alike(old: str, new: str, message: str) -> None:
     from tests.verify.difference.programs import ROBOT
 
-    with pytest.raises(Failure) as raised:
+    with pytest.raises(DiagnosticError) as raised:
         difference(program(ROAM), load_text(ROBOT.replace(old, new) + ROAM), options=QUICK)
     [problem] = raised.value.diagnostics
     assert problem.code == "V041"

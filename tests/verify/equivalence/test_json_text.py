@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from colony.verify.equivalence.json_text import Unreadable, read_json
+from colony.verify.equivalence.json_text import EmittedFormError, read_json
 
 WHOLE: dict[str, Any] = {
     "format": "colony-clients/1",
@@ -67,7 +67,7 @@ def changed(path: Path, *value: object) -> str:
 
 
 def problem(text: str) -> str:
-    with pytest.raises(Unreadable) as caught:
+    with pytest.raises(EmittedFormError) as caught:
         read_json(text)
     return caught.value.found
 

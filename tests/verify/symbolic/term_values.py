@@ -1,7 +1,8 @@
 """What terms of a system are for given inputs and memory: exact rationals, with bounds of what floats round.
 
 Independent of z3's solver and simplifier. A real carries how far the float that the program computes may be
-from it; whatever that leaves open raises `Open`. So a formula without anything inexact is always decided.
+from it; whatever that leaves open raises `OpenTermError`. So a formula without anything inexact is
+always decided.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ TINY = Fraction(1, 2**1070)
 GREATEST = Fraction(2) ** 1023
 
 
-class Open(Exception):
+class OpenTermError(Exception):
     """Rounding, or what is only known in part, leaves the value open."""
 
 
@@ -91,9 +92,9 @@ def _leaf(term: z3.ExprRef, kind: int) -> object:
 class Values:
     """The values of terms in one frame, as they are asked for. `given` are inputs and cells, by id."""
 
-    def __init__(self, program: Program, given: Mapping[int, Known | Open]) -> None:
+    def __init__(self, program: Program, given: Mapping[int, Known | OpenTermError]) -> None:
         self.program = program
-        self.known: dict[int, Known | Open] = dict(given)
+        self.known: dict[int, Known | OpenTermError] = dict(given)
 
     def truth(self, term: z3.BoolRef) -> bool:
         value = self._of(self.program.add(term))
@@ -114,7 +115,7 @@ class Values:
         if self.truth(x.infinite):
             value = self.real(x.value)
             if abs(value.value) <= value.error:
-                raise Open
+                raise OpenTermError
             return math.inf if value.value > 0 else -math.inf
         return self.real(x.value)
 
@@ -127,10 +128,10 @@ class Values:
         if key not in self.known:
             try:
                 self.known[key] = self._computed(key)
-            except Open as found:
+            except OpenTermError as found:
                 self.known[key] = found
         value = self.known[key]
-        if isinstance(value, Open):
+        if isinstance(value, OpenTermError):
             raise value
         return value
 
@@ -164,12 +165,12 @@ class Values:
 
     def _connective(self, operands: tuple[int, ...], absorbing: bool) -> bool:
         """One operand may decide, even where another is open."""
-        undecided: Open | None = None
+        undecided: OpenTermError | None = None
         for operand in operands:
             try:
                 if self._of(operand) is absorbing:
                     return absorbing
-            except Open as found:
+            except OpenTermError as found:
                 undecided = found
         if undecided is not None:
             raise undecided
@@ -184,7 +185,7 @@ class Values:
         assert isinstance(b, Real)
         error = a.error + b.error
         if error and abs(a.value - b.value) <= error:
-            raise Open
+            raise OpenTermError
         match kind:
             case z3.Z3_OP_EQ:
                 return a.value == b.value
@@ -224,7 +225,7 @@ class Values:
         if key not in self.program.rounding:
             return x
         if abs(x.value) + x.error > GREATEST:
-            raise Open
+            raise OpenTermError
         return Real(x.value, x.error + (abs(x.value) + x.error) * EPSILON * 4 + TINY)
 
     # --- constants -------------------------------------------------------------------------------
@@ -239,7 +240,7 @@ class Values:
         """Open where the float may be infinite; what it is for the real is false."""
         value = self.real(x.value)
         if abs(value.value) + value.error > GREATEST:
-            raise Open
+            raise OpenTermError
         return False
 
     def _auxiliary(self, auxiliary: Auxiliary) -> Known:
@@ -253,15 +254,15 @@ class Values:
             return self._inexactly(auxiliary.operation, x)
         operands = [v if isinstance(v, float) else float(v.value) for v in x]
         if auxiliary.operation is Operation.QUOTIENT and operands[1] == 0:
-            raise Open  # the sign of zero is not known
+            raise OpenTermError  # the sign of zero is not known
         if auxiliary.operation is Operation.ATAN2 and operands[0] == 0 and operands[1] <= 0:
-            raise Open  # nor here
+            raise OpenTermError  # nor here
         result = _FUNCTIONS[auxiliary.operation](*operands)
         if math.isnan(result):
-            raise Open  # means nothing
+            raise OpenTermError  # means nothing
         if math.isinf(result):
             if not any(isinstance(v, float) for v in x):
-                raise Open  # overflow
+                raise OpenTermError  # overflow
             return Real(Fraction(1 if result > 0 else -1))
         exact = Fraction(result)
         if auxiliary.operation in (Operation.PRODUCT, Operation.QUOTIENT, Operation.MODULO):
@@ -278,9 +279,9 @@ class Values:
         if operation is Operation.PRODUCT and isinstance(x[0], Real) and isinstance(x[1], Real):
             result = product(x[0], x[1])
             if abs(result.value) + result.error > GREATEST:
-                raise Open
+                raise OpenTermError
             return Real(result.value, result.error + abs(result.value) * EPSILON * 4 + TINY)
-        raise Open
+        raise OpenTermError
 
 
 def product(x: Real, y: Real) -> Real:
@@ -290,11 +291,11 @@ def product(x: Real, y: Real) -> Real:
 
 def _whole(operation: Operation, x: Real | float) -> Real:
     if isinstance(x, float):
-        raise Open
+        raise OpenTermError
     rounding = math.floor if operation is Operation.FLOOR else round
     low, high = rounding(x.value - x.error), rounding(x.value + x.error)
     if low != high:
-        raise Open
+        raise OpenTermError
     return Real(Fraction(low))
 
 

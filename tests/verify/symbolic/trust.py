@@ -16,13 +16,14 @@ from colony.ir.expression import Expression
 from colony.ir.frame import Frame
 from colony.ir.program import Module, Program, Sensor
 from colony.ir.types import Array, Enum, ScalarValue, Value, element_type
+from colony.verify.reference.expressions import Moment
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.logic import is_false
 from colony.verify.symbolic.reasons import reasons_of
 from colony.verify.symbolic.system import Inexact, Number, Scalar, System, Term
 from tests.verify.symbolic import term_values
-from tests.verify.symbolic.term_values import Known, Open, Real, Values
+from tests.verify.symbolic.term_values import Known, OpenTermError, Real, Values
 
 
 @dataclass(slots=True)
@@ -85,7 +86,7 @@ class _Run:
         self.system = trust.system
         self.interpreter = Recording(self.program)
         self.tally = Tally()
-        self.cells: dict[int, Known | Open] = {}
+        self.cells: dict[int, Known | OpenTermError] = {}
         initial = Values(trust.terms, {})
         for cell in self.system.cells:
             self.cells[cell.old.get_id()] = initial.any(cell.initial)
@@ -102,22 +103,22 @@ class _Run:
                 try:
                     if not values.truth(formula):
                         self.tally.differences.append(f"frame {i}: {name} {formula}")
-                except Open:
+                except OpenTermError:
                     pass
-        after: dict[int, Known | Open] = {}
+        after: dict[int, Known | OpenTermError] = {}
         for cell in self.system.cells:
             try:
                 after[cell.old.get_id()] = values.any(cell.next)
-            except Open as found:
+            except OpenTermError as found:
                 after[cell.old.get_id()] = found
         self.cells = after
 
     # --- inputs ----------------------------------------------------------------------------------
 
-    def _inputs(self) -> dict[int, Known | Open]:
+    def _inputs(self) -> dict[int, Known | OpenTermError]:
         moment = self.interpreter._moment
         assert moment is not None
-        given: dict[int, Known | Open] = {
+        given: dict[int, Known | OpenTermError] = {
             self.system.now.get_id(): Real(Fraction(moment.t_ns - moment.first_ns))
         }
         for sensor in self.program.robot.sensors:
@@ -159,7 +160,15 @@ class _Run:
                 self._same(f"frame {i}: {module.name} command", values, terms.command, command)
         for name, active in system.active.items():
             self._same(f"frame {i}: {name} is active", values, active, moment.outputs[name] is not None)
-        for name, actuator in system.actuators.items():
+        self._compare_actuators(i, values, moment)
+        for contract, claim in zip(self.program.contracts, system.claims, strict=True):
+            holds = self.interpreter.asked[id(contract.expression)]
+            self._same(f"frame {i}: {claim.name} speaks", values, claim.speaks, holds is not None)
+            if holds is not None:
+                self._same(f"frame {i}: {claim.name} holds", values, claim.holds, holds)
+
+    def _compare_actuators(self, i: int, values: Values, moment: Moment) -> None:
+        for name, actuator in self.system.actuators.items():
             for module_name, wins in actuator.wins.items():
                 self._same(
                     f"frame {i}: {name} by {module_name}", values, wins, moment.winners[name] == module_name
@@ -171,11 +180,6 @@ class _Run:
             for j, sent in enumerate(actuator.sent):
                 if (name, j) in moment.sent:
                     self._same(f"frame {i}: {name}.{j} sent", values, sent, moment.sent[name, j])
-        for contract, claim in zip(self.program.contracts, system.claims, strict=True):
-            holds = self.interpreter.asked[id(contract.expression)]
-            self._same(f"frame {i}: {claim.name} speaks", values, claim.speaks, holds is not None)
-            if holds is not None:
-                self._same(f"frame {i}: {claim.name} holds", values, claim.holds, holds)
 
     def _same(self, what: str, values: Values, term: Term, expected: Value) -> None:
         if isinstance(term, tuple):
@@ -187,7 +191,7 @@ class _Run:
         exact = self.trust.is_exact(term)
         try:
             found = values.scalar(term)
-        except Open:
+        except OpenTermError:
             self.tally.open += 1
             if exact:
                 self.tally.differences.append(f"{what}: open, though nothing in it is inexact")
@@ -212,11 +216,11 @@ def _agrees(found: bool | float | Real, expected: ScalarValue) -> bool:
             return math.isfinite(expected) and abs(value - Fraction(expected)) <= error
 
 
-def _assigned(x: Scalar, value: ScalarValue) -> dict[int, Known | Open]:
+def _assigned(x: Scalar, value: ScalarValue) -> dict[int, Known | OpenTermError]:
     """The constants of an input that has a value."""
     if not isinstance(x, Number):
         return {x.get_id(): bool(value)}
-    given: dict[int, Known | Open] = {}
+    given: dict[int, Known | OpenTermError] = {}
     sign = Fraction(0 if math.isnan(value) else 1 if value > 0 else -1)
     given[x.value.get_id()] = Real(Fraction(value) if math.isfinite(value) else sign)
     for term, holds in ((x.nan, math.isnan(value)), (x.infinite, math.isinf(value))):

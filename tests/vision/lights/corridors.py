@@ -26,10 +26,10 @@ from colony.nav.shared import (
     TRACK_DATA,
 )
 from colony.runtime.assembly.loop import LocalCamera
-from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
-from colony.runtime.protocol.calls import Asked, Refused
+from colony.runtime.protocol.calls import Asked, RefusedError
 from colony.runtime.protocol.images import Image
 from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
 from tests.script_stage import ASKED, FRAME_NS, ScriptStage, Server, Shutter
@@ -127,7 +127,7 @@ class Base(Server):
 
     def _position(self, asked: Asked, arguments: Any, now_ns: int) -> robot.Position:
         if self._moves.silent[0] <= self.along_mm < self._moves.silent[1]:
-            raise Refused("no value", "the base does not answer")
+            raise RefusedError("no value", "the base does not answer")
         return robot.Position(x=self.x, y=self.y, heading=self.heading % 360.0, t_ns=now_ns)
 
     def _adjust(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
@@ -209,7 +209,7 @@ class Stage(ScriptStage):
             yield from do("DServer", data.signal(TRACK_DATA))
             try:
                 yield from do("DServer", data.wait(END_L_MODE, timeout_s=self._patience_s))
-            except CallRefused:
+            except CallRefusedError:
                 self._patience_s = None
                 continue
             over = yield from do("DServer", data.get(OVERSHOOT, type=float))

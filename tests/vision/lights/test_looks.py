@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from colony.runtime.kit.errors import CallRefused, TimedOut
+from colony.runtime.kit.errors import CallRefusedError, CallTimeoutError
 from colony.runtime.kit.script import Do, Step
 from colony.runtime.library import camera
 from colony.runtime.protocol.images import Image
@@ -63,7 +63,7 @@ def test_no_image_is_looked_at_twice() -> None:
     assert answered(looker(0.0), [5] * 3)[0] == ()
 
 
-@pytest.mark.parametrize("problem", [CallRefused("no image", "none yet"), TimedOut("no answer")])
+@pytest.mark.parametrize("problem", [CallRefusedError("no image", "none yet"), CallTimeoutError("no answer")])
 def test_a_camera_that_does_not_answer_does_not_blind_the_others(problem: Exception) -> None:
     looker = cameras_looker(["Broken", "CServerUp"], [UPWARD, UPWARD])
 

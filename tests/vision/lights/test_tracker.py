@@ -23,9 +23,9 @@ from colony.nav.shared import (
     TRACK_START,
     GoalKind,
 )
-from colony.runtime.kit.errors import CallRefused
+from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.kit.script import Script, sleep
-from colony.runtime.kit.script_local import ScriptFailed
+from colony.runtime.kit.script_local import ScriptError
 from colony.runtime.library.robot import Position
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.tracker import light_tracker, position_at
@@ -234,7 +234,7 @@ def _some_of(script: Script, steps: int) -> Script:
         answer = problem = None
         try:
             answer = yield step
-        except CallRefused as refused:
+        except CallRefusedError as refused:
             problem = refused
 
 
@@ -280,7 +280,7 @@ def test_what_is_no_unfinished_goal_is_let_be(other: dict[str, object]) -> None:
 
 def test_a_goal_that_is_none_is_refused_in_words() -> None:
     stage = Stage(ceiling(), Robot(), {"tracker": light_tracker()}, seed=1, goals=[PLACES], lights=3)
-    with pytest.raises(ScriptFailed, match=r"GoalDistance is 3 and LightOffset \[.*expected a list"):
+    with pytest.raises(ScriptError, match=r"GoalDistance is 3 and LightOffset \[.*expected a list"):
         stage.run(5.0)
 
 

@@ -25,8 +25,8 @@ from colony.nav.shared import (
     GoalKind,
 )
 from colony.runtime.assembly.loop import LocalCamera
-from colony.runtime.kit.script_local import LocalServer, ScriptFailed
-from colony.runtime.protocol.calls import Refused
+from colony.runtime.kit.script_local import LocalServer, ScriptError
+from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.servers.base import Base
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
@@ -189,7 +189,7 @@ def test_while_dserver_is_away_it_goes_on_asking(call: str) -> None:
 
     def away(*_: object) -> object:
         tries.append(call)
-        raise Refused("away", "it is being started anew")
+        raise RefusedError("away", "it is being started anew")
 
     stand.data.handlers = {**present, call: away}
     stand.run(2.0)
@@ -202,7 +202,7 @@ def test_while_dserver_is_away_it_goes_on_asking(call: str) -> None:
 
 def test_a_camera_of_another_size_is_told() -> None:
     stand = Stand(RIDE, geometry=LevelCamera(columns=640, rows=480))
-    with pytest.raises(ScriptFailed, match="CServerFront gives images of 240 x 120 pixels; expected 640"):
+    with pytest.raises(ScriptError, match="CServerFront gives images of 240 x 120 pixels; expected 640"):
         stand.run(2.0)
 
 

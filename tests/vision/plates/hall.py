@@ -12,7 +12,7 @@ from colony.nav.maps.stickrep.geometry import Point
 from colony.runtime.assembly.loop import LocalCamera
 from colony.runtime.kit.script import Script
 from colony.runtime.library import proximity, robot
-from colony.runtime.protocol.calls import Asked, Handler, Refused
+from colony.runtime.protocol.calls import Asked, Handler, RefusedError
 from colony.runtime.protocol.images import Image
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.geometry import WallView
@@ -84,7 +84,7 @@ class Stage(ScriptStage):
     def _answers(self, now_ns: int) -> None:
         low, high = self._hall.silent_s
         if low <= now_ns / 1e9 < high:
-            raise Refused("no value", "the device does not answer")
+            raise RefusedError("no value", "the device does not answer")
 
     def _position(self, asked: Asked, arguments: Any, now_ns: int) -> robot.Position:
         self._answers(now_ns)

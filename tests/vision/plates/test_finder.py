@@ -7,9 +7,9 @@ import pytest
 
 from colony.nav.pose.fixes import fix_of
 from colony.nav.shared import FLOOR, GOAL_DIRECTION, PLATE_FIX, PLATE_SEEN
-from colony.runtime.kit.script_local import ScriptFailed
+from colony.runtime.kit.script_local import ScriptError
 from colony.runtime.library import camera as cameras
-from colony.runtime.protocol.calls import Asked, Nothing, Refused
+from colony.runtime.protocol.calls import Asked, Nothing, RefusedError
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.servers.cserver import PERIOD_NS
 from colony.vision.level_camera import LevelCamera
@@ -133,11 +133,11 @@ def test_while_dserver_is_away_the_floor_is_the_last_one_it_told() -> None:
 
 
 def _away(*_: object) -> object:
-    raise Refused("unset", "it was started anew")
+    raise RefusedError("unset", "it was started anew")
 
 
 def test_a_camera_of_another_size_is_told() -> None:
-    with pytest.raises(ScriptFailed, match="CServerSide gives images of 240 x 120 pixels; expected 640"):
+    with pytest.raises(ScriptError, match="CServerSide gives images of 240 x 120 pixels; expected 640"):
         run(HALL, geometry=LevelCamera(columns=640, rows=480, yaw_deg=90.0))
 
 

@@ -27,7 +27,7 @@ from colony.execute.compiled import Compiled
 from colony.execute.machine import field_types
 from colony.execute.sensors import age_limits
 from colony.execute.views import whole
-from colony.text.diagnostics import Failure, error
+from colony.text.diagnostics import DiagnosticError, error
 
 __all__ = ["PythonExecutor", "generate", "load"]
 
@@ -97,7 +97,9 @@ class _Generator:
     def imported(self, call: PythonCall) -> str:
         parts = (*call.module_path.split("."), call.class_name)
         if not all(part.isidentifier() and not keyword.iskeyword(part) for part in parts):
-            raise Failure([error("E405", call.span, f"`{'.'.join(parts)}` is no name of a Python class")])
+            raise DiagnosticError(
+                [error("E405", call.span, f"`{'.'.join(parts)}` is no name of a Python class")]
+            )
         return f"from {call.module_path} import {call.class_name} as {_class_name(self.names, call)}"
 
     def initial(self) -> None:

@@ -120,12 +120,8 @@ def _applied(operator: Operator, o: list[Text], x: list[Range]) -> tuple[str, Bi
             return f"{yes} if {condition} else {o[2].inside(Binding.CONDITIONAL)}", Binding.CONDITIONAL
         case Operator.NEGATE:
             return f"-{o[0].inside(Binding.ATOM)}", Binding.SIGN
-        case Operator.SUM if len(o) > 1:
-            first, *rest = o
-            terms = [first.inside(Binding.SUM), *[p.inside(Binding.PRODUCT) for p in rest]]
-            return " + ".join(terms), Binding.SUM
         case Operator.SUM:
-            return o[0].text, o[0].binding
+            return _sum(o)
         case Operator.COUNT:
             return f"float({' + '.join(p.inside(Binding.PRODUCT) for p in o)})", Binding.ATOM
         case Operator.SECONDS:
@@ -137,17 +133,28 @@ def _applied(operator: Operator, o: list[Text], x: list[Range]) -> tuple[str, Bi
         case Operator.SQRT if x[0].low >= 0.0:
             return f"sqrt({o[0].text})", Binding.ATOM
         case Operator.DIVIDE if not x[1].nonzero:
-            call = f"divide({o[0].text}, {o[1].text})"
-            quotient = f"{o[0].inside(Binding.PRODUCT)} / {o[1].inside(Binding.SIGN)}"
-            return f"{quotient} if {o[1].inside(Binding.OR)} else {call}", Binding.CONDITIONAL
-        case Operator.MODULO if not x[1].nonzero:
-            return _called(operator, o)
-        case _ if operator in _INFIX:
+            return _guarded_quotient(o)
+        case _ if operator in _INFIX and not (operator is Operator.MODULO and not x[1].nonzero):
             sign, binding = _INFIX[operator]
             left = o[0].inside(binding + 1 if binding is Binding.COMPARISON else binding)
             return f"{left} {sign} {o[1].inside(binding + 1)}", binding
         case _:
             return _called(operator, o)
+
+
+def _sum(o: list[Text]) -> tuple[str, Binding]:
+    if len(o) == 1:
+        return o[0].text, o[0].binding
+    first, *rest = o
+    terms = [first.inside(Binding.SUM), *[p.inside(Binding.PRODUCT) for p in rest]]
+    return " + ".join(terms), Binding.SUM
+
+
+def _guarded_quotient(o: list[Text]) -> tuple[str, Binding]:
+    """Return the text of a division by what may be zero: a call decides what that gives."""
+    call = f"divide({o[0].text}, {o[1].text})"
+    quotient = f"{o[0].inside(Binding.PRODUCT)} / {o[1].inside(Binding.SIGN)}"
+    return f"{quotient} if {o[1].inside(Binding.OR)} else {call}", Binding.CONDITIONAL
 
 
 def _called(operator: Operator, o: list[Text]) -> tuple[str, Binding]:

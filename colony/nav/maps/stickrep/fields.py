@@ -32,7 +32,7 @@ _NUMBER_LIKE = re.compile(r"[-+.0-9]", re.ASCII)
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.'-]{0,63}", re.ASCII)
 
 
-class TooMany(Exception):
+class TooManyProblemsError(Exception):
     """Too many problems for a map; the ones found so far are enough."""
 
 
@@ -43,13 +43,13 @@ class Problems(list[Diagnostic]):
         """Add an error.
 
         Raises:
-            TooMany: there are `MAX_PROBLEMS` of them now.
+            TooManyProblemsError: there are `MAX_PROBLEMS` of them now.
         """
         self.append(error(code, span, message, hint))
         if len(self) >= MAX_PROBLEMS:
             hint = "mend the first of them: the others may follow from it"
             self.append(error("M023", span, f"gave up after {MAX_PROBLEMS} errors", hint))
-            raise TooMany
+            raise TooManyProblemsError
 
 
 class Word(NamedTuple):

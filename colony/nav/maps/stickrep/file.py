@@ -7,7 +7,7 @@ import os
 
 from colony.files import read_file, reason
 from colony.shipped import Shipped
-from colony.text.diagnostics import Failure, error
+from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
 MAX_BYTES = 4_000_000
@@ -17,7 +17,7 @@ def load_source(path: str | os.PathLike[str]) -> Source:
     """Load the text of the file at `path`.
 
     Raises:
-        Failure: it cannot be read, or is no text that a map could be.
+        DiagnosticError: it cannot be read, or is no text that a map could be.
     """
     shown = os.fspath(path)
     empty = Source(shown, "")
@@ -27,14 +27,14 @@ def load_source(path: str | os.PathLike[str]) -> Source:
         if failure.errno == errno.EFBIG:
             message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; expected a map"
             place, hint = Span(empty, 0, 0), "is it another file that you meant?"
-            raise Failure([error("M002", place, message, hint)]) from None
+            raise DiagnosticError([error("M002", place, message, hint)]) from None
         message = f"cannot read the map: {reason(failure)}"
         meant = Shipped.MAP.hint(shown) if failure.errno == errno.ENOENT else None
-        raise Failure([error("M001", Span(empty, 0, 0), message, meant)]) from None
+        raise DiagnosticError([error("M001", Span(empty, 0, 0), message, meant)]) from None
     try:
         return Source(shown, data.decode("utf-8-sig"))
     except UnicodeDecodeError as failure:
         good = Source(shown, data[: failure.start].decode("utf-8", "replace"))
         message = f"byte 0x{data[failure.start]:02x} is not UTF-8 text; expected a map"
         place = Span(good, len(good.text), len(good.text))
-        raise Failure([error("M002", place, message, "save the file as UTF-8 text")]) from None
+        raise DiagnosticError([error("M002", place, message, "save the file as UTF-8 text")]) from None

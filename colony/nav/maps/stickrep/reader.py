@@ -36,7 +36,7 @@ from dataclasses import dataclass, field
 
 from colony.nav.maps.stickrep import fields
 from colony.nav.maps.stickrep.checks import Places, RingPlaces, check_map, check_ring
-from colony.nav.maps.stickrep.fields import Problems, TooMany, Word, line_end, lines_of_words
+from colony.nav.maps.stickrep.fields import Problems, TooManyProblemsError, Word, line_end, lines_of_words
 from colony.nav.maps.stickrep.file import load_source
 from colony.nav.maps.stickrep.header import Header
 from colony.nav.maps.stickrep.joints import Joints, read_joints
@@ -49,7 +49,7 @@ from colony.nav.maps.stickrep.model import (
     Pose,
     Ring,
 )
-from colony.text.diagnostics import Failure, error, in_order
+from colony.text.diagnostics import DiagnosticError, error, in_order
 from colony.text.source import Source, Span
 from colony.text.wording import counted
 
@@ -61,7 +61,8 @@ def load_map(path: str | os.PathLike[str]) -> Map:
     """Read the map at `path`.
 
     Raises:
-        Failure: the file cannot be read, or is no sound map; with all errors found, each with its place.
+        DiagnosticError: the file cannot be read, or is no sound map; with all errors found, each with its
+            place.
     """
     return read_map(load_source(path))
 
@@ -70,19 +71,19 @@ def read_map(source: Source) -> Map:
     """Read a map from its text.
 
     Raises:
-        Failure: the text is no sound map; with all errors found, in order, each with its place.
+        DiagnosticError: the text is no sound map; with all errors found, in order, each with its place.
     """
     nul = source.text.find("\0")
     if nul >= 0:
         span = Span(source, nul, nul + 1)
-        raise Failure([error("M002", span, "found a NUL character; expected the text of a map")])
+        raise DiagnosticError([error("M002", span, "found a NUL character; expected the text of a map")])
     reader = _Reader(source)
     try:
         result = reader.read()
-    except TooMany:
+    except TooManyProblemsError:
         result = None
     if result is None or reader.problems:
-        raise Failure(in_order(reader.problems))
+        raise DiagnosticError(in_order(reader.problems))
     return result
 
 
@@ -160,7 +161,7 @@ class _Reader:
             if len(body) + len(self.header.links) + len(self.header.elevators) > MAX_LINES:
                 message = f"expected at most {MAX_LINES} rows, links and ring lines; found one more"
                 self.problems.report("M023", words[0].span, message, "make it several maps")
-                raise TooMany
+                raise TooManyProblemsError
         return body
 
     # Rings and rows

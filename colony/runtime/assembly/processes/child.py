@@ -30,13 +30,13 @@ from colony.runtime.assembly.processes.ending import (
 from colony.runtime.assembly.processes.parts import is_nonblocking, nodes_of, serves
 from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, place_of, read_spec
 from colony.runtime.store.store import StoreError
-from colony.runtime.transport.live.errors import GatewayFull, LiveError
+from colony.runtime.transport.live.errors import GatewayFullError, LiveError
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.place import Local, Place
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 
 
-class CannotBegin(Exception):
+class StartupError(Exception):
     """A process cannot begin because an input is missing or invalid; the message says which and why."""
 
 
@@ -53,7 +53,7 @@ def run(
 
     Raises:
         LiveError: it cannot join the robot's processes; for example, another process serves its name.
-        CannotBegin: an input is missing or invalid.
+        StartupError: an input is missing or invalid.
         StoreError: it cannot store what it must, and has to end.
         Exception: as raised by a node.
     """
@@ -65,7 +65,7 @@ def run(
             ready()
             with collector_past_startup():
                 host.run()
-    except GatewayFull as full:
+    except GatewayFullError as full:
         if ending.why is None:
             say(f"{full}; it begins again, and its users log in once more by themselves")
             begin_again()
@@ -87,9 +87,9 @@ def _host(part: Part, place: Place, devices: Devices | None, holds: ExitStack) -
     try:
         nodes = nodes_of(part, place, devices, holds)
     except OSError as problem:
-        raise CannotBegin(described(problem)) from None
-    except (Failure, StoreError) as problem:
-        raise CannotBegin(str(problem)) from None
+        raise StartupError(described(problem)) from None
+    except (DiagnosticError, StoreError) as problem:
+        raise StartupError(str(problem)) from None
     return Host.open(place, nodes, serves=serves(part), direct=is_nonblocking(part), report=say)
 
 
@@ -101,7 +101,7 @@ def main(devices: Devices | None = None) -> None:
         on_death_of_parent(ending)
         try:
             run(read_spec(Path(sys.argv[1])), ending, devices=devices)
-        except (LiveError, CannotBegin) as problem:
+        except (LiveError, StartupError) as problem:
             give_up(str(problem))
         except StoreError as problem:
             give_up(str(problem), EXIT_FAILED)

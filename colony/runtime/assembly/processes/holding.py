@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from colony.ir.types import Value
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import data
 from colony.runtime.protocol.fields import DSERVER
 
@@ -40,5 +40,5 @@ class Holding:
                     while not self._stop.is_set():
                         connection.do(data.set_many(self._values))
                         self._stop.wait(AGAIN_S)
-            except ConnectionProblem:
+            except RobotConnectionError:
                 continue  # the server is restarting

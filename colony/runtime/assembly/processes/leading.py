@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 
 from colony.runtime.kit.connection import Connection, Session
-from colony.runtime.kit.errors import CallRefused, ConnectionProblem, ServerNotFound
+from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError, ServerNotFoundError
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol.deployment import Deployment
 
@@ -81,14 +81,14 @@ class Leading:
         while not self._stop.is_set():
             try:
                 return self._session.connect(server, name=name)
-            except ServerNotFound as problem:
+            except ServerNotFoundError as problem:
                 if not told:
                     self._report(f"waiting: {problem}")
                     told = True
-            except CallRefused as problem:
+            except CallRefusedError as problem:
                 self._give_up(server, problem)
                 return None
-            except ConnectionProblem:
+            except RobotConnectionError:
                 pass
             self._stop.wait(PAUSE_S)
         return None
@@ -100,15 +100,15 @@ class Leading:
             try:
                 connection.keep(deploy(self._deployment))
                 return True
-            except CallRefused as problem:
+            except CallRefusedError as problem:
                 if problem.code != "busy" or waited_s >= BUSY_S:
                     self._give_up(server, problem)
                     return False
                 self._stop.wait(REFUSED_PAUSE_S)
                 waited_s += REFUSED_PAUSE_S
-            except ConnectionProblem:
+            except RobotConnectionError:
                 self._stop.wait(PAUSE_S)
         return False
 
-    def _give_up(self, server: str, problem: CallRefused) -> None:
+    def _give_up(self, server: str, problem: CallRefusedError) -> None:
         self.refused = self.refused or f"{server}: {problem.message}"

@@ -26,7 +26,7 @@ from colony.runtime.assembly.processes.spec import (
     read_bindings,
 )
 from colony.runtime.protocol.messages import Node
-from colony.runtime.store.store import Store, StoreFull, UnmadeStore
+from colony.runtime.store.store import Store, StoreFullError, UnmadeStore
 from colony.runtime.transport.live.place import Local, Place
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def nodes_of(part: NodePart, place: Place, devices: Devices | None, holds: ExitS
     """Return the nodes of a part; their other resources are closed with `holds`.
 
     Raises:
-        Failure: the compiled program is damaged, or a Python module cannot be imported or built.
+        DiagnosticError: the compiled program is damaged, or a Python module cannot be imported or built.
         StoreError: DServer's stored data cannot be read.
         OSError: the program or its bindings cannot be read.
         ValueError: the part needs hardware or the robot's own machine, and has neither.
@@ -128,7 +128,7 @@ def _store(part: DServerPart) -> Store:
     make = partial(SqliteStore, path, fsync=part.fsync, report=say)
     try:
         return make()
-    except StoreFull as problem:
+    except StoreFullError as problem:
         if path.exists():
             raise
         return UnmadeStore(make, problem)

@@ -40,7 +40,7 @@ BEGIN_S = 20.0
 """Timeout in seconds for a run to begin."""
 
 
-class RunFailed(Exception):
+class RunFailedError(Exception):
     """The run cannot begin or go on; the message, of one line or several, gives the reason."""
 
 
@@ -59,8 +59,8 @@ class LedRun:
             robot.
 
     Raises:
-        AlreadyRunning: another run is led on this machine.
-        RunDirectoryError, NotReached: the robot's processes cannot be joined.
+        AlreadyRunningError: another run is led on this machine.
+        RunDirectoryError, UnreachableError: the robot's processes cannot be joined.
     """
 
     def __init__(
@@ -123,8 +123,8 @@ class LedRun:
         """Supervise the processes until `ready()` is true; return False if `stop` ended the wait first.
 
         Raises:
-            RunFailed: it takes longer than `most_s` (the message names `what`), or a process that the run
-                needs was given up.
+            RunFailedError: it takes longer than `most_s` (the message names `what`), or a process that the
+                run needs was given up.
         """
         until = time.monotonic() + most_s
         while not ready():
@@ -132,7 +132,7 @@ class LedRun:
                 self._window.shut()
                 return False
             if time.monotonic() > until:
-                raise RunFailed(f"{what}: not in {most_s:g} s")
+                raise RunFailedError(f"{what}: not in {most_s:g} s")
             self._look_after_children()
             self._window.news.wait(LOOK_S)
         return True
@@ -143,7 +143,7 @@ class LedRun:
         `meanwhile` is called repeatedly.
 
         Raises:
-            RunFailed: the run cannot begin or go on.
+            RunFailedError: the run cannot begin or go on.
             OSError: as raised by a sink, for example because a recording cannot be written.
         """
         self._holds.enter_context(collector_past_startup())
@@ -215,7 +215,7 @@ class LedRun:
             again = death.pause_s is not None
             self._standings.died(death.job.clients, death.said[-1] if death.said else death.why, again=again)
             if not again and self._cannot_do_without(death.job):
-                raise RunFailed(text)
+                raise RunFailedError(text)
             self._report(text)
 
     def _cannot_do_without(self, job: Job) -> bool:
@@ -232,8 +232,8 @@ class LedRun:
 
     def _check(self, leading: Leading, *, late: bool) -> None:
         if leading.refused is not None:
-            raise RunFailed(leading.refused)
+            raise RunFailedError(leading.refused)
         if late and not self._window.begun:
             missing = [s for s in self._servers if s not in leading.deployed]
             why = f"{', '.join(missing)} did not answer" if missing else "no frame of it was decided"
-            raise RunFailed(f"the run has not begun after {BEGIN_S:g} s: {why}")
+            raise RunFailedError(f"the run has not begun after {BEGIN_S:g} s: {why}")

@@ -11,15 +11,15 @@ class RunDirectoryError(LiveError):
     """The run directory cannot be used: another user owns it, others can open it, or its path is too long."""
 
 
-class AlreadyRunning(LiveError):
+class AlreadyRunningError(LiveError):
     """Another process serves the robot under this name already."""
 
 
-class NotReached(LiveError):
+class UnreachableError(LiveError):
     """A gateway cannot be reached, or refuses the login."""
 
 
-class GatewayFull(LiveError):
+class GatewayFullError(LiveError):
     """The gateway's memory has reached its limit: its process must restart, which ends its sessions."""
 
 

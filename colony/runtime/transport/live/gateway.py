@@ -18,7 +18,7 @@ from colony.runtime.transport.live import configuration
 from colony.runtime.transport.live.access import access_control
 from colony.runtime.transport.live.configuration import GATEWAY as GATEWAY
 from colony.runtime.transport.live.endpoint import parse_endpoint
-from colony.runtime.transport.live.errors import GatewayFull
+from colony.runtime.transport.live.errors import GatewayFullError
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.limits import allow_descriptors
 from colony.runtime.transport.live.network import ZenohSession, local_time
@@ -66,7 +66,7 @@ class GatewayNode(QuietNode):
         memory: returns the resident memory of this process in bytes.
 
     Raises:
-        GatewayFull: from `handle`, when the memory has reached its limit.
+        GatewayFullError: from `handle`, when the memory has reached its limit.
     """
 
     address = GATEWAY
@@ -96,7 +96,7 @@ class GatewayNode(QuietNode):
         used = self._memory()
         if used > self._began_with + GROWTH_BYTES:
             most = (self._began_with + GROWTH_BYTES) >> 20
-            raise GatewayFull(f"{GATEWAY}: {used >> 20} MiB of memory are used; expected at most {most}")
+            raise GatewayFullError(f"{GATEWAY}: {used >> 20} MiB of memory are used; expected at most {most}")
 
     def _whoami(self, asked: Asked, arguments: Nothing, now_ns: int) -> Admitted:
         user = asked.caller.user
@@ -112,9 +112,9 @@ def open_gateway(
 
     Raises:
         SecurityError: `listen` is not a TLS address.
-        AlreadyRunning: the robot already has a gateway.
+        AlreadyRunningError: the robot already has a gateway.
         RunDirectoryError: the robot's folder cannot be used.
-        NotReached: the gateway cannot listen there.
+        UnreachableError: the gateway cannot listen there.
     """
     parse_endpoint(listen)
     allow_descriptors()

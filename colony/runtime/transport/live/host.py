@@ -32,7 +32,7 @@ from threading import Event, Lock
 
 from colony.runtime.observe.closing import close_all
 from colony.runtime.protocol import codec, topics
-from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import (
     Call,
     Deferring,
@@ -137,9 +137,9 @@ class Host:
         it under the socket of the first. `time` defaults to the robot's time.
 
         Raises:
-            AlreadyRunning: one of the nodes runs already.
+            AlreadyRunningError: one of the nodes runs already.
             RunDirectoryError: the robot's folder cannot be used.
-            NotReached: the gateway cannot be reached, refuses the login, or no Clock ticks behind it.
+            UnreachableError: the gateway cannot be reached, refuses the login, or no Clock ticks behind it.
         """
         listens = tuple(node.address for node in nodes) if serves else ()
         with ExitStack() as holds:
@@ -296,7 +296,7 @@ class Host:
                 if self._learned is not None and isinstance(message, Tick):
                     self._learned.heard(message.t_ns)
                 check_plausible(message, self._time())
-        except NotAMessage as problem:
+        except MessageFormatError as problem:
             return (Malformed(topic=waiting.topic, connection=None, reason=str(problem)),)
         return messages
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, get_args
 
-from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import (
     Alive,
     Announcement,
@@ -143,18 +143,20 @@ def check_call(message: Sent, key: CallKey) -> Call | Alive:
     """Return the message if it is valid on this key.
 
     Raises:
-        NotAMessage: it is not a call or a sign of life, or claims another connection or right.
+        MessageFormatError: it is not a call or a sign of life, or claims another connection or right.
     """
     match message:
         case Call(right=right, connection=connection):
             if right != key.right:
-                raise NotAMessage(f"it claims the right to {right}, but came under that to {key.right}")
+                raise MessageFormatError(
+                    f"it claims the right to {right}, but came under that to {key.right}"
+                )
         case Alive(connection=connection):
             pass
         case _:
-            raise NotAMessage(f"found {type(message).__name__}; expected Call or Alive")
+            raise MessageFormatError(f"found {type(message).__name__}; expected Call or Alive")
     if connection != key.connection:
-        raise NotAMessage(f"it claims to be of {connection}, but is of {key.connection}")
+        raise MessageFormatError(f"it claims to be of {connection}, but is of {key.connection}")
     return message
 
 
@@ -162,11 +164,11 @@ def check_frame(message: Sent, topic: str) -> Sent:
     """Return the message if it is valid on this topic, which does not carry calls.
 
     Raises:
-        NotAMessage: it belongs on another topic.
+        MessageFormatError: it belongs on another topic.
     """
     parts = topic.split("/", 2)
     kinds = _KINDS.get(parts[min(1, len(parts) - 1)])
     if isinstance(message, (Call, Alive)) or (kinds is not None and not isinstance(message, kinds)):
         expected = "no call" if kinds is None else " or ".join(kind.__name__ for kind in kinds)
-        raise NotAMessage(f"found {type(message).__name__}; expected {expected}")
+        raise MessageFormatError(f"found {type(message).__name__}; expected {expected}")
     return message

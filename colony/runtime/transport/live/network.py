@@ -13,7 +13,7 @@ import zenoh
 
 from colony.runtime.transport.live import configuration, keys
 from colony.runtime.transport.live.configuration import Settings
-from colony.runtime.transport.live.errors import NotReached
+from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.names import local_user as local_user
 from colony.runtime.transport.live.place import Local, Place, Remote
 from colony.runtime.transport.live.probe import why_not_reached
@@ -68,9 +68,9 @@ class ZenohSession:
         Other processes find these servers under the socket of the first. `settings` replace the usual ones.
 
         Raises:
-            AlreadyRunning: one of `listens` runs already.
+            AlreadyRunningError: one of `listens` runs already.
             RunDirectoryError: the robot's folder cannot be used.
-            NotReached: the gateway cannot be reached, or refuses the login.
+            UnreachableError: the gateway cannot be reached, or refuses the login.
         """
         with ExitStack() as holds:
             if isinstance(place, Local):
@@ -137,12 +137,14 @@ def _open(place: Place, settings: Settings, holds: ExitStack) -> zenoh.Session:
         with _threads():
             session = zenoh.open(configuration.configuration(settings))
     except zenoh.ZError as problem:
-        raise NotReached(_why(place, settings, problem)) from None
+        raise UnreachableError(_why(place, settings, problem)) from None
     except BaseException as problem:
         # Rust's panic is not an Exception and cannot be imported
         if type(problem).__name__ != "PanicException":
             raise
-        raise NotReached(f"no session can be opened, for lack of memory or threads: {problem}") from None
+        raise UnreachableError(
+            f"no session can be opened, for lack of memory or threads: {problem}"
+        ) from None
     holds.callback(session.close)
     return session
 
@@ -167,7 +169,7 @@ def _expect_descriptors() -> None:
     """Check that a session can open the files it needs: zenoh would panic without a message.
 
     Raises:
-        NotReached: too few descriptors are free.
+        UnreachableError: too few descriptors are free.
     """
     most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
     if most == resource.RLIM_INFINITY:
@@ -178,7 +180,7 @@ def _expect_descriptors() -> None:
         used = most if problem.errno == errno.EMFILE else 0
     if most - used < DESCRIPTORS:
         text = f"this process may have {most} files open, and has {used}; a session needs {DESCRIPTORS} more"
-        raise NotReached(f"{text}: raise the limit (`ulimit -n`)")
+        raise UnreachableError(f"{text}: raise the limit (`ulimit -n`)")
 
 
 def _why(place: Place, settings: Settings, problem: zenoh.ZError) -> str:

@@ -11,7 +11,7 @@ from contextlib import ExitStack, suppress
 import zenoh
 
 from colony.runtime.protocol import codec
-from colony.runtime.protocol.codec import LARGEST, NotAMessage
+from colony.runtime.protocol.codec import LARGEST, MessageFormatError
 from colony.runtime.protocol.messages import Call, Malformed
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.border import Border
@@ -126,7 +126,7 @@ class Reception:
                 return
             try:
                 message = keys.check_call(codec.decode(payload.to_bytes()), key)
-            except NotAMessage as problem:
+            except MessageFormatError as problem:
                 malformed = Malformed(topic=topic, connection=key.connection, reason=str(problem))
                 inbox.call(topic, key.connection, malformed, 0)
             else:
@@ -137,7 +137,7 @@ class Reception:
 
     def _refuse(self, topic: str, key: keys.CallKey, data: bytes) -> None:
         """Refuse a call with the code "flood"; malformed bytes get no reply."""
-        with suppress(NotAMessage):
+        with suppress(MessageFormatError):
             message = keys.check_call(codec.decode(data), key)
             number = message.number if isinstance(message, Call) else 0
             self._inbox.refuse(topic, key.connection, number)

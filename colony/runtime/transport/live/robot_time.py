@@ -14,10 +14,10 @@ from threading import Event
 import zenoh
 
 from colony.runtime.protocol import codec, topics
-from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import Tick
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.errors import NotReached
+from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.place import Local
 
@@ -71,7 +71,7 @@ def time_of(network: ZenohSession) -> Callable[[], int]:
 
     Raises:
         RunDirectoryError: the robot's folder cannot be used.
-        NotReached: no tick arrived.
+        UnreachableError: no tick arrived.
     """
     place = network.place
     return local_time(place) if isinstance(place, Local) else learned_time(network)
@@ -81,14 +81,14 @@ def learned_time(network: ZenohSession, *, timeout_s: float = FIRST_TICK_S) -> L
     """Return the clock of a robot of another machine after its first tick; it keeps learning.
 
     Raises:
-        NotReached: no tick arrived within the timeout.
+        UnreachableError: no tick arrived within the timeout.
     """
     learned, first = LearnedTime(), Event()
 
     def take(sample: zenoh.Sample) -> None:
         try:
             message = codec.decode(sample.payload.to_bytes())
-        except NotAMessage:
+        except MessageFormatError:
             return
         if isinstance(message, Tick):
             learned.heard(message.t_ns)
@@ -98,5 +98,5 @@ def learned_time(network: ZenohSession, *, timeout_s: float = FIRST_TICK_S) -> L
     subscriber = network.session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))
     learned.stop_listening = subscriber.undeclare
     if not first.wait(timeout_s):
-        raise NotReached(f"{network.robot}: no tick of its Clock came in {timeout_s:g} s: does it run?")
+        raise UnreachableError(f"{network.robot}: no tick of its Clock came in {timeout_s:g} s: does it run?")
     return learned

@@ -21,9 +21,9 @@ from pathlib import Path
 
 import msgspec
 
-from colony.files import UnfitFile, open_descriptor, read_file, reason
+from colony.files import UnsuitableFileError, open_descriptor, read_file, reason
 from colony.os_errors import NO_ROOM, limit_advice, naming
-from colony.runtime.transport.live.errors import AlreadyRunning, RunDirectoryError
+from colony.runtime.transport.live.errors import AlreadyRunningError, RunDirectoryError
 from colony.runtime.transport.live.names import check_name
 
 CHOOSE = "set COLONY_RUN_DIR to a folder of yours"
@@ -145,7 +145,7 @@ class RobotDirectory:
         """Claim to be the only process that serves `server`, until the claim is closed or the process ends.
 
         Raises:
-            AlreadyRunning: another process serves it.
+            AlreadyRunningError: another process serves it.
             RunDirectoryError: the folder cannot be used.
         """
         self.prepare()
@@ -155,7 +155,7 @@ class RobotDirectory:
             try:
                 if not _locks(descriptor):
                     holder = os.read(descriptor, CLAIM_BYTES).decode("ascii", "replace").strip()
-                    raise AlreadyRunning(
+                    raise AlreadyRunningError(
                         f"{server} of {self.robot} runs already, as process {holder or 'unknown'}: "
                         "end that one first, or give another --robot"
                     )
@@ -281,7 +281,7 @@ def _holder(path: Path) -> int | None:
     """Return the id of the process that holds the lock of a claim, or None."""
     try:
         descriptor = open_descriptor(path)
-    except (FileNotFoundError, UnfitFile):
+    except (FileNotFoundError, UnsuitableFileError):
         return None
     try:
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -314,7 +314,7 @@ def _read_base(path: Path) -> _Base | None:
         return msgspec.json.decode(read_file(path, BASE_BYTES), type=_Base)
     except FileNotFoundError:
         return None
-    except (msgspec.DecodeError, UnfitFile) as problem:
+    except (msgspec.DecodeError, UnsuitableFileError) as problem:
         raise RunDirectoryError(
             f"{path}: {reason(problem)}: remove it while nothing of the robot runs"
         ) from None

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from colony.runtime.protocol import codec
 from colony.runtime.protocol.calls import EMERGENCY_STOP
-from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import Alive, Call, Malformed
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.keys import CallKey
@@ -74,5 +74,5 @@ class StopLane:
 def _read(came: _Came) -> Call | Alive | Malformed:
     try:
         return keys.check_call(codec.decode(came.data), came.key)
-    except NotAMessage as problem:
+    except MessageFormatError as problem:
         return Malformed(topic=came.topic, connection=came.key.connection, reason=str(problem))

@@ -6,7 +6,7 @@ import pytest
 
 from colony.compile.backends.python.generate import load
 from colony.ir.frame import Frame
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 from colony.text.source import NOWHERE
 from tests.programs import generated
 
@@ -55,7 +55,7 @@ def test_what_it_is_called() -> None:
 
 def test_a_module_in_python_that_is_not_there() -> None:
     text = f'{ROBOT} module p from python "colony.nowhere:Lost" {{ reads b }}'
-    with pytest.raises(Failure) as failure:
+    with pytest.raises(DiagnosticError) as failure:
         load(generated(text))
     (found,) = failure.value.diagnostics
     assert (found.code, found.span) == ("P001", NOWHERE)
@@ -70,5 +70,5 @@ def test_a_module_in_python_that_is_not_there() -> None:
 
 def test_a_module_in_python_that_leaves_the_process_when_it_is_built() -> None:
     text = f'{ROBOT} module p from python "tests.verify.scripted_modules:Leaving" {{ reads b }}'
-    with pytest.raises(Failure, match="cannot be imported and built: SystemExit: 3"):
+    with pytest.raises(DiagnosticError, match="cannot be imported and built: SystemExit: 3"):
         load(generated(text))

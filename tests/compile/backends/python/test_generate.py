@@ -20,7 +20,7 @@ from colony.dsl.load import load_text
 from colony.ir.expression import NESTING_LIMIT, Expression, Unary, UnaryOperation
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 from colony.verify.testing.strategies import programs, traces
 from tests.executors import outcomes
 from tests.networks import chain
@@ -182,7 +182,7 @@ def test_a_class_that_cannot_be_named_is_refused() -> None:
     for path in ("os; import x", "os.class", "", "x..y"):
         wrong = tuple(replace(m, module_path=path) if m.name == "p" else m for m in program.modules)
         other = replace(program, modules=wrong)
-        with pytest.raises(Failure) as failure:
+        with pytest.raises(DiagnosticError) as failure:
             generated(other)
         (found,) = failure.value.diagnostics
         assert (found.code, found.message) == ("E405", f"`{path}.Y` is no name of a Python class")

@@ -9,7 +9,7 @@ from colony.nav.maps.stickrep.joints import linked_rings
 from colony.nav.maps.stickrep.model import ElevatorLink, Link, Map, Site
 from colony.nav.maps.stickrep.reader import read_map
 from colony.nav.maps.stickrep.writer import write_map
-from colony.text.diagnostics import Failure
+from colony.text.diagnostics import DiagnosticError
 from colony.text.source import Source
 
 BLOCKS = """stickrep 1
@@ -46,7 +46,7 @@ def read(*lines: str) -> Map:
 
 def found(*lines: str) -> list[str]:
     """Line, column, code and message of everything that is wrong."""
-    with pytest.raises(Failure) as caught:
+    with pytest.raises(DiagnosticError) as caught:
         read(*lines)
     out = []
     for d in caught.value.diagnostics:
@@ -120,7 +120,7 @@ def test_all_links_are_judged_at_once_and_only_when_the_rings_are_sound() -> Non
         "M025",
     ]
     broken = BLOCKS.replace("W 0 20", "W 0 21") + "link A O\n"
-    with pytest.raises(Failure) as caught:
+    with pytest.raises(DiagnosticError) as caught:
         read_map(Source("blocks.stickrep", broken))
     assert [d.code for d in caught.value.diagnostics] == ["M018"]
 
@@ -160,7 +160,7 @@ def test_elevators_that_are_none(line: str, told: str) -> None:
 
 def test_a_map_with_elevators_says_which_floor_it_is() -> None:
     text = BLOCKS.replace("floor 1\n", "") + "elevator lift.L two.stickrep lift.L\n"
-    with pytest.raises(Failure) as caught:
+    with pytest.raises(DiagnosticError) as caught:
         read_map(Source("blocks.stickrep", text))
     assert [d.code for d in caught.value.diagnostics] == ["M028"]
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from colony.nav.maps.stickrep.file import MAX_BYTES
 from colony.nav.maps.stickrep.model import EdgeKind, Light, Map, Pose
 from colony.nav.maps.stickrep.reader import load_map, read_map
-from colony.text.diagnostics import Failure, headline, render
+from colony.text.diagnostics import DiagnosticError, headline, render
 from colony.text.source import Source
 from tests.nav.maps.small_maps import HEADER, ROOM
 from tests.paths import MAPS
@@ -25,7 +25,7 @@ def read(text: str) -> Map:
 
 def found(text: str) -> list[str]:
     """Line, column and code of everything that is wrong with a text."""
-    with pytest.raises(Failure) as caught:
+    with pytest.raises(DiagnosticError) as caught:
         read(text)
     out = []
     for d in caught.value.diagnostics:
@@ -149,7 +149,7 @@ def test_everything_wrong_is_reported_at_once_and_in_order() -> None:
 
 
 def test_messages_say_what_was_found_and_what_was_expected() -> None:
-    with pytest.raises(Failure) as caught:
+    with pytest.raises(DiagnosticError) as caught:
         read(ROOM.replace("D W 0 120", "D W 0 124"))
     (error,) = caught.value.diagnostics
     assert headline(error) == (
@@ -161,7 +161,7 @@ def test_messages_say_what_was_found_and_what_was_expected() -> None:
 
 
 def test_a_typo_in_the_header_gets_a_suggestion() -> None:
-    with pytest.raises(Failure) as caught:
+    with pytest.raises(DiagnosticError) as caught:
         read(ROOM.replace("start", "strat"))
     assert caught.value.diagnostics[0].hint == "did you mean `start`?"
 
@@ -189,7 +189,7 @@ def test_a_ring_traced_the_wrong_way_round() -> None:
 
 def test_files_that_are_no_maps(tmp_path: Path) -> None:
     def code(path: str | os.PathLike[str]) -> str:
-        with pytest.raises(Failure) as caught:
+        with pytest.raises(DiagnosticError) as caught:
             load_map(path)
         first = caught.value.diagnostics[0]
         assert render(first).startswith(os.fspath(path))
@@ -217,14 +217,14 @@ def test_files_that_are_no_maps(tmp_path: Path) -> None:
 def test_an_invalid_byte_is_located(tmp_path: Path) -> None:
     file = tmp_path / "latin.stickrep"
     file.write_bytes("stickrep 1\nmap caf\u00e9\n".encode("latin-1"))
-    with pytest.raises(Failure) as caught:
+    with pytest.raises(DiagnosticError) as caught:
         load_map(file)
     assert headline(caught.value.diagnostics[0]).startswith(f"{file}:2:8: error[M002]: byte 0xe9 ")
 
 
 @given(st.text(alphabet="-0123456789. ABWDE\nring#e", max_size=200))
 def test_any_text_is_a_map_or_a_located_failure(text: str) -> None:
-    with suppress(Failure):
+    with suppress(DiagnosticError):
         assert read(ROOM + text).name == "room"
 
 
@@ -256,7 +256,7 @@ def test_any_links_and_elevators_are_a_map_or_a_located_failure(words: list[str]
     text = ROOM + block + "link " + " ".join(words)
     try:
         read(text)
-    except Failure as failure:
+    except DiagnosticError as failure:
         for problem in failure.diagnostics:
             assert problem.span.source.text == text
             assert render(problem)
@@ -265,12 +265,12 @@ def test_any_links_and_elevators_are_a_map_or_a_located_failure(words: list[str]
 def test_a_pipe_is_refused_rather_than_waited_for(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe.stickrep"
     os.mkfifo(pipe)
-    with pytest.raises(Failure, match=r"pipe\.stickrep:1:1: error\[M001\].*not a regular file"):
+    with pytest.raises(DiagnosticError, match=r"pipe\.stickrep:1:1: error\[M001\].*not a regular file"):
         load_map(pipe)
 
 
 def hints(text: str) -> list[str | None]:
-    with pytest.raises(Failure) as caught:
+    with pytest.raises(DiagnosticError) as caught:
         read(text)
     return [d.hint for d in caught.value.diagnostics]
 

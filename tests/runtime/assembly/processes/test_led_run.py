@@ -11,7 +11,7 @@ from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame, Outcome
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.run import LedRun, RunFailed
+from colony.runtime.assembly.processes.run import LedRun, RunFailedError
 from colony.runtime.assembly.processes.standings import Standings
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.observer import FrameLog
@@ -111,7 +111,7 @@ def test_one_that_never_joined_ends_the_run_whenever_it_is_given_up(led: Led, be
     if begun:
         led.begin()
     led.start(NEVER_JOINS)
-    with pytest.raises(RunFailed, match="it cannot be imported"):
+    with pytest.raises(RunFailedError, match="it cannot be imported"):
         led.look_after()
 
 
@@ -130,7 +130,7 @@ def test_one_that_is_essential_ends_the_run_when_it_is_given_up(led: Led) -> Non
     led.start(JOINS, essential=True)
     until(led.has_joined, "it joins")
     led.leave()
-    with pytest.raises(RunFailed, match="something is gone"):
+    with pytest.raises(RunFailedError, match="something is gone"):
         led.look_after()
 
 

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from colony.runtime.protocol import codec, topics
-from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -55,14 +55,14 @@ FITS: list[tuple[str, Sent]] = [
 def test_a_topic_takes_its_own_kinds(topic: str, message: Sent) -> None:
     assert keys.check_frame(message, topic) == message
     for call in (CALL, Alive(connection="ada/1")):
-        with pytest.raises(NotAMessage, match=rf"found {type(call).__name__}; expected "):
+        with pytest.raises(MessageFormatError, match=rf"found {type(call).__name__}; expected "):
             keys.check_frame(call, topic)
 
 
 @pytest.mark.parametrize("topic", ["RServer/fetches", "RServer/frames", "Clock/ticks", "verdicts"])
 def test_and_no_others(topic: str) -> None:
     request = Request(k=1, actuator="drive", client="cruise", bid="command", values=(1.0, 0.0))
-    with pytest.raises(NotAMessage, match="found Request; expected "):
+    with pytest.raises(MessageFormatError, match="found Request; expected "):
         keys.check_frame(request, topic)
 
 

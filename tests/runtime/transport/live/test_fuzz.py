@@ -18,7 +18,7 @@ from colony.runtime.library import proximity, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.calls import Nothing, Status
-from colony.runtime.protocol.codec import LARGEST, NotAMessage
+from colony.runtime.protocol.codec import LARGEST, MessageFormatError
 from colony.runtime.protocol.messages import Reply, Right, Sent, Tick
 from colony.runtime.transport.live.inbox import LONGEST_SLEEP_S, Inbox
 from colony.runtime.transport.live.network import ZenohSession
@@ -53,7 +53,7 @@ class Gun(Stage):
         """Anything but what a Clock would say: who can speak in its place is believed."""
         try:
             forged = topic == topics.TICKS and isinstance(codec.decode(data), Tick)
-        except NotAMessage:
+        except MessageFormatError:
             forged = False
         if not forged:
             self.fire(f"colony/{ROBOT}/{topic}", data)
@@ -95,7 +95,7 @@ def test_servers_under_fire(machine: Machine) -> None:
     random, said = Random(SEED), Counter[str]()
 
     def hear(sample: zenoh.Sample) -> None:
-        with suppress(NotAMessage):  # what was fired at all keys comes back here
+        with suppress(MessageFormatError):  # what was fired at all keys comes back here
             reply = codec.decode(sample.payload.to_bytes())
             if isinstance(reply, Reply):
                 said[reply.problem.code if reply.problem is not None else "done"] += 1

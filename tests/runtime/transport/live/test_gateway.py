@@ -11,7 +11,7 @@ import pytest
 
 from colony.runtime.assembly.processes import child
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.errors import CallRefused, ServerNotFound
+from colony.runtime.kit.errors import CallRefusedError, ServerNotFoundError
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import (
     Alive,
@@ -27,7 +27,7 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.transport.live import gateway, keys
-from colony.runtime.transport.live.errors import GatewayFull, NotReached
+from colony.runtime.transport.live.errors import GatewayFullError, UnreachableError
 from colony.runtime.transport.live.gateway import GatewayNode
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession
@@ -48,7 +48,7 @@ def test_a_user_does_what_the_table_allows(lab: Lab) -> None:
             assert battery.do(level()) == 0.5
             assert battery.do(charge(1.0)) == pytest.approx(0.6)
             assert battery.do(halt()) == "halted", "who may command may stop"
-        with pytest.raises(ServerNotFound, match="rome has no Radio: found Battery, Gateway"):
+        with pytest.raises(ServerNotFoundError, match="rome has no Radio: found Battery, Gateway"):
             session.connect("Radio", timeout_s=0.2)
 
 
@@ -59,7 +59,9 @@ def test_a_user_without_the_right_is_told_so(lab: Lab, user: str, says: str) -> 
         lab.session(user) as session,
         session.connect(BATTERY) as battery,
     ):
-        with pytest.raises(CallRefused, match=f"charge needs the right to command, and {says}") as refused:
+        with pytest.raises(
+            CallRefusedError, match=f"charge needs the right to command, and {says}"
+        ) as refused:
             battery.do(charge(1.0))
         assert refused.value.code == "right"
         assert battery.do(level()) == 0.5
@@ -166,7 +168,7 @@ def test_a_client_of_a_program_runs_on_another_machine(lab: Lab) -> None:
 def test_no_clock_no_time(lab: Lab) -> None:
     with (
         ZenohSession.open(lab.remote("eva")) as network,
-        pytest.raises(NotReached, match="no tick of its Clock"),
+        pytest.raises(UnreachableError, match="no tick of its Clock"),
     ):
         learned_time(network, timeout_s=0.1)
 
@@ -213,7 +215,7 @@ def test_a_gateway_whose_memory_is_full_begins_again(tmp_path: Path, monkeypatch
     assert list(node.handle(Wake(), wake.t_ns)) == [WakeAt(2 * wake.t_ns)]
     used[0] += 1 << 20
     assert list(node.handle(Wake(), 2 * wake.t_ns - 1)) == [], "not looked at yet"
-    with pytest.raises(GatewayFull, match="Gateway: 111 MiB of memory are used; expected at most 110"):
+    with pytest.raises(GatewayFullError, match="Gateway: 111 MiB of memory are used; expected at most 110"):
         list(node.handle(Wake(), 2 * wake.t_ns))
 
 

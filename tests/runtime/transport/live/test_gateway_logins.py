@@ -10,7 +10,7 @@ import zenoh
 
 from colony.runtime.kit.connection import Session, connect
 from colony.runtime.transport.live import configuration
-from colony.runtime.transport.live.errors import NotReached, SecurityError
+from colony.runtime.transport.live.errors import SecurityError, UnreachableError
 from colony.runtime.transport.live.gateway import open_gateway
 from colony.runtime.transport.live.place import Credentials
 from colony.runtime.transport.live.security import read_security
@@ -42,7 +42,7 @@ def test_logins_that_are_refused(lab: Lab, tmp_path: Path) -> None:
         (lab.authority.user("ada"), f"tls/localhost:{free_port()}", r"nobody listens .*Connection refused"),
     )
     for (credentials, endpoint, says), problem in zip(cases, _all_refused(cases), strict=True):
-        assert isinstance(problem, NotReached), (credentials, endpoint, problem)
+        assert isinstance(problem, UnreachableError), (credentials, endpoint, problem)
         assert _matches(says, str(problem)), problem
 
 
@@ -100,7 +100,7 @@ def test_two_gateways_to_one_robot_and_a_port_that_is_taken(lab: Lab, tmp_path: 
     security = read_security(lab.authority.table(USERS))
     with pytest.raises(Exception, match="Gateway of rome runs already"):
         open_gateway(place(lab.environment), f"tls/localhost:{free_port()}", security)
-    with run_directory() as other, pytest.raises(NotReached, match=r"cannot listen at .*tls/localhost"):
+    with run_directory() as other, pytest.raises(UnreachableError, match=r"cannot listen at .*tls/localhost"):
         open_gateway(place(other), lab.endpoint, security)
 
 
@@ -109,5 +109,8 @@ def test_a_user_who_was_taken_out_of_the_table_is_out(lab: Lab, tmp_path: Path) 
         other = Lab(environment, lab.authority, f"tls/localhost:{free_port()}")
         with gateway_for(other, USERS), other.session("bob") as session:
             assert session.servers() == ("Gateway",)
-        with gateway_for(other, {"ada": ("read",)}), pytest.raises(NotReached, match="lets nobody in as bob"):
+        with (
+            gateway_for(other, {"ada": ("read",)}),
+            pytest.raises(UnreachableError, match="lets nobody in as bob"),
+        ):
             other.session("bob")

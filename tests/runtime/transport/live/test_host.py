@@ -22,7 +22,7 @@ from colony.runtime.protocol.messages import (
     Send,
     Tick,
 )
-from colony.runtime.transport.live.errors import AlreadyRunning
+from colony.runtime.transport.live.errors import AlreadyRunningError
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.robot_time import learned_time
@@ -168,7 +168,7 @@ def test_a_reply_that_is_too_large_becomes_an_error_and_other_messages_are_repor
 def test_one_process_serves_under_a_name(environment: Mapping[str, str]) -> None:
     with (
         hosted(environment, [Recorder(SERVER), Recorder("Second")]),
-        pytest.raises(AlreadyRunning, match=r"Second of rome runs already"),
+        pytest.raises(AlreadyRunningError, match=r"Second of rome runs already"),
     ):
         Host.open(place(environment), [Recorder("Other"), Recorder("Second")], serves=True)
     Host.open(place(environment), [Recorder("Other"), Recorder("Second")], serves=True).close()

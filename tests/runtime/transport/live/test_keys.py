@@ -7,7 +7,7 @@ import pytest
 import zenoh
 
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.codec import NotAMessage
+from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import Alive, Call, Fetch, Ready, Reply, Right, Sent, Tick
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.keys import CallKey
@@ -61,7 +61,7 @@ def test_the_key_of_a_call_says_whose_it_is_and_under_which_right() -> None:
     ],
 )
 def test_a_call_must_say_what_its_key_says(message: Sent, says: str) -> None:
-    with pytest.raises(NotAMessage, match=says):
+    with pytest.raises(MessageFormatError, match=says):
         keys.check_call(message, CallKey("read", "ada/7"))
 
 

@@ -33,7 +33,7 @@ CLIENT = """
 import sys, time
 from pathlib import Path
 from colony.runtime.kit.connection import connect
-from colony.runtime.kit.errors import ConnectionProblem
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import robot
 from colony.runtime.transport.live.security import read_credentials
 
@@ -44,7 +44,7 @@ with connect("RServer", name="teleop", priority=5, **arguments) as base:
         try:
             base.do(ASK)
             print("done", flush=True)
-        except ConnectionProblem as problem:
+        except RobotConnectionError as problem:
             print(type(problem).__name__, flush=True)
         time.sleep(0.1)
 """
@@ -195,7 +195,7 @@ def test_a_robot_stops_when_the_cable_is_pulled_and_goes_on_when_it_is_back(tmp_
             until(lambda: base.velocity == 0.0, "the robot stops")
             assert base.changed_ns - pulled_ns < 2 * SECOND
             until(lambda: not split.server._calls._connections, "the client is lost")
-            split.remote.says("TimedOut")
+            split.remote.says("CallTimeoutError")
             split.set("up")
             until(lambda: base.velocity == 100.0, "the robot drives again")
 

@@ -14,7 +14,7 @@ from tests.paths import ROOT
 OPEN = """
 import os, resource, sys
 from colony.runtime.transport.live import network
-from colony.runtime.transport.live.errors import NotReached
+from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.place import local
 place = local("rome", {"COLONY_RUN_DIR": sys.argv[1]})
 if sys.argv[2] == "unchecked":
@@ -23,7 +23,7 @@ most = len(os.listdir("/proc/self/fd")) + int(sys.argv[3])
 resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 try:
     network.ZenohSession.open(place, listens=("RServer",)).close()
-except (NotReached, OSError) as problem:
+except (UnreachableError, OSError) as problem:
     print(problem)
 else:
     print("open")

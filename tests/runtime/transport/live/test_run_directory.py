@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from colony.runtime.transport.live import run_directory as module
-from colony.runtime.transport.live.errors import AlreadyRunning, RunDirectoryError
+from colony.runtime.transport.live.errors import AlreadyRunningError, RunDirectoryError
 from colony.runtime.transport.live.run_directory import (
     CLAIM_BYTES,
     LONGEST_SOCKET,
@@ -136,7 +136,9 @@ def test_what_is_wrong_with_a_file_is_said_with_what_to_do(tmp_path: Path) -> No
 def test_a_server_is_claimed_by_one_process_at_a_time(robot: RobotDirectory, tmp_path: Path) -> None:
     with robot.claim("RServer") as claim, robot.claim("DServer"):
         assert robot.running() == {"DServer": os.getpid(), "RServer": os.getpid()}
-        with pytest.raises(AlreadyRunning, match=f"RServer of rome runs already, as process {os.getpid()}"):
+        with pytest.raises(
+            AlreadyRunningError, match=f"RServer of rome runs already, as process {os.getpid()}"
+        ):
             robot.claim("RServer")
         claim.close()
         assert robot.running() == {"DServer": os.getpid()}
