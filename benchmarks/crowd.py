@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from colony.runtime.assembly.processes.ending import Ending, on_death_of_parent, on_signals
+from colony.runtime.assembly.processes.shutdown import Shutdown, on_parent_exit, on_signals
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Effect, Message, Ready, Request, Send, Tick
 from colony.runtime.transport.live.host import Host
@@ -67,12 +67,12 @@ class Crowd:
 
 def main() -> None:
     folder, robot, run, *numbers = sys.argv[1:]
-    ending = Ending()
-    on_death_of_parent(ending)
+    shutdown = Shutdown()
+    on_parent_exit(shutdown)
     crowd = Crowd(run, *map(int, numbers))
     place = Local(RobotDirectory(Path(folder), robot))
-    with on_signals(ending), Host.open(place, [crowd]) as host:
-        ending.then(host.stop)
+    with on_signals(shutdown), Host.open(place, [crowd]) as host:
+        shutdown.then(host.stop)
         host.run()
 
 

@@ -22,15 +22,14 @@ import msgspec
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import codec
-from colony.runtime.protocol.calls import Nothing, Open
+from colony.runtime.protocol.calls import NoArguments, Open
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Alive, Call, Effect, Fetch, Reply, Send, Tick, Wake
-from colony.runtime.servers.data_methods import MOST_AT_ONCE, MOST_NAMES, MOST_VALUES
+from colony.runtime.servers.data_methods import MAX_NAMES_PER_CALL, MAX_NAMES_PER_REPLY, MAX_VALUES_PER_REPLY
 from colony.runtime.servers.dserver import DServer
-from colony.runtime.servers.semaphores import MOST as MOST_SEMAPHORES
-from colony.runtime.servers.semaphores import MOST_HELD, MOST_WAITING
-from colony.runtime.servers.variables import HISTORY_LENGTH, VALUE_BYTES
+from colony.runtime.servers.semaphores import MAX_HOLDS, MAX_SEMAPHORES, MAX_WAITING_CALLS
+from colony.runtime.servers.variables import MAX_HISTORY_LENGTH, MAX_VALUE_BYTES
 from colony.runtime.store.sqlite import SqliteStore
 
 Row = dict[str, object]
@@ -123,11 +122,11 @@ def run() -> list[Row]:
 def _fill(stage: Stage) -> None:
     for connection in (ADA, BOB):
         stage.take(stage.bytes_of("open", Open(name=connection), connection))
-    for begin in range(0, VARIABLES, MOST_AT_ONCE):
-        stage.do(data.set_many({f"V{i:05}": float(i) for i in range(begin, begin + MOST_AT_ONCE)}))
-    for i in range(MOST_SEMAPHORES - 10):
+    for begin in range(0, VARIABLES, MAX_NAMES_PER_CALL):
+        stage.do(data.set_many({f"V{i:05}": float(i) for i in range(begin, begin + MAX_NAMES_PER_CALL)}))
+    for i in range(MAX_SEMAPHORES - 10):
         stage.take(stage.call(data.create_semaphore(f"S{i:05}")))
-    stage.do(data.create_semaphore("Held", MOST_HELD))
+    stage.do(data.create_semaphore("Held", MAX_HOLDS))
     stage.do(data.watch(prefixes=[f"{i:03}" for i in range(990)]), BOB)
     stage.do(data.watch(prefixes=["", "V"]), BOB)
 
@@ -137,14 +136,16 @@ def _fill(stage: Stage) -> None:
 
 def _largest(stage: Stage) -> Iterator[Case]:
     """What gets through the limits."""
-    tiny_lists = msgspec.Raw(b"\xdd" + (VALUE_BYTES - 5).to_bytes(4, "big") + b"\x90" * (VALUE_BYTES - 5))
-    blob = b"\x00" * (VALUE_BYTES - 5)
+    tiny_lists = msgspec.Raw(
+        b"\xdd" + (MAX_VALUE_BYTES - 5).to_bytes(4, "big") + b"\x90" * (MAX_VALUE_BYTES - 5)
+    )
+    blob = b"\x00" * (MAX_VALUE_BYTES - 5)
 
     def ask(name: str, made: Callable[[int], Ask[object]], **more: Callable[[int], None]) -> Case:
         return Case(name, lambda i: stage.call(made(i)), after=more.get("after", lambda i: stage.rest()),
                     before=more.get("before", lambda i: None))  # fmt: skip
 
-    names = [f"V{i:05}" for i in range(MOST_AT_ONCE)]
+    names = [f"V{i:05}" for i in range(MAX_NAMES_PER_CALL)]
     yield ask("set, 1 MiB of bytes", lambda i: data.set("Blob", blob))
     yield Case(
         "set, 1 MiB of empty lists",
@@ -165,8 +166,8 @@ def _largest(stage: Stage) -> Iterator[Case]:
     )
     yield ask("get, 1 MiB", lambda i: data.get("Blob"))
     yield ask("get_many, 1,000 numbers", lambda i: data.get_many(names))
-    yield ask("names, 5,000", lambda i: data.names(limit=MOST_NAMES))
-    yield ask("semaphores, 5,000", lambda i: data.semaphores(limit=MOST_NAMES))
+    yield ask("names, 5,000", lambda i: data.names(limit=MAX_NAMES_PER_REPLY))
+    yield ask("semaphores, 5,000", lambda i: data.semaphores(limit=MAX_NAMES_PER_REPLY))
     yield ask("watch, 1,000 names", lambda i: data.watch(*names), after=lambda i: _unwatch(stage))
     yield ask("watch, all variables", lambda i: data.watch(prefixes=[""]), after=lambda i: _unwatch(stage))
     yield ask(
@@ -188,33 +189,33 @@ def _deployment(run: str) -> Deployment:
 def _histories(stage: Stage, ask: Callable[..., Case]) -> Iterator[Case]:
     def fill(i: int) -> None:
         stage.do(data.delete("H"))
-        stage.do(data.set_history("H", HISTORY_LENGTH))
-        for _ in range(HISTORY_LENGTH):
+        stage.do(data.set_history("H", MAX_HISTORY_LENGTH))
+        for _ in range(MAX_HISTORY_LENGTH):
             stage.take(stage.call(data.set("H", 1.5)))
 
     fill(0)
-    yield ask("history, 2,000 values", lambda i: data.history("H", limit=MOST_VALUES))
-    yield ask("set_history, 10,000 to 9,999 - i", lambda i: data.set_history("H", HISTORY_LENGTH - 1 - i))
+    yield ask("history, 2,000 values", lambda i: data.history("H", limit=MAX_VALUES_PER_REPLY))
+    yield ask("set_history, 10,000 to 9,999 - i", lambda i: data.set_history("H", MAX_HISTORY_LENGTH - 1 - i))
     yield ask("set_history, 10,000 to 1", lambda i: data.set_history("H", 1), before=fill)
     yield ask("delete, 10,000 values", lambda i: data.delete("H"), before=fill)
 
 
 def _semaphores(stage: Stage, ask: Callable[..., Case]) -> Iterator[Case]:
     def hold(i: int) -> None:
-        for _ in range(MOST_HELD):
+        for _ in range(MAX_HOLDS):
             stage.take(stage.call(data.wait("Held", hold=True)))
 
     def again(i: int) -> None:
         _reopen(stage)
-        stage.take(stage.call(data.create_semaphore("Held", MOST_HELD)))
+        stage.take(stage.call(data.create_semaphore("Held", MAX_HOLDS)))
 
     yield ask("semaphore, 2,000 holds", lambda i: data.semaphore("Held"), before=lambda i: i or hold(i))
-    yield ask("close, 2,000 holds", lambda i: Ask("close", Nothing(), None, "read"),
+    yield ask("close, 2,000 holds", lambda i: Ask("close", NoArguments(), None, "read"),
               before=lambda i: None if i == 0 else hold(i), after=again)  # fmt: skip
     yield ask("delete_semaphore, 2,000 holds", lambda i: data.delete_semaphore("Held"),
               before=hold, after=again)  # fmt: skip
     yield ask(
-        f"delete_semaphore, {MOST_WAITING} wait",
+        f"delete_semaphore, {MAX_WAITING_CALLS} wait",
         lambda i: data.delete_semaphore("Queue"),
         before=lambda i: _queue(stage),
     )
@@ -231,7 +232,7 @@ def _queue(stage: Stage) -> None:
 
 def _refused(stage: Stage) -> Iterator[Case]:
     """What does not get through: four megabytes of arguments, made of what costs most to decode."""
-    size = codec.LARGEST - 200
+    size = codec.MAX_MESSAGE_BYTES - 200
 
     def filled(head: bytes, count_of: int, item: bytes) -> msgspec.Raw:
         count = count_of // len(item)
@@ -263,7 +264,7 @@ def _unwatch(stage: Stage) -> None:
 
 
 def _reopen(stage: Stage) -> None:
-    stage.take(stage.call(Ask("close", Nothing(), None, "read")))
+    stage.take(stage.call(Ask("close", NoArguments(), None, "read")))
     stage.take(stage.bytes_of("open", Open(name=ADA)))
 
 

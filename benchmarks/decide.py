@@ -35,9 +35,9 @@ from colony.ir.program import (
     Robot,
     Sensor,
     Use,
-    Wire,
+    WireMessage,
 )
-from colony.ir.types import BOOL, PLAIN, Array, Type
+from colony.ir.types import BOOL, DIMENSIONLESS, Array, Type
 
 SIZES = (10, 100, 1000)
 MOST_TIMES_CHECKED = 1.2
@@ -271,15 +271,15 @@ def _ticking(board: dict[str, Any], tick: Callable[[], Any]) -> Tick:
 
 def workload(size: int) -> Program:
     """The program: N modules over one sensor of N numbers, each suppressing those after it."""
-    reading = SensorValue(type=Array(PLAIN, size), name="sensor")
+    reading = SensorValue(type=Array(DIMENSIONLESS, size), name="sensor")
 
     def number(value: float) -> Constant:
-        return Constant(type=PLAIN, value=value)
+        return Constant(type=DIMENSIONLESS, value=value)
 
     def element(i: int) -> Expression:
-        return Element(type=PLAIN, array=reading, index=number(float(i % size)))
+        return Element(type=DIMENSIONLESS, array=reading, index=number(float(i % size)))
 
-    def of(operator: Binary, left: Expression, right: Expression, type_: Type = PLAIN) -> Expression:
+    def of(operator: Binary, left: Expression, right: Expression, type_: Type = DIMENSIONLESS) -> Expression:
         return BinaryOperation(type=type_, operator=operator, left=left, right=right)
 
     def module(i: int) -> Module:
@@ -296,10 +296,15 @@ def workload(size: int) -> Program:
         )
 
     sensor = Sensor(
-        name="sensor", type=Array(PLAIN, size), low=0.0, high=size / 4, server="DServer", field="sensor"
+        name="sensor",
+        type=Array(DIMENSIONLESS, size),
+        low=0.0,
+        high=size / 4,
+        server="DServer",
+        field="sensor",
     )
     fields = tuple(
-        ActuatorField(name=name, type=PLAIN, low=-highest, high=highest)
+        ActuatorField(name=name, type=DIMENSIONLESS, low=-highest, high=highest)
         for name, highest in zip(("velocity", "turn"), _HIGHEST, strict=True)
     )
     drive = Actuator(name="drive", fields=fields, server="RServer", command="drive", idle=(0.0, 0.0))
@@ -311,7 +316,7 @@ def workload(size: int) -> Program:
     return Program(
         robot=Robot(name="bench", sensors=(sensor,), actuators=(drive,)),
         modules=tuple(module(i) for i in range(size)),
-        wires=(Wire(name="drive", wiring=chain, actuator="drive"),),
+        wires=(WireMessage(name="drive", wiring=chain, actuator="drive"),),
     )
 
 

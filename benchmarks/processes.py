@@ -33,8 +33,8 @@ from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.jobs import CLIENTS as CLIENTS_WAVE
 from colony.runtime.assembly.processes.jobs import client_jobs, fresh_folder, server_jobs, server_parts
 from colony.runtime.assembly.processes.run import LedRun
+from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.spec import Device
-from colony.runtime.assembly.processes.standings import Standings
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.observer import FrameLog, Sink
 from colony.runtime.protocol import topics
@@ -122,15 +122,17 @@ def robot_of(clients: int, frames: int, *sinks: Sink, lockstep: bool) -> Iterato
         bindings = bind(compiled.robot)
         place = Local(RunDirectory(folder / "r").robot("bench"))
         deployed = deployment(compiled, bindings, run="bench", seed=1, lockstep=lockstep)
-        standings = Standings(deployed, file="bench.colony")
-        window = Window(frames * deployed.frame_ns, frame_ns=deployed.frame_ns, sinks=(*sinks, standings))
+        status_tracker = RunStatusTracker(deployed, file="bench.colony")
+        window = Window(
+            frames * deployed.frame_ns, frame_ns=deployed.frame_ns, sinks=(*sinks, status_tracker)
+        )
         with LedRun(
             place,
             deployed,
             (CLOCK, RSERVER.name, DSERVER.name),
             observer=build_observer(compiled, bindings, (window,), "bench"),
             window=window,
-            standings=standings,
+            status_tracker=status_tracker,
             report=lambda text: None,
         ) as led:
             run = fresh_folder(place.directory.path / "run")

@@ -26,7 +26,7 @@ import zenoh
 
 from colony.runtime.kit.connection import connect
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import CallDesk, method
+from colony.runtime.protocol.calls import CallDispatcher, method
 from colony.runtime.protocol.messages import Effect, Message
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession
@@ -137,7 +137,7 @@ class _EchoServer:
 
     def __init__(self) -> None:
         echo = method("echo", _Echo, lambda asked, given, now_ns: given.data, right="read")
-        self._desk = CallDesk(SERVER, (echo,))
+        self._desk = CallDispatcher(SERVER, (echo,))
         self.listens = self._desk.listens
 
     def start(self, now_ns: int) -> tuple[Effect, ...]:

@@ -31,7 +31,7 @@ from colony.sim.hazards.hazards import Hazards, draw
 from colony.vision.lights.along_track import Scale
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.scan_lines import Lines, ceiling_lights
-from colony.vision.lights.track import LightGoal, LightTrack, Seen
+from colony.vision.lights.track import LightDetections, LightGoal, LightTrack
 from colony.vision.markers.rows import find_markers
 from colony.vision.plates.detector import find_plates
 from colony.vision.plates.reader import read_plate
@@ -44,7 +44,7 @@ IMAGE_MS = 1000.0 / 200.0
 """The promised limits; of a rendered image, 200 of them a second."""
 
 ROUNDS, BATCH = 8, 40
-LOOKS = 40
+PERSON_STYLES = 40
 
 MAP = Path(__file__).resolve().parent.parent / "maps" / "msu_engineering_3.stickrep"
 
@@ -56,8 +56,8 @@ def ceilings(hazards: Hazards, *, seed: int = 1) -> list[Lines]:
     light = next((lamp for lamp in scenery.lights if lamp.brightness == 1.0), scenery.lights[0])
     heading = math.radians(light.heading_deg)
     found = []
-    for look in range(LOOKS):
-        along = -1000.0 + 2000.0 * look / LOOKS
+    for look in range(PERSON_STYLES):
+        along = -1000.0 + 2000.0 * look / PERSON_STYLES
         pose = (light.x_mm - along * math.sin(heading), light.y_mm + along * math.cos(heading))
         found.append(camera.rows((*pose, light.heading_deg + 4.0), look, UPWARD.scan_rows))
     return found
@@ -82,11 +82,13 @@ class Views:
 
     def passage(self, sign: Sign) -> list[Image]:
         """A plate while the robot passes it in the middle of a corridor."""
-        return [self.of(sign, 1200.0, -700.0 + 1400.0 * look / LOOKS, look) for look in range(LOOKS)]
+        return [self.of(sign, 1200.0, -700.0 + 1400.0 * look / PERSON_STYLES, look) for look in
+        range(PERSON_STYLES)]
 
     def approach(self, sign: Sign) -> list[Image]:
         """A marker while the robot drives up to it."""
-        return [self.of(sign, 3000.0 - 1800.0 * look / LOOKS, 100.0, look) for look in range(LOOKS)]
+        return [self.of(sign, 3000.0 - 1800.0 * look / PERSON_STYLES, 100.0, look) for look in
+        range(PERSON_STYLES)]
 
 
 def _read(image: Image) -> None:
@@ -103,11 +105,11 @@ def run() -> list[Row]:
     doors, lifts = views.passage(plate), views.approach(marker)
     goal = LightGoal(direction_deg=0.0, x_mm=0.0, y_mm=0.0, lights_mm=(5000.0, 10_000.0))
     track = LightTrack.start(goal, Scale())
-    seen = Seen(ceiling_lights(lit[LOOKS // 2], UPWARD), 5000.0, 0.0)
+    seen = LightDetections(ceiling_lights(lit[PERSON_STYLES // 2], UPWARD), 5000.0, 0.0)
     works: dict[str, tuple[Callable[[int], object], float]] = {
         "lights in three lines, below a light": (lambda i: ceiling_lights(lit[i], UPWARD), LIGHTS_MS),
         "lights in three lines, none": (lambda i: ceiling_lights(dark[i], UPWARD), LIGHTS_MS),
-        "the track, a light": (lambda _: track.seen(seen).passing(4900.0), LIGHTS_MS),
+        "the track, a light": (lambda _: track.observed(seen).passing(4900.0), LIGHTS_MS),
         "plates found, passing a door": (lambda i: find_plates(doors[i]), PLATES_MS),
         "plates found and read, passing a door": (lambda i: _read(doors[i]), PLATES_MS),
         "markers found, driving up to an elevator": (lambda i: find_markers(lifts[i]), MARKERS_MS),

@@ -91,7 +91,7 @@ def drive(config: RobotConfig, way: Plan, seed: int) -> Errors:
     while not loop.scripts.ended(PLANNER) and loop.now_ns < LONGEST_S * 1e9:
         loop.frame()
         if loop.k % LOOK_FRAMES == 0:
-            loop.base.look()
+            loop.base.refresh()
             true, believed = world.true_pose(0), loop.base.pose
             off_mm.append(math.hypot(true.x_mm - believed.x, true.y_mm - believed.y))
             off_deg.append(abs(math.remainder(true.heading_deg - believed.heading, 360.0)))

@@ -14,8 +14,8 @@
     >>> robot.step(colony.Frame(t_ns=0, readings={"bumper": True})).commands["drive"].by
     'back_off'
 
-What is here is loaded when it is first used; `colony.testing` has what property tests need. Everything else
-is internal, and may change. docs/library.md tells more.
+The names of this module are loaded on first use; `colony.testing` is for property tests. Everything else is
+internal and may change. See docs/library.md.
 """
 
 from __future__ import annotations

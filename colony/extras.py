@@ -1,4 +1,4 @@
-"""The extras of the distribution, beyond the core, and the packages that each of them installs."""
+"""The optional extras of the distribution, and the packages that each of them installs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EXTRAS = {
 
 
 class MissingExtraError(ModuleNotFoundError):
-    """A module of an extra that is not installed; the message says which extra, and how to install it."""
+    """A module of an extra that is not installed; the message has the extra and the command to install it."""
 
 
 def installed(module: str) -> bool:
@@ -45,7 +45,7 @@ def expect_extras(*extras: str) -> None:
 
 
 @contextmanager
-def extras_named() -> Iterator[None]:
+def naming_missing_extras() -> Iterator[None]:
     """Turn the error for a missing module into one that names its extra.
 
     Raises:

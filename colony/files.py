@@ -22,11 +22,11 @@ COMPILED = b"colonyc"
 """The first bytes of every file that contains a compiled program."""
 
 _CHUNK = 1 << 20
-_SAFELY = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
+_SAFE_FLAGS = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
 
 
 class UnsuitableFileError(OSError):
-    """A file that is not read: not a regular file, too large, or with a line that is too long."""
+    """A file that must not be read: not a regular file, too large, or with a line that is too long."""
 
 
 def open_descriptor(path: StrPath, flags: int = os.O_RDONLY) -> int:
@@ -42,7 +42,7 @@ def open_descriptor(path: StrPath, flags: int = os.O_RDONLY) -> int:
         pass
     except ValueError as problem:
         raise UnsuitableFileError(errno.EINVAL, str(problem), path) from None
-    descriptor = os.open(path, flags | _SAFELY, 0o600)
+    descriptor = os.open(path, flags | _SAFE_FLAGS, 0o600)
     try:
         _check(os.fstat(descriptor), path)
     except BaseException:
@@ -133,11 +133,11 @@ def _check(found: os.stat_result, path: StrPath) -> None:
         raise UnsuitableFileError(errno.EINVAL, "it is not a regular file", path)
 
 
-def open_alone(path: str) -> FileIO:
-    """Open an unbuffered file for appending, emptied first, that no other run is writing.
+def open_exclusive(path: str) -> FileIO:
+    """Open an unbuffered file for appending, truncate it, and lock it against other runs.
 
     Raises:
-        OSError: it cannot be opened, or another run has it open in this way (`BlockingIOError`).
+        OSError: the file cannot be opened, or another run holds the lock (`BlockingIOError`).
     """
     file = FileIO(path, "a")
     try:

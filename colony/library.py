@@ -1,4 +1,4 @@
-"""The public functions of `import colony`: from a text to decisions, proofs and recordings."""
+"""The public functions of `import colony`: checking, compiling, proving, and reading recordings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from os import PathLike
 from reprlib import repr as short
 from typing import TYPE_CHECKING
 
-from colony.extras import extras_named, installed, to_install
+from colony.extras import installed, naming_missing_extras, to_install
 from colony.shipped import Shipped
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import NOWHERE
@@ -58,7 +58,7 @@ def loads(text: str, name: str = "<text>", directory: str | PathLike[str] = ".")
 
 
 def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIMEOUT_S) -> Build:
-    """Compile a program to prioritized clients, and prove that their execution matches its network.
+    """Compile a program to prioritized clients, and prove them equivalent to its network.
 
     Without z3 the proof is by structure alone; a warning lists the open questions.
 
@@ -165,10 +165,10 @@ class Build:
         return CompiledProgram(self.compilation.compiled).to_python()
 
     def graph(self) -> str:
-        """Return a picture of the network, as SVG."""
+        """Return the network as an SVG picture."""
         from colony.view.graph.graph import to_svg
 
-        with extras_named():
+        with naming_missing_extras():
             return to_svg(self.program)
 
     def executor(self) -> CheckedExecutor:
@@ -210,7 +210,7 @@ def prove(program: Program, *, seconds: float = 10.0, depth: int = 4) -> tuple[C
     """
     from colony.ir.program import expect_program
 
-    with extras_named():
+    with naming_missing_extras():
         from colony.verify.contracts.prove import prove_contracts
         from colony.verify.contracts.results import Options
 
@@ -231,7 +231,7 @@ def compare(one: Program, other: Program) -> Difference:
     """
     from colony.ir.program import expect_program
 
-    with extras_named():
+    with naming_missing_extras():
         from colony.verify.difference.compare import difference
 
     expect_program(one)

@@ -1,4 +1,4 @@
-"""Operating system errors: messages that name the file and explain limits in plain words."""
+"""Operating system errors: messages that name the file and explain limits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ADVICE = {
     errno.EFBIG: "raise the limit of file sizes (`ulimit -f`)",
 }
 
-_STARVED = ("failed to map segment", "annot allocate memory", "can't start new thread")
+_OUT_OF_MEMORY_TEXTS = ("failed to map segment", "annot allocate memory", "can't start new thread")
 """Messages of libraries and threads that could not be loaded or started for lack of memory."""
 
 
@@ -56,7 +56,9 @@ def is_out_of_memory(problem: BaseException) -> bool:
     """
     if isinstance(problem, MemoryError) or (isinstance(problem, OSError) and problem.errno == errno.ENOMEM):
         return True
-    if isinstance(problem, (ImportError, RuntimeError, OSError)) and any(t in str(problem) for t in _STARVED):
+    if isinstance(problem, (ImportError, RuntimeError, OSError)) and any(
+        t in str(problem) for t in _OUT_OF_MEMORY_TEXTS
+    ):
         return True
     if isinstance(problem, ModuleNotFoundError):
         return False

@@ -18,13 +18,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from colony.execute.checked import checked_trace
-from colony.extras import extras_named
+from colony.extras import naming_missing_extras
 from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Program, expect_program
 from colony.verify.testing import agreement
 from colony.verify.testing.agreement import Disagreement as Disagreement
 
-with extras_named():
+with naming_missing_extras():
     from colony.verify.testing.strategies import frames as frames
     from colony.verify.testing.strategies import programs as programs
     from colony.verify.testing.strategies import traces as traces
@@ -41,12 +41,12 @@ def disagreement(program: Program, trace: Iterable[Frame]) -> Disagreement | Non
 def check(program: Program, trace: Iterable[Frame]) -> Iterator[tuple[Frame, Outcome]]:
     """Yield each frame of a trace with the decision of the reference interpreter.
 
-    All other executors have been held to the same decisions before.
+    All other executors are compared with it first.
 
     Raises:
-        AssertionError: the client list or the generated Python decides something else, which is a mistake of
-            colony; or a contract of the program is broken.
-        TypeError, ValueError: the trace is none: no frames, or times that do not rise.
+        AssertionError: another executor decides differently, which is a bug in colony; or a contract of the
+            program is broken.
+        TypeError, ValueError: the trace is invalid: it has no frames, or its times do not increase.
     """
     expect_program(program)
     frames = checked_trace(trace)

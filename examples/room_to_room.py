@@ -37,7 +37,7 @@ def main() -> int:
         return 2
     try:
         with Session.open(asked.robot) as session, LiveMission(session, building, way) as mission:
-            print(f"{way.origin} to {way.goal}: {way.modes}, {way.way_mm / 1000:.1f} m", flush=True)
+            print(f"{way.origin} to {way.goal}: {way.modes}, {way.travel_mm / 1000:.1f} m", flush=True)
             mission.wait()
     except RobotConnectionError as problem:
         print(problem, file=sys.stderr)

@@ -21,7 +21,7 @@ from colony.ir.program import (
     Wire,
     Wiring,
 )
-from colony.ir.types import BOOL, PLAIN
+from colony.ir.types import BOOL, DIMENSIONLESS
 
 Relation = Literal["suppresses", "inhibits"]
 
@@ -99,12 +99,12 @@ def driven(size: int, wires: list[Wire], root: str) -> Program:
     """A program of modules m0 .. m<size - 1>, in which the wire `root` drives the actuator `drive`."""
     drive = Actuator(
         name="drive",
-        fields=(ActuatorField(name="velocity", type=PLAIN),),
+        fields=(ActuatorField(name="velocity", type=DIMENSIONLESS),),
         server="RServer",
         command="drive",
         idle=(0.0,),
     )
-    command = Command(actuator="drive", fields=(Constant(type=PLAIN, value=0.0),))
+    command = Command(actuator="drive", fields=(Constant(type=DIMENSIONLESS, value=0.0),))
     when = Constant(type=BOOL, value=True)
     output: Wiring = Use(name=root)
     return Program(

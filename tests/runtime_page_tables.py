@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from colony.runtime.assembly.processes.standings import LeaderServer
+from colony.runtime.assembly.processes.run_status import LeaderServer
 from colony.runtime.frames.clock import Clock
 from colony.runtime.kit import description
 from colony.runtime.kit.service import Service
 from colony.runtime.library import camera, clock, data, leader, proximity, robot
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import CallDesk, Method
+from colony.runtime.protocol.calls import CallDispatcher, Method
 from colony.runtime.protocol.fields import RSERVER, SERVERS
 from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.dserver import DServer
@@ -44,7 +44,7 @@ SAMPLES: Mapping[Any, Any] = {
 """An argument of each type that functions of the library have."""
 
 
-NAMED = {"-1.0": "KEEP", "typing.Any": "Any"}
+NAMED = {"-1.0": "KEEP_SETTING", "typing.Any": "Any"}
 """Defaults that go by a name."""
 
 
@@ -155,9 +155,9 @@ def _methods(node: object) -> Iterator[Method]:
     yield from (m for m, _ in desk._methods.values() if m.name not in always)
 
 
-def _desks(node: object) -> Iterator[CallDesk]:
+def _desks(node: object) -> Iterator[CallDispatcher]:
     for value in vars(node).values():
-        if isinstance(value, CallDesk):
+        if isinstance(value, CallDispatcher):
             yield value
         elif type(value).__name__ == "DataCalls":
             yield from _desks(value)

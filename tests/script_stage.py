@@ -10,12 +10,12 @@ from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Asked, Handler
+from colony.runtime.protocol.calls import CallId, Handler
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.images import Shot
 
 FRAME_NS = 50_000_000
-ASKED = Asked(Caller("local/test", "test", 0, "local"), 1)
+ASKED = CallId(Caller("local/test", "test", 0, "local"), 1)
 
 
 class Server(LocalServer):
@@ -58,7 +58,7 @@ class ScriptStage:
     def settle(self) -> None:
         """Let cameras and scripts do all that they do at this moment."""
         for camera in self._cameras:
-            camera.tend(self.now_ns)
+            camera.poll(self.now_ns)
         self.data.expire(self.now_ns)
         self.scripts.run(self.now_ns)
 

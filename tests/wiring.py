@@ -21,7 +21,7 @@ from colony.ir.program import (
     Wire,
     Wiring,
 )
-from colony.ir.types import BOOL, PLAIN
+from colony.ir.types import BOOL, DIMENSIONLESS
 
 ACTUATORS = ("drive", "arm")
 _TOKEN = re.compile(r"[A-Za-z_]\w*|\[\d+ ms\]|[()=]")
@@ -74,10 +74,10 @@ def _names(wiring: Wiring) -> list[str]:
 
 
 def _actuator(name: str) -> Actuator:
-    field = ActuatorField(name="velocity", type=PLAIN)
+    field = ActuatorField(name="velocity", type=DIMENSIONLESS)
     return Actuator(name=name, fields=(field,), server="RServer", command=name, idle=(0.0,))
 
 
 def _module(name: str) -> AnyModule:
-    command = Command(actuator="drive", fields=(Constant(type=PLAIN, value=0.0),))
+    command = Command(actuator="drive", fields=(Constant(type=DIMENSIONLESS, value=0.0),))
     return Module(name=name, when=Constant(type=BOOL, value=True), command=command)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
-from colony.cli.reporting import PATIENCE_S, load_program, refuse, report, say
+from colony.cli.reporting import PROGRESS_DELAY_S, load_program, refuse, report, say
 from colony.cli.shipped_files import BEHAVIOR
 
 if TYPE_CHECKING:
@@ -20,22 +20,22 @@ if TYPE_CHECKING:
     from colony.verify.audit.report import AuditReport
 
 
-@click.command("audit", short_help="hold a recorded run against the reference interpreter")
+@click.command("audit", short_help="compare a recorded run with the reference interpreter")
 @click.argument("recording", metavar="RECORDING")
 @click.argument("file", metavar="[FILE]", required=False, type=BEHAVIOR)
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(recording: str, file: str | None, format_: str) -> None:
-    """Decide every frame of a recording again, and tell the first that was decided otherwise.
+    """Decide every frame of a recording again, and show the first frame with another decision.
 
-    The program is the one in the recording, or FILE, which JSON lines need: they do not hold it. Where a
-    client was late or lost the idle command is right, too; frames in which a client outside the network
-    commanded, or the emergency stop or a lock was on, are counted and not compared. A recording that breaks
-    off is audited as far as it goes, and one that is damaged before and after the damage.
+    The program is taken from the recording. A recording as JSON lines does not contain its program; give it
+    as FILE. If a client was late or lost, the idle command is accepted as well. Frames in which a connection
+    from outside the network commanded, or in which the emergency stop or a lock was on, are counted but not
+    compared. A truncated recording is audited up to its end, a damaged one before and after the damage.
 
-    Modules in Python are not run: a recording holds their answers.
+    Modules in Python are not run: the recording contains their answers.
 
-    Exit code 0 where every frame agrees, 1 where one differs or the recording is damaged, 2 for misuse, as a
-    file that is no recording.
+    Exit code: 0 if every frame agrees, 1 if a frame differs or the recording is damaged, 2 for misuse, such
+    as a file that is not a recording.
 
     \b
     Example:
@@ -76,7 +76,7 @@ def _program(reader: RecordingReader, recording: str, file: str | None, folder: 
     from colony.text.diagnostics import DiagnosticError
 
     if reader.run is None:
-        raise DiagnosticError([unusable(recording, "JSON lines do not hold the program")])
+        raise DiagnosticError([unusable(recording, "a recording as JSON lines does not contain its program")])
     return recorded_program(reader.run, recording, folder)
 
 
@@ -87,7 +87,7 @@ def _refuse_empty(recording: str, reader: RecordingReader, result: AuditReport) 
 
     if result.frames and result.compared + result.outside + result.holds:
         return
-    message = "the recording holds no decision" if result.frames else "the recording holds no frame"
+    message = "the recording contains no decision" if result.frames else "the recording contains no frame"
     if result.damaged:
         raise DiagnosticError(
             [error("A006", Span(Source(recording, ""), 0, 0), f"{message} that can be compared")]
@@ -102,7 +102,7 @@ def _print_json(
     import json
 
     run = reader.run
-    told = {
+    summary = {
         "recording": recording,
         "file": file,
         "program": run.program if run else None,
@@ -111,11 +111,11 @@ def _print_json(
         "run": run.run if run else None,
         "truncated": reader.cut,
     }
-    click.echo(json.dumps(told | result.as_json(), indent=2))
+    click.echo(json.dumps(summary | result.as_json(), indent=2))
 
 
 class _Progress:
-    """A notice of each tenth of a file that was read, once that takes long. Mutable: the last notice."""
+    """A progress report for each tenth of a file, if reading it takes long. Mutable: the last report."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -128,5 +128,5 @@ class _Progress:
         tenths = 10 * self._file.tell() // max(self._size, 1)
         if tenths > self._tenths:
             self._tenths = tenths
-            if tenths < 10 and time.monotonic() - self._since > PATIENCE_S:
+            if tenths < 10 and time.monotonic() - self._since > PROGRESS_DELAY_S:
                 say(f"{10 * tenths} %")

@@ -12,7 +12,7 @@ from colony.verify.audit.report import AuditReport, Difference
 
 _PARTS = {
     "wins": "wins",
-    "active": "active, does not get through",
+    "active": "active, overridden",
     "inactive": "inactive",
     "silent": "silent: reads something missing",
 }
@@ -55,7 +55,7 @@ def _indented(lines: Iterator[str]) -> Iterator[str]:
 
 def _counts(report: AuditReport) -> Iterator[str]:
     yield f"{counted(report.compared, 'decision')} compared"
-    told = {
+    frame_counts = {
         "late clients": report.late,
         "lost clients": report.lost,
         "refused requests": report.refused,
@@ -63,7 +63,7 @@ def _counts(report: AuditReport) -> Iterator[str]:
         "a command from outside the network": report.outside,
         "the emergency stop or a lock on": report.holds,
     }
-    for what, frames in told.items():
+    for what, frames in frame_counts.items():
         if frames:
             yield f"{counted(frames, 'frame')} with {what}"
     if report.idled:
@@ -82,11 +82,11 @@ def _damage(report: AuditReport) -> Iterator[str]:
         end = "to its end" if span.before_ns is None else f"to {_seconds(span.before_ns)}"
         yield f"damaged{start} {end}: left out"
     if report.resumed:
-        yield "after that, audited from the memory that was recorded"
+        yield "after that, audited from the recorded memory"
     if report.forgotten:
-        yield f"{counted(report.forgotten, 'frame')} not compared: memory after the damage is not known"
+        yield f"{counted(report.forgotten, 'frame')} not compared: the memory after the damage is unknown"
     if report.undecided:
-        yield f"{counted(report.undecided, 'decision')} not compared: what lost clients changed is not known"
+        yield f"{counted(report.undecided, 'decision')} not compared: what lost clients changed is unknown"
 
 
 def _contracts(report: AuditReport, program: Program) -> Iterator[str]:

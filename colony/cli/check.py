@@ -17,14 +17,15 @@ if TYPE_CHECKING:
     from colony.text.diagnostics import Diagnostic
 
 
-@click.command("check", short_help="find what is wrong in behavior files")
+@click.command("check", short_help="find errors in behavior files")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
 @format_option
 def command(files: tuple[str, ...], format_: str) -> None:
-    """Check behavior files and all that they import: syntax, names, types, units, wiring.
+    """Check behavior files and everything that they import: syntax, names, types, units, wiring.
 
-    All that can be found is reported, each with its place and a hint. Exit code 0 where there is no error
-    (warnings included), 1 where there is one, 2 where a file cannot be read.
+    All errors and warnings are reported, each with its place and a hint.
+
+    Exit code: 0 without errors (warnings are allowed), 1 with errors, 2 if a file cannot be read.
 
     \b
     Example:
@@ -51,14 +52,14 @@ def command(files: tuple[str, ...], format_: str) -> None:
                 if checked.program is not None:
                     click.echo(f"{file}: ok")
     if format_ != "text":
-        click.echo(_written(found, cast(Format, format_)))
+        click.echo(_formatted(found, cast(Format, format_)))
     if unreadable:
         raise click.exceptions.Exit(EXIT_MISUSE)
     if has_errors(found):
         raise click.exceptions.Exit(EXIT_ERRORS)
 
 
-def _written(found: Sequence[Diagnostic], format_: Format) -> str:
+def _formatted(found: Sequence[Diagnostic], format_: Format) -> str:
     if format_ == "sarif":
         from colony.cli.sarif import sarif
 

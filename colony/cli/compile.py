@@ -14,7 +14,7 @@ from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.prover_options import ProverSeconds
 from colony.extras import expect_extras, installed, to_install
 from colony.files import read_file, reason
-from colony.verify.interruption import interruptions
+from colony.verify.interruption import reliable_interrupts
 
 if TYPE_CHECKING:
     from colony.compile.pipeline import Compilation
@@ -27,25 +27,37 @@ CLIENTS_BYTES = 64 * 1024 * 1024
 """Size limit in bytes of a file of clients to prove."""
 
 
-@click.command("compile", short_help="show the prioritized clients that a behavior compiles to")
+@click.command("compile", short_help="compile a behavior to prioritized clients")
 @click.argument("file", metavar="FILE", type=BEHAVIOR)
-@click.option("--explain", is_flag=True, help="Show each step: network, elimination, tree, order of visit.")
+@click.option(
+    "--explain",
+    is_flag=True,
+    help="Show each step: the network, the elimination of inhibition, the tree, the order of visit.",
+)
 @click.option(
     "--format",
     "format_",
     type=click.Choice(["table", "json", "python"]),
     default="table",
     show_default=True,
-    help="A table for people, JSON for programs, or a Python class that needs nothing of colony.",
+    help="A table for people, JSON for programs, or a Python class that does not depend on colony.",
 )
-@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Write there instead.")
-@click.option("--no-proof", is_flag=True, help="Do not prove that the result is the network of FILE.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PATH",
+    help="The output file. [default: standard output]",
+)
+@click.option(
+    "--no-proof", is_flag=True, help="Do not prove that the clients are equivalent to the network of FILE."
+)
 @click.option(
     "--prove",
     "existing",
     metavar="CLIENTS",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Only prove that these clients (JSON, or generated Python in a .py file) are the network of FILE.",
+    help="Only prove existing clients (JSON, or Python in a .py file) equivalent to the network of FILE.",
 )
 @click.option(
     "--proof-timeout",
@@ -53,7 +65,7 @@ CLIENTS_BYTES = 64 * 1024 * 1024
     default=60.0,
     show_default=True,
     metavar="SECONDS",
-    help="How long z3 may think about one question; 0: do not ask it.",
+    help="The time limit of z3 for one question; with 0 it is not used.",
 )
 def command(
     file: str,
@@ -64,11 +76,12 @@ def command(
     existing: Path | None,
     proof_timeout: float,
 ) -> None:
-    """Eliminate the inhibitors, number the modules by a forward traversal, and show the clients.
+    """Compile a behavior to prioritized clients: eliminate inhibition, then number the modules by a forward
+    traversal.
 
-    Whatever modules do, in every frame the clients have the winner that the network has. That is proved of
-    each result before it is shown; if it fails nothing is shown, and the exit code is 1. Where z3 is not
-    installed it is proved by structure as far as that goes, and what is left open is said.
+    Whatever the modules do, clients and network have the same winner in every frame. This is proved before
+    the result is shown. If the proof fails, nothing is shown, and the exit code is 1. Without z3 the proof is
+    by structure alone, and a message lists the open questions.
 
     \b
     Example:
@@ -78,13 +91,13 @@ def command(
       colony compile wander -o wander.colonyc
       colony compile --prove wander.py wander
 
-    With -o NAME.colonyc what is written is the compiled program itself, with its sources: `colony run` takes
-    it in place of FILE.
+    With -o NAME.colonyc the output is the compiled program with its sources, which `colony run` takes in
+    place of a behavior.
     """
     if explain and format_ != "table":
-        raise click.UsageError("--explain goes with --format table", click.get_current_context())
+        raise click.UsageError("--explain requires --format table", click.get_current_context())
     if existing is not None and (explain or no_proof or output is not None or format_ != "table"):
-        message = "--prove goes with no other option but --proof-timeout"
+        message = "--prove can be combined only with --proof-timeout"
         raise click.UsageError(message, click.get_current_context())
     if existing is not None:
         expect_extras("verify")
@@ -93,7 +106,7 @@ def command(
 
     if output is not None:
         if output.suffix == SUFFIX and (explain or format_ != "table"):
-            message = f"a file {SUFFIX} has a format of its own: --format and --explain go with another file"
+            message = f"a {SUFFIX} file has its own format; leave out --format and --explain"
             raise click.UsageError(message, click.get_current_context())
         check_output(output, [file])
 
@@ -101,15 +114,15 @@ def command(
     program = compilation.program
     timeout_ms = round(1000 * proof_timeout) if installed("z3") else 0
     if existing is not None:
-        with interruptions():
+        with reliable_interrupts():
             result = _proof_of(existing, program, compilation, timeout_ms)
-        _settle(result, program, of=existing)
+        _report_proof(result, program, of=existing)
         return
     text = _text(compilation, format_, explain)
     if not no_proof:
-        with interruptions():
+        with reliable_interrupts():
             result = _proof(compilation, format_, text, timeout_ms)
-        _settle(result, program, of=None)
+        _report_proof(result, program, of=None)
     if not text.endswith("\n"):
         text += "\n"
     if output is None:
@@ -173,8 +186,8 @@ def _proof_of(existing: Path, program: Program, compilation: Compilation, timeou
     return prove.prove_python(program, compilation.clients, text, form=str(existing), timeout_ms=timeout_ms)
 
 
-def _settle(result: Result, program: Program, of: Path | None) -> None:
-    """Report the result of the proof; without one, report that and end the command."""
+def _report_proof(result: Result, program: Program, of: Path | None) -> None:
+    """Report the result of the proof; end the command unless it is proved."""
     from colony.text.diagnostics import error
     from colony.text.source import NOWHERE, Source, Span
     from colony.verify.equivalence import results
@@ -186,18 +199,18 @@ def _settle(result: Result, program: Program, of: Path | None) -> None:
             say(results.proved_text(result))
             return
         case results.Undecided(subjects=((_, subject), *_)) if installed("z3"):
-            hint = "give z3 more time by --proof-timeout SECONDS"
+            hint = "give z3 more time with --proof-timeout SECONDS"
             if of is None:
-                hint += ", or leave the proof out by --no-proof"
+                hint += ", or skip the proof with --no-proof"
             found = error("V002", spans.get(subject, place), results.undecided_text(result), hint)
         case results.Undecided():
             say(f"{results.undecided_text(result)}; run: {to_install('verify')}")
             return
         case results.WrongWinner() | results.WrongActivity() | results.Malformed():
             subject = result.actuator if isinstance(result, results.WrongWinner) else ""
-            hint = "these clients are not those of the behavior: compile it anew"
+            hint = "these clients are not those of the behavior: compile it again"
             if of is None:
-                hint = "a mistake of the compiler, not of the behavior: please report it, with the behavior"
+                hint = "this is a bug in the compiler: please report it with the behavior"
             text = results.counterexample_text(result)
             found = error("V001", spans.get(subject, place), text, hint)
         case _:

@@ -15,12 +15,12 @@ from colony.cli.places import (
     connect_option,
     expect_robot_with_endpoint,
     place_of,
-    problems_told,
+    reporting_connection_errors,
     robot_option,
     security_option,
 )
 from colony.cli.reporting import printable, say
-from colony.robots.finding import running_robots, session_with
+from colony.robots.discovery import running_robots, session_with
 
 if TYPE_CHECKING:
     from colony.runtime.kit.connection import Connection
@@ -36,8 +36,10 @@ PAGE = 1000
 def command() -> None:
     """List, read, set and delete the variables that the processes of a robot share (DServer).
 
-    Values are JSON. Exit code 0, 1 if DServer refuses, 2 if there is no such robot or it cannot be reached.
-    Limits that DServer has reached, and damaged files that it keeps aside, are said on standard error.
+    Values are JSON. Limits that DServer has reached, and damaged files that it has set aside, are reported on
+    standard error.
+
+    Exit code: 0 on success, 1 if DServer refuses, 2 if the robot does not exist or cannot be reached.
 
     \b
     Example:
@@ -49,7 +51,7 @@ def command() -> None:
 
 
 def _place_options(function: F) -> F:
-    robot = robot_option("Which robot, where several run on this machine.")
+    robot = robot_option("The robot; required if several run on this machine.")
     return robot(connect_option()(security_option()(function)))
 
 
@@ -81,7 +83,7 @@ def list_names(
 @click.argument("name")
 @_place_options
 def get(name: str, robot: str | None, connect: str | None, security: Path | None) -> None:
-    """Show the present value of the variable NAME as JSON: bytes in base64, infinities and NaN as null.
+    """Show the value of the variable NAME as JSON: bytes in base64, infinities and NaN as null.
 
     \b
     Example:
@@ -98,14 +100,12 @@ def get(name: str, robot: str | None, connect: str | None, security: Path | None
         raise click.ClickException(f"the value of `{name}` cannot be shown as JSON: {problem}") from None
 
 
-@command.command(
-    name="set", short_help="give a variable a value", context_settings={"ignore_unknown_options": True}
-)
+@command.command(name="set", short_help="set a variable", context_settings={"ignore_unknown_options": True})
 @click.argument("name")
 @click.argument("value")
 @_place_options
 def set_value(name: str, value: str, robot: str | None, connect: str | None, security: Path | None) -> None:
-    """Give the variable NAME a VALUE in JSON: text goes in quotes, and in quotes for the shell around these.
+    """Set the variable NAME to VALUE, which is JSON: quote text, and quote it again for the shell.
 
     \b
     Example:
@@ -119,7 +119,7 @@ def set_value(name: str, value: str, robot: str | None, connect: str | None, sec
     try:
         ask = data.set(name, msgspec.json.decode(value))
     except (msgspec.DecodeError, UnicodeError, OverflowError, RecursionError) as problem:
-        raise click.UsageError(f"VALUE is no JSON that fits: {problem}; text goes in quotes") from None
+        raise click.UsageError(f"VALUE is not valid JSON: {problem}; text goes in quotes") from None
     with _dserver(robot, connect, security) as server:
         server.do(ask)
 
@@ -128,9 +128,9 @@ def set_value(name: str, value: str, robot: str | None, connect: str | None, sec
 @click.argument("names", metavar="NAME...", nargs=-1, required=True)
 @_place_options
 def delete(names: tuple[str, ...], robot: str | None, connect: str | None, security: Path | None) -> None:
-    """Delete variables with their histories. This works also when DServer is full.
+    """Delete variables and their histories. This works even when DServer is full.
 
-    Exit code 1 if one of them does not exist; the others are deleted all the same.
+    Exit code: 1 if a variable does not exist; the others are deleted anyway.
 
     \b
     Example:
@@ -169,7 +169,7 @@ def _dserver(robot: str | None, connect: str | None, security: Path | None) -> I
 
     name = _robot(robot, connect)
     with (
-        problems_told(),
+        reporting_connection_errors(),
         session_with(place_of(name, connect, security)) as session,
         session.connect(SERVER, name="colony data") as server,
     ):
@@ -190,7 +190,7 @@ def _robot(robot: str | None, connect: str | None) -> str:
     if not names:
         raise click.ClickException(f"no robot with a {SERVER} runs on this machine")
     if len(names) > 1:
-        raise click.UsageError(f"which robot? give --robot NAME: found {', '.join(names)}")
+        raise click.UsageError(f"several robots run here: give --robot NAME; found {', '.join(names)}")
     return names[0]
 
 

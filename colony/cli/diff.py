@@ -1,4 +1,4 @@
-"""`colony diff`: a proof that two behaviors are the same, or a shortest run in which they differ."""
+"""`colony diff`: a proof that two behaviors are equivalent, or the shortest run in which they differ."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from colony.cli.reporting import load_program, report
 from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.prover_options import depth_option, timeout_option
 from colony.extras import expect_extras
-from colony.verify.interruption import interruptions
+from colony.verify.interruption import reliable_interrupts
 
 
-@click.command("diff", short_help="tell whether two behaviors are the same")
+@click.command("diff", short_help="prove two behaviors equivalent, or show where they differ")
 @click.argument("a", metavar="A.colony", type=BEHAVIOR)
 @click.argument("b", metavar="B.colony", type=BEHAVIOR)
 @click.option(
     "--ignore",
     multiple=True,
     metavar="NAME",
-    help="An actuator, a field (drive.turn), or a module: frames in which it wins. May be repeated.",
+    help="Ignore an actuator, a field (drive.turn), or the frames in which a module wins. May be repeated.",
 )
 @click.option(
     "--actuator",
     "actuators",
     multiple=True,
-    metavar="NAME=NAME",
-    help="Compare this actuator of A with that one of B, instead of those of one name. May be repeated.",
+    metavar="NAME_A=NAME_B",
+    help="Compare these actuators of A and B, instead of those with the same name. May be repeated.",
 )
 @depth_option("runs that differ")
 @timeout_option(20.0)
@@ -43,14 +43,15 @@ def command(
     timeout: float,
     format_: str,
 ) -> None:
-    """Prove that two behaviors send the same to every actuator, or show the shortest run in which they don't.
+    """Prove that two behaviors send the same commands to every actuator, or show the shortest run in which
+    they differ.
 
-    All that sensors can give is considered, missing sensors and any times between frames included. What
-    counts is what is sent: modules may have other names and be wired otherwise. Told as well is which modules
-    of A are which of B.
+    The proof covers all possible sensor values, including missing ones, and any times between frames. Only
+    the commands count: modules may have other names and another wiring. The output also shows which modules
+    of A and B correspond.
 
-    Exit code 0 where they are the same, 1 where they differ, 2 where they cannot be compared (a file has
-    errors, the robots differ, a name is unknown), 3 where it could not be decided.
+    Exit code: 0 if the behaviors are equivalent, 1 if they differ, 2 if they cannot be compared (a file has
+    errors, the robots differ, a name is unknown), 3 if the question could not be decided.
 
     \b
     Example:
@@ -59,7 +60,7 @@ def command(
       colony diff --actuator left=right figure_4_14 figure_4_14
     """
     pairs = [_pair(text) for text in actuators]
-    one, other = load_program(a, EXIT_MISUSE), load_program(b, EXIT_MISUSE)
+    program_a, program_b = load_program(a, EXIT_MISUSE), load_program(b, EXIT_MISUSE)
     expect_extras("verify")
     from colony.text.diagnostics import DiagnosticError
     from colony.verify.contracts.results import Options
@@ -68,23 +69,23 @@ def command(
 
     options = Options.within(timeout, depth=depth)
     try:
-        with interruptions():
-            result = difference(one, other, ignore, pairs, options, time.monotonic)
+        with reliable_interrupts():
+            result = difference(program_a, program_b, ignore, pairs, options, time.monotonic)
     except DiagnosticError as failure:
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_MISUSE) from None
     if format_ == "json":
-        click.echo(json.dumps({"a": a, "b": b, **row(one, other, result)}, indent=2))
+        click.echo(json.dumps({"a": a, "b": b, **row(program_a, program_b, result)}, indent=2))
     else:
-        click.echo("\n".join((f"A is {a}, B is {b}", *lines(one, other, result))))
+        click.echo("\n".join((f"A is {a}, B is {b}", *lines(program_a, program_b, result))))
     code = EXIT_ERRORS if isinstance(result, Different) else EXIT_UNDECIDED
     if isinstance(result, Different | Undecided):
         raise click.exceptions.Exit(code)
 
 
 def _pair(text: str) -> tuple[str, str]:
-    mine, equals, its = text.partition("=")
-    if not (mine and equals and its):
-        message = f"`{text}` is no pair of actuators: write the name in A, `=`, and the name in B"
+    name_a, equals, name_b = text.partition("=")
+    if not (name_a and equals and name_b):
+        message = f"`{text}` is not a pair of actuators; expected NAME_A=NAME_B"
         raise click.UsageError(message, click.get_current_context())
-    return mine, its
+    return name_a, name_b

@@ -19,11 +19,18 @@ FORMATS = ("svg", "dot", "graphml")
     "-o",
     "--output",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Where to; the ending (.svg, .dot, .graphml) says which. [default: FILE's name with .svg, here]",
+    metavar="PATH",
+    help="The output file; its suffix gives the format. [default: FILE's name with .svg, in this folder]",
 )
-@click.option("--format", "format_", type=click.Choice(FORMATS), help="If the name does not say it.")
+@click.option(
+    "--format",
+    "format_",
+    type=click.Choice(FORMATS),
+    help="The format, if the suffix of the output file does not give it.",
+)
 def command(file: str, output: Path | None, format_: str | None) -> None:
-    """Draw modules, suppressor and inhibitor nodes, each with its dominant side above, and actuators.
+    """Draw the network: modules, actuators, and suppressor and inhibitor nodes with the dominant input on
+    top.
 
     \b
     Example:
@@ -32,7 +39,9 @@ def command(file: str, output: Path | None, format_: str | None) -> None:
     """
     kind = format_ or (output.suffix[1:] if output is not None else "svg")
     if kind not in FORMATS:
-        message = f"`{output}` ends in none of .svg, .dot, .graphml: give --format"
+        message = (
+            f"unknown format of `{output}`; expected a file ending in .svg, .dot or .graphml, or --format"
+        )
         raise click.UsageError(message, click.get_current_context())
     target = output or Path(Path(file).stem + "." + kind)
     check_output(target, [file])

@@ -1,4 +1,4 @@
-"""`colony help`: the meaning of an error code, or the use of a command."""
+"""`colony help`: the explanation of an error code, or the help text of a command."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ _SECTION = re.compile(r"^### (([A-Z]\d{3}): .*\n(?:(?!^##).*\n?)*)", re.MULTILIN
 """A section of docs/errors.md: the code in its heading, and the text up to the next heading."""
 
 
-@click.command("help", short_help="explain the code of an error, or a command")
+@click.command("help", short_help="explain an error code or a command")
 @click.argument("topic", required=False, metavar="[CODE|COMMAND]")
 @click.pass_context
 def command(context: click.Context, topic: str | None) -> None:
-    """Explain the code of an error or warning: when it is reported, an example, and what to do.
+    """Explain the code of an error or warning: its cause, an example, and what to do.
 
-    With the name of a command, show its help.
+    With the name of a command, show the help text of the command.
 
     \b
     Example:

@@ -1,4 +1,4 @@
-"""Ctrl-C in a run: the first one ends it in order, the next one immediately."""
+"""Ctrl-C in a run: the first one ends it gracefully, the next one immediately."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from colony.cli.reporting import PATIENCE_S, say
+from colony.cli.reporting import PROGRESS_DELAY_S, say
 
 
-def signals_that_end() -> tuple[signal.Signals, ...]:
+def termination_signals() -> tuple[signal.Signals, ...]:
     """Return SIGINT and SIGTERM, and SIGHUP unless the process was started to ignore it."""
     hangup = () if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (signal.SIGHUP,)
     return (signal.SIGINT, signal.SIGTERM, *hangup)
@@ -18,28 +18,28 @@ def signals_that_end() -> tuple[signal.Signals, ...]:
 
 @contextmanager
 def interruptible(ending: str = "stopping after this frame") -> Iterator[Callable[[], bool]]:
-    """Catch the first Ctrl-C, so that a run can end between two moments.
+    """Catch the first Ctrl-C, so that a run can end between two frames.
 
     SIGTERM and the end of the terminal count as well. The next one raises KeyboardInterrupt immediately. The
-    context's value is a function that returns True after the first one. `ending` is printed if the end takes
-    long.
+    context's value is a function that returns True after the first one. `ending` is the message for a slow
+    shutdown.
     """
-    noted: list[int] = []
-    reminder = threading.Timer(PATIENCE_S, say, (f"{ending}; Ctrl-C again stops at once",))
+    signaled: list[int] = []
+    reminder = threading.Timer(PROGRESS_DELAY_S, say, (f"{ending}; press Ctrl-C again to stop immediately",))
     reminder.daemon = True
     if threading.current_thread() is not threading.main_thread():
-        yield lambda: bool(noted)
+        yield lambda: bool(signaled)
         return
 
-    def note(number: int, _: object) -> None:
-        if noted:
+    def on_signal(number: int, _: object) -> None:
+        if signaled:
             raise KeyboardInterrupt
-        noted.append(number)
+        signaled.append(number)
         reminder.start()
 
-    before = {number: signal.signal(number, note) for number in signals_that_end()}
+    before = {number: signal.signal(number, on_signal) for number in termination_signals()}
     try:
-        yield lambda: bool(noted)
+        yield lambda: bool(signaled)
     finally:
         reminder.cancel()
         for number, handler in before.items():

@@ -1,4 +1,4 @@
-"""`colony`: finds the command, runs it, and turns an error into one line and an exit code.
+"""The entry point of `colony`: find the command, run it, and turn an error into one line and an exit code.
 
 Exit codes: 0 success (warnings included), 1 errors found, 2 misuse, 3 undecided (`diff`), 130 interrupted.
 """
@@ -16,33 +16,33 @@ import click
 
 from colony import __version__
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
-from colony.extras import extras_named
+from colony.extras import naming_missing_extras
 from colony.text.suggestions import did_you_mean
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 COMMANDS = {
-    "new": "begin a project",
-    "check": "find what is wrong in behavior files",
-    "compile": "show the prioritized clients that a behavior compiles to",
+    "new": "start a project",
+    "check": "find errors in behavior files",
+    "compile": "compile a behavior to prioritized clients",
     "graph": "draw the network as SVG or DOT",
     "test": "run the tests that behavior files contain",
-    "verify": "prove contracts, find what can never act",
-    "diff": "tell whether two behaviors are the same",
-    "trace": "decide recorded frames, with any of the executors",
+    "verify": "prove contracts, and find modules that can never act",
+    "diff": "prove two behaviors equivalent, or show where they differ",
+    "trace": "replay recorded frames through any executor",
     "run": "drive a robot, simulated or real",
-    "serve": "be the servers of a robot, for programs that come and go",
-    "ps": "show the robots that run, and how",
-    "stop": "stop robots at once, in an emergency",
+    "serve": "run the servers of a robot",
+    "ps": "show the running robots and their state",
+    "stop": "stop robots immediately, in an emergency",
     "data": "list, read, set and delete shared variables",
-    "audit": "hold a recorded run against the reference interpreter",
+    "audit": "compare a recorded run with the reference interpreter",
     "map": "draw a building",
-    "experiment": "run a list of runs many times over, and count",
+    "experiment": "simulate many runs, and report statistics",
     "plan": "plan a path from room to room",
-    "sim": "look at the simulated building",
+    "sim": "inspect the simulated building",
     "vision": "show what the detectors see in a picture",
-    "help": "explain the code of an error, or a command",
+    "help": "explain an error code or a command",
 }
 """The commands with their descriptions; `colony/cli/NAME.py` defines each as `command`."""
 
@@ -111,16 +111,16 @@ def colony(context: click.Context) -> None:
 
 
 def _prepare_streams() -> None:
-    """Replace the standard streams by ones whose errors name them.
+    """Replace the standard streams with ones whose errors name the stream.
 
     Characters that an encoding lacks become escapes. If a stream is closed, output fails and messages are
     dropped.
     """
-    for descriptor in range(3):  # else the next opened file would be taken for it
+    for descriptor in range(3):  # else the next file to be opened would take its place
         if not _is_open(descriptor):
             os.open(os.devnull, os.O_WRONLY if descriptor == 2 else os.O_RDONLY)
     own = sys.__stdout__
-    if sys.stdout is own:  # unless a program that calls `main` has replaced it
+    if sys.stdout is own:  # unless the caller of `main` has replaced it
         sys.stdout = TextIOWrapper(
             BufferedWriter(_StandardOutput(1, "wb", closefd=False)),
             encoding="utf-8" if own is None else own.encoding,
@@ -142,18 +142,18 @@ def _is_open(descriptor: int) -> bool:
     return True
 
 
-def _give_up_output(stream: TextIO | None = None) -> None:
+def _discard_output(stream: TextIO | None = None) -> None:
     """Discard pending output, whose flush would fail again at the end of the process."""
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), (stream or sys.stdout).fileno())
 
 
-def _settle_errors() -> None:
+def _flush_stderr() -> None:
     """Flush stderr; a failed flush must not change the exit code, as it would at the end of the process."""
     try:
         sys.stderr.flush()
     except (OSError, ValueError):
-        _give_up_output(sys.stderr)
+        _discard_output(sys.stderr)
 
 
 def _say(text: str) -> None:
@@ -162,10 +162,10 @@ def _say(text: str) -> None:
 
 
 def _report_failure(problem: Exception) -> int:
-    """Report a stage's error, or in one line an operating system error; return the exit code.
+    """Report diagnostics, or an operating system error in one line; return the exit code.
 
     Raises:
-        Exception: anything else, which is a bug.
+        Exception: any other error, which is a bug.
     """
     from colony.cli.reporting import report
     from colony.extras import MissingExtraError
@@ -174,11 +174,11 @@ def _report_failure(problem: Exception) -> int:
 
     if is_out_of_memory(problem):
         _say("colony: error: out of memory")
-        _give_up_output()
+        _discard_output()
         return EXIT_ERRORS
     if isinstance(problem, OSError):
         _say(f"colony: error: {described(problem)}")
-        _give_up_output()
+        _discard_output()
         return EXIT_MISUSE
     if isinstance(problem, MissingExtraError):
         _say(f"colony: error: {problem}")
@@ -195,7 +195,7 @@ def _run() -> int:
     `colony.main` would exit on its own when the reader of a pipe goes away.
     """
     try:
-        with colony.make_context("colony", sys.argv[1:]) as context, extras_named():
+        with colony.make_context("colony", sys.argv[1:]) as context, naming_missing_extras():
             colony.invoke(context)
         sys.stdout.flush()
     except click.exceptions.Exit as done:
@@ -213,8 +213,8 @@ def _run() -> int:
     except SystemExit as problem:  # click raises none here, so it comes from a Python module
         _say(f"colony: error: a module in Python ended the process: SystemExit: {problem.code}")
         return EXIT_ERRORS
-    except BrokenPipeError:  # the reader of our output has seen enough
-        _give_up_output()
+    except BrokenPipeError:  # the reader of the output has closed it
+        _discard_output()
     except Exception as problem:
         return _report_failure(problem)
     return 0
@@ -224,7 +224,7 @@ def main() -> None:
     """Run the console script."""
     _prepare_streams()
     code = _run()
-    _settle_errors()
+    _flush_stderr()
     sys.exit(code)
 
 

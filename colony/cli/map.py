@@ -25,16 +25,17 @@ if TYPE_CHECKING:
     "--output",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="PATH",
-    help="Where to; .png or .svg says which. [default: the map's name with .png, here]",
+    help="The picture, PNG or SVG. [default: the name of the map with .png, in this folder]",
 )
-@click.option("--no-picture", is_flag=True, help="Draw nothing.")
+@click.option("--no-picture", is_flag=True, help="Do not draw a picture.")
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(path: str, output: Path | None, no_picture: bool, format_: str) -> None:
-    """Check the StickRep map MAP, say what is in it, and draw it.
+    """Check the StickRep map MAP, describe it, and draw it.
 
-    The maps that its elevators lead to are checked with it. Everything that is wrong with a map is reported,
-    each error with its place and a hint. Exit code 0 for a sound map, 2 for a bad one, or one that cannot be
-    read.
+    The maps that its elevators lead to are checked as well. All errors are reported, each with its place and
+    a hint.
+
+    Exit code: 0 for a valid map, 2 for one that is invalid or cannot be read.
 
     \b
     Example:

@@ -1,4 +1,4 @@
-"""`colony new`: a new project, whose behavior checks, passes its tests and drives."""
+"""`colony new`: a new project with a working behavior and tests."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from colony.files import reason
 
 TEMPLATES = files("colony.cli") / "templates" / "project"
 BEHAVIOR = "NAME.colony"
-UNCHECKED = ".in"
+TEMPLATE_SUFFIX = ".in"
 """Suffix of Python templates, so that no tool takes them for modules of this package."""
 
 
-@click.command("new", short_help="begin a project")
+@click.command("new", short_help="start a project")
 @click.argument("path", type=click.Path(path_type=Path), metavar="NAME[.colony]")
 def command(path: Path) -> None:
-    """Begin a project: a folder with a behavior, its property tests, a pyproject.toml and a README.
+    """Start a project: create a folder with a behavior, its property tests, a pyproject.toml and a README.
 
-    With NAME.colony only the behavior is written. It has a robot, four modules, a network, a contract and a
-    test. Nothing that exists is overwritten.
+    With NAME.colony only the behavior is created. It has a robot, four modules, a network, a contract and a
+    test. Existing files are never overwritten.
 
     \b
     Example:
@@ -48,7 +48,7 @@ def command(path: Path) -> None:
     except OSError as problem:
         cannot_write(path, reason(problem))
     for template in sorted(entry.name for entry in TEMPLATES.iterdir() if entry.is_file()):
-        target = template.replace("NAME", name).removesuffix(UNCHECKED)
+        target = template.replace("NAME", name).removesuffix(TEMPLATE_SUFFIX)
         write_whole(path / target, _filled(template, name))
     where = shlex.quote(str(path))
     click.echo(f"wrote {path}; try: cd {where} && colony test {shlex.quote(f'{name}.colony')}")

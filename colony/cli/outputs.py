@@ -18,7 +18,7 @@ DESCRIPTORS = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
 """Folders of devices and of this process's open files. Other pipes may never get a reader."""
 
 SOURCES = (".colony", ".stickrep")
-"""Suffixes of files that people write, which no command overwrites."""
+"""Suffixes of source files, which no command overwrites."""
 
 
 def cannot_write(path: str | Path, why: str) -> NoReturn:
@@ -44,7 +44,7 @@ def _objection(path: Path, inputs: Iterable[str | Path]) -> str | None:
         return "it is an input of this command"
     if path.exists():
         if path.suffix in SOURCES or path.resolve().suffix in SOURCES:
-            return "it is a source, and exists already"
+            return "it is a source file that already exists"
         if not os.access(path, os.W_OK):
             return "Permission denied"
         if not (path.is_file() or path.is_char_device() or path.absolute().parent in DESCRIPTORS):
@@ -53,13 +53,13 @@ def _objection(path: Path, inputs: Iterable[str | Path]) -> str | None:
             return None
     folder = path.resolve().parent
     if not folder.is_dir():
-        return "there is no such folder"
+        return "the folder does not exist"
     return None if os.access(folder, os.W_OK | os.X_OK) else "Permission denied"
 
 
-def _same(one: Path, other: Path) -> bool:
+def _same(path: Path, other: Path) -> bool:
     try:
-        return one.samefile(other)
+        return path.samefile(other)
     except (OSError, ValueError):
         return False
 

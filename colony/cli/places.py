@@ -21,8 +21,8 @@ F = TypeVar("F", bound=Callable[..., object])
 HERE = "here"
 """The value of `--connect` without an endpoint: the run directory of this machine."""
 
-_CONNECT = "The robot is behind this gateway, tls/HOST:PORT; without a value, on this machine."
-_SECURITY = "Who you are to a gateway: a TOML file with user, certificate, key and authority."
+_CONNECT = "The gateway of the robot, tls/HOST:PORT; without a value, the robot runs on this machine."
+_SECURITY = "Your credentials for a gateway: a TOML file with user, certificate, key and authority."
 
 
 def robot_option(help: str, *, required: bool = False) -> Callable[[F], F]:
@@ -57,7 +57,9 @@ def place_of(robot: str, connect: str | None, security: Path | None) -> Place:
     assert connect is not None
     parse_endpoint(connect)
     if security is None:
-        raise click.UsageError("--connect ENDPOINT also wants --security FILE: a gateway asks who comes")
+        raise click.UsageError(
+            "--connect ENDPOINT requires --security FILE, your credentials for the gateway"
+        )
     return Remote(robot=robot, endpoint=connect, credentials=read_credentials(security))
 
 
@@ -68,7 +70,7 @@ def expect_robot_with_endpoint(robot: str | None, connect: str | None) -> None:
         click.UsageError: the name is missing.
     """
     if robot is None and connect not in (None, HERE):
-        raise click.UsageError("--connect ENDPOINT also wants --robot NAME: a gateway is that of one robot")
+        raise click.UsageError("--connect ENDPOINT requires --robot NAME, the robot behind the gateway")
 
 
 def _check_robot(context: click.Context, option: click.Parameter, name: str | None) -> str | None:
@@ -81,7 +83,7 @@ def _check_robot(context: click.Context, option: click.Parameter, name: str | No
 
 
 @contextmanager
-def problems_told() -> Iterator[None]:
+def reporting_connection_errors() -> Iterator[None]:
     """Report an error in reaching a robot in one line, and exit with 2."""
     from colony.runtime.kit.errors import RobotConnectionError
     from colony.runtime.transport.live.errors import LiveError

@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     "--output",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="PATH",
-    help="Draw the path on the map; .png or .svg says how. The floor on which it begins.",
+    help="Draw the path on the map of its first floor, as PNG or SVG.",
 )
 @click.option(
     "--travel",
     type=click.Choice(["either", "wall-on-left"]),
-    help="Which way paths follow the walls, in place of what the map says.",
+    help="The side on which paths keep the wall, instead of the map's own rule.",
 )
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(
@@ -41,13 +41,13 @@ def command(
 ) -> None:
     """Plan the shortest path in the StickRep map MAP from one node to another.
 
-    FROM and TO are jambs of doors (376L), or doors (376), which stand for the nearer of their jambs. Where
-    elevators lead to other maps, `2:250` and `msu_engineering_2:250` are the room 250 there.
+    FROM and TO are door jambs (376L), or doors (376), which stand for the nearer of their jambs. A room on
+    another floor that elevators lead to is `2:250` or `msu_engineering_2:250`.
 
-    The modes: L along ceiling lights, E into a turning space, C out of it, D to the goal, V through an
-    elevator. The confidence is what the published runs of the thesis say of such a path (section 6.3).
+    The modes are: L along ceiling lights, E into a turning space, C out of it, D to the goal, V through an
+    elevator. The confidence is estimated from the published runs of the thesis (section 6.3).
 
-    Exit code 0 for a plan, 2 where there is none.
+    Exit code: 0 for a plan, 2 if there is none.
 
     \b
     Example:
@@ -113,7 +113,7 @@ def _summary(planned: Plan) -> dict[str, object]:
         "origin": planned.origin,
         "goal": planned.goal,
         "distance_mm": round(planned.distance_mm, 3),
-        "way_mm": round(planned.way_mm, 3),
+        "way_mm": round(planned.travel_mm, 3),
         "modes": planned.modes,
         "confidence": None if confidence is None else round(confidence[0], 6),
         "confidence_interval": None if confidence is None else [round(c, 4) for c in confidence[1:]],
@@ -144,15 +144,15 @@ def _text(planned: Plan) -> str:
 
     floors = len({place.floor for s in planned.segments for place in (s.start, s.end)}) > 1
     confidence = _confidence(planned)
-    known = "unknown, the thesis has no such path"
+    known = "unknown: the thesis has no such path"
     if confidence is not None:
         known = "{:.4f} (95 % interval: {:.2f} to {:.2f})".format(*confidence)
         if RIDE in planned.modes:
-            known += ", rides aside"
+            known += ", without elevator rides"
     goal = f"{planned.goal} of {planned.segments[-1].end.floor}" if floors else planned.goal
     lines = [
         f"{planned.origin} to {goal}: {planned.distance_mm / 1000:.3f} m, "
-        f"{planned.way_mm / 1000:.1f} m to travel",
+        f"{planned.travel_mm / 1000:.1f} m to travel",
         f"modes: {planned.modes}; confidence: {known}",
         "",
         "mode  heading           from (m)             to (m)   length  lights",

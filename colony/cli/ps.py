@@ -14,32 +14,32 @@ from colony.cli.places import (
     connect_option,
     expect_robot_with_endpoint,
     place_of,
-    problems_told,
+    reporting_connection_errors,
     robot_option,
     security_option,
 )
 from colony.cli.reporting import printable
-from colony.robots.finding import running_robots, session_with
+from colony.robots.discovery import running_robots, session_with
 
 if TYPE_CHECKING:
     from colony.runtime.kit.robot_state import RobotState, ServerState
     from colony.runtime.library.leader import RunStatus
 
 
-@click.command(name="ps", short_help="show the robots that run, and how")
-@robot_option("Only this one; behind a gateway there is no other way.")
+@click.command(name="ps", short_help="show the running robots and their state")
+@robot_option("Show only this robot; required behind a gateway.")
 @connect_option()
 @security_option()
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(robot: str | None, connect: str | None, security: Path | None, format_: str) -> None:
-    """Show the robots of this machine that run: servers up and down, the limits that they have reached,
-    connections with their priorities, an emergency stop, and how the clients of the run do.
+    """Show the robots that run on this machine: the state of their servers, the limits that these have
+    reached, connections and their priorities, an emergency stop, and the clients of the run.
 
-    A client is alive, late (its request for the newest frame came after the deadline) or lost (nothing was
-    heard of it for a while). The table counts the frames in which it was on time, late or lost, its restarts,
-    and shows the last line of its process if that died.
+    A client is alive, late (its request for the newest frame missed the deadline) or lost (it sent nothing
+    for the length of its lease). The table counts the frames in which a client was on time, late or lost, and
+    its restarts. If its process died, the table shows the last line of its output.
 
-    Exit code 0, or 1 if nothing runs.
+    Exit code: 0, or 1 if no robot runs.
 
     \b
     Example:
@@ -47,14 +47,14 @@ def command(robot: str | None, connect: str | None, security: Path | None, forma
       colony ps --robot rome --format json
       colony ps --robot rome --connect tls/rome.lab:7447 --security ada.toml
     """
-    with problems_told():
+    with reporting_connection_errors():
         states = _states(robot, connect, security)
     if format_ == "json":
         from colony.runtime.kit.robot_state import as_json
 
         click.echo(as_json(states))
     elif not states:
-        click.echo(f"nothing of {robot} runs" if robot else "no robot runs on this machine")
+        click.echo(f"no process of {robot} runs" if robot else "no robot runs on this machine")
     else:
         for state in states:
             click.echo("\n".join(map(printable, _lines(state))))
@@ -91,8 +91,8 @@ def _lines(state: RobotState) -> Iterator[str]:
     if state.run is not None:
         yield from (f"  {line}" for line in _run(state.run, _priorities(state)))
         yield from (f"  {line}" for line in _processes(state.run, {s.server for s in state.servers}))
-    elif state.who is not None:
-        yield f"  no program runs; frame {state.who.k}"
+    elif state.participants is not None:
+        yield f"  no program runs; frame {state.participants.k}"
     connections = [(s.server, c) for s in state.servers for c in s.connections]
     if connections:
         yield "  connections"
@@ -117,11 +117,11 @@ def _server(server: ServerState) -> str:
 
 
 def _emergency(state: RobotState) -> Iterator[str]:
-    stops = [found.stopped for found in (state.who, state.arbitration) if found is not None]
+    stops = [found.stopped for found in (state.participants, state.arbitration) if found is not None]
     if stopped := next((stop for stop in stops if stop is not None), None):
-        yield f"EMERGENCY STOP, by {stopped.by}; `colony stop --release` ends it"
-    if state.who is not None and state.who.trouble is not None:
-        yield f"trouble: {state.who.trouble}"
+        yield f"EMERGENCY STOP, by {stopped.by}; release it with `colony stop --release`"
+    if state.participants is not None and state.participants.trouble is not None:
+        yield f"trouble: {state.participants.trouble}"
 
 
 def _arbitration(state: RobotState) -> Iterator[str]:
@@ -129,7 +129,7 @@ def _arbitration(state: RobotState) -> Iterator[str]:
     assert found is not None
     if found.lock_holder is not None:
         yield f"locked by {found.lock_holder}"
-    yield f"the base is commanded by {found.acting or 'nobody'}"
+    yield f"the base is commanded by {found.acting or 'no client'}"
 
 
 def _priorities(state: RobotState) -> dict[str, int]:
@@ -141,12 +141,12 @@ def _priorities(state: RobotState) -> dict[str, int]:
 
 def _run(run: RunStatus, priorities: dict[str, int]) -> Iterator[str]:
     yield f"run {run.run} of {run.file}, led by process {run.process}"
-    told = f"frame {run.k}, {run.frames} decided"
+    text = f"frame {run.k}, {run.frames} decided"
     if run.restarts:
-        told += f", memory began anew {run.restarts} times"
+        text += f", memory was reset {run.restarts} times"
     if run.disagreements:
-        told += f", {run.disagreements} NOT AS THE PROGRAM SAYS"
-    yield told
+        text += f", {run.disagreements} DISAGREE WITH THE PROGRAM"
+    yield text
     rows = [("client", "priority", "state", "on time", "late", "lost", "restarts", "last error")]
     rows += [
         (

@@ -30,8 +30,8 @@ format_option = click.option(
 )
 """The option for a command's output format: a `Format`, as `format_`."""
 
-PATIENCE_S = 1.5
-"""Seconds that a command on a terminal may take without a message."""
+PROGRESS_DELAY_S = 1.5
+"""Seconds without a message after which a command reports its progress."""
 
 _CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f]")
 """Control characters of a terminal, except tabs and line breaks."""
@@ -90,7 +90,7 @@ def is_unreadable(diagnostics: Sequence[Diagnostic]) -> bool:
 
 
 def check_to_run(path: str) -> Checked:
-    """Check a file; Python modules are found in its directory and in the current one, too."""
+    """Check a file; also search its directory and the current one for Python modules."""
     from colony.dsl.load import check_file
 
     checked = check_file(path)
@@ -100,7 +100,7 @@ def check_to_run(path: str) -> Checked:
 
 
 def load_program(path: str, code: int = EXIT_ERRORS) -> Program:
-    """Return the program of a file that a command works on; warnings are left to `colony check`.
+    """Return the program of a file, without its warnings, which only `colony check` reports.
 
     Exits with 2 if the file cannot be read, with `code` if it has errors.
     """

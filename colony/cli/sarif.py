@@ -109,7 +109,7 @@ def _descriptor(code: str, about: str) -> Object:
     return {
         "id": code,
         "shortDescription": {"text": _message(about)},
-        "help": {"text": f"docs/errors.md tells when {code} occurs, and how to mend it."},
+        "help": {"text": f"docs/errors.md explains when {code} occurs, and how to fix it."},
         "defaultConfiguration": {"level": level},
     }
 
@@ -122,7 +122,7 @@ def _result(diagnostic: Diagnostic, rule: int, trace: Sequence[TraceStep], root:
         "ruleId": diagnostic.code,
         "ruleIndex": rule,
         "level": diagnostic.severity,
-        "message": {"text": _message(_told(diagnostic))},
+        "message": {"text": _message(_with_hint(diagnostic))},
         "locations": _locations(diagnostic.span, root),
     }
     if diagnostic.labels:
@@ -133,7 +133,7 @@ def _result(diagnostic: Diagnostic, rule: int, trace: Sequence[TraceStep], root:
         ]
     if trace:
         steps = [_step(i, step, root) for i, step in enumerate(trace)]
-        about = f"{counted(len(steps), 'frame')} that lead there"
+        about = f"{counted(len(steps), 'frame')} that lead to it"
         result["codeFlows"] = [{"message": {"text": about}, "threadFlows": [{"locations": steps}]}]
     return result
 
@@ -142,7 +142,7 @@ def _notification(diagnostic: Diagnostic, root: str) -> Object:
     return {
         "descriptor": {"id": diagnostic.code, "index": 0},
         "level": diagnostic.severity,
-        "message": {"text": _message(_told(diagnostic))},
+        "message": {"text": _message(_with_hint(diagnostic))},
         "locations": [{"physicalLocation": {"artifactLocation": _artifact(diagnostic.span, root)}}],
     }
 
@@ -157,7 +157,7 @@ def _step(number: int, step: TraceStep, root: str) -> Object:
     return shown
 
 
-def _told(diagnostic: Diagnostic) -> str:
+def _with_hint(diagnostic: Diagnostic) -> str:
     return diagnostic.message + (f"\nHint: {diagnostic.hint}" if diagnostic.hint else "")
 
 

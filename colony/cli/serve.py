@@ -1,4 +1,4 @@
-"""`colony serve`: one server of a robot in the foreground, or all of them with their simulated hardware."""
+"""`colony serve`: one server of a robot in the foreground, or all of them with simulated hardware."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.cli.places import problems_told, robot_option
+from colony.cli.places import reporting_connection_errors, robot_option
 from colony.cli.reporting import refuse, say
 from colony.cli.shipped_files import map_option
 from colony.extras import expect_extras
@@ -28,36 +28,42 @@ class Folder(click.Path):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the folder's path."""
         if value == "":
-            self.fail("found an empty name; expected that of a folder", param, ctx)
+            self.fail("found an empty name; expected the name of a folder", param, ctx)
         return super().convert(value, param, ctx)
 
 
-@click.command(name="serve", short_help="be the servers of a robot")
+@click.command(name="serve", short_help="run the servers of a robot")
 @click.argument("server", metavar="SERVER", type=click.Choice(NAMES, case_sensitive=False))
-@robot_option("The name that programs find it by.", required=True)
+@robot_option("The name by which programs find the robot.", required=True)
 @map_option
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of sensors' noise.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="The seed of the sensors' noise."
+)
 @click.option(
     "--hazards",
     type=click.IntRange(min=0),
     metavar="SEED",
-    help="Of the simulated building: people, open doors, lights that are out and more, drawn from this seed.",
+    help="Simulate hazards drawn from this seed: people, open doors, broken lights and more.",
 )
 @click.option(
     "--camera",
     "camera_texts",
     multiple=True,
     metavar="[NAME=]DEGREES|up",
-    help="A camera that looks there, counterclockwise from ahead, or up. May be repeated.",
+    help="Add a camera that looks in this direction, counterclockwise from ahead, or up. May be repeated.",
 )
 @click.option(
     "--state",
     type=Folder(path_type=Path, file_okay=False),
     metavar="FOLDER",
-    help="What DServer keeps, and the emergency stop (default: ~/.local/state/colony/NAME).",
+    help="The folder of DServer's data and of the emergency stop. [default: ~/.local/state/colony/NAME]",
 )
-@click.option("--fsync", is_flag=True, help="DServer's data outlives a loss of power.")
-@click.option("--listen", metavar="ENDPOINT", help="Let other machines in, at tls/HOST:PORT (Gateway, all).")
+@click.option("--fsync", is_flag=True, help="Make DServer's data survive a power failure.")
+@click.option(
+    "--listen",
+    metavar="ENDPOINT",
+    help="Accept connections from other machines at tls/HOST:PORT (Gateway, all).",
+)
 @click.option(
     "--security",
     type=click.Path(path_type=Path, dir_okay=False),
@@ -65,13 +71,14 @@ class Folder(click.Path):
     help="With --listen: the table of users, in TOML.",
 )
 def command(server: str, **given: Any) -> None:
-    """Serve a robot until Ctrl-C, for programs that come and go: `colony run FILE --connect --robot NAME`.
+    """Run the servers of a robot until Ctrl-C. Programs connect with `colony run FILE --connect --robot
+    NAME`.
 
     SERVER is Clock (the frames), RServer (the base), PServer (sonars and infrared detectors), DServer
-    (variables and semaphores), CServer (a camera), Simulator (in place of the hardware), Gateway (the way in
-    from other machines), or `all` of them: then each is a process of its own, and who dies is started again.
+    (variables and semaphores), CServer (a camera), Simulator (in place of the hardware), Gateway (connections
+    from other machines), or `all`: then each server is a process, and a process that dies is restarted.
 
-    A server stops what it drives when it ends. One that runs already, under the same name, is refused.
+    A server stops its hardware when it ends. A server that already runs under the same name is not started.
 
     \b
     Example:
@@ -89,8 +96,10 @@ def command(server: str, **given: Any) -> None:
 
     robot, texts = given.pop("robot"), given.pop("camera_texts")
     try:
-        looking = cameras(texts)
-        settings = Settings(**given | {"cameras": looking, "state": given["state"] or _state_folder(robot)})
+        directions = cameras(texts)
+        settings = Settings(
+            **given | {"cameras": directions, "state": given["state"] or _state_folder(robot)}
+        )
         wrong = objection(server, settings)
     except OptionError as bad:
         wrong = str(bad)
@@ -99,7 +108,7 @@ def command(server: str, **given: Any) -> None:
     if settings.map_path is not None:
         expect_extras("sim")
     try:
-        with problems_told():
+        with reporting_connection_errors():
             place = local(robot, os.environ)
             place.directory.prepare()
             if server == ALL:
@@ -119,17 +128,17 @@ def command(server: str, **given: Any) -> None:
 def objection(server: str, settings: Settings) -> str | None:
     """Return what is missing or invalid for this server, None if nothing is."""
     if server in ("Simulator", ALL) and settings.map_path is None:
-        return f"{server} also wants --map MAP: where is the robot?"
+        return f"{server} requires --map MAP, the building of the robot"
     if server not in ("Simulator", ALL) and settings.hazards is not None:
-        return f"--hazards goes with Simulator or all, not with {server}: it is of the building"
+        return f"--hazards requires Simulator or all, which simulate the building; found {server}"
     if server == "CServer" and len(settings.cameras) != 1:
-        return "CServer also wants one --camera [NAME=]DEGREES|up: that of the Simulator which it serves"
+        return "CServer requires one --camera [NAME=]DEGREES|up, the camera of the Simulator that it serves"
     if server == "Gateway" and settings.listen is None:
-        return "Gateway also wants --listen tls/HOST:PORT"
+        return "Gateway requires --listen tls/HOST:PORT"
     if (settings.listen is None) != (settings.security is None):
-        return "--listen and --security go together: others are let in by a table of users"
+        return "--listen and --security require each other: the table of users decides who may connect"
     if settings.listen is not None and server not in ("Gateway", ALL):
-        return f"--listen goes with Gateway or all, not with {server}"
+        return f"--listen requires Gateway or all; found {server}"
     return None
 
 

@@ -11,11 +11,11 @@ from colony.shipped import Shipped
 
 
 class ShippedFile(click.ParamType):  # type: ignore[type-arg]
-    """A parameter type for a file's path; `says` describes it in help texts."""
+    """A parameter type for a file's path; `description` describes it in help texts."""
 
     def __init__(self, kind: Shipped, what: str) -> None:
         self.name = kind.name.lower()
-        self.says = f"{what}, or the name of one that comes with colony"
+        self.description = f"{what}, or the name of one that comes with colony"
         self._kind = kind
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
@@ -26,5 +26,7 @@ class ShippedFile(click.ParamType):  # type: ignore[type-arg]
 BEHAVIOR = ShippedFile(Shipped.BEHAVIOR, "a behavior")
 MAP = ShippedFile(Shipped.MAP, "a StickRep map")
 
-map_option = click.option("--map", "map_path", metavar="MAP", type=MAP, help=f"The building: {MAP.says}.")
+map_option = click.option(
+    "--map", "map_path", metavar="MAP", type=MAP, help=f"The building: {MAP.description}."
+)
 """`--map MAP`, as `map_path`."""

@@ -12,39 +12,39 @@ from colony.cli.places import (
     connect_option,
     expect_robot_with_endpoint,
     place_of,
-    problems_told,
+    reporting_connection_errors,
     robot_option,
     security_option,
 )
 from colony.cli.reporting import say
-from colony.robots.finding import running_robots, session_with
+from colony.robots.discovery import running_robots, session_with
 
 if TYPE_CHECKING:
     from colony.runtime.kit.connection import Session
 
 
-OF_A_BASE = frozenset({"RServer", "Clock", "Leader", "Simulator", "Supervisor"})
+BASE_SERVERS = frozenset({"RServer", "Clock", "Leader", "Simulator", "Supervisor"})
 """Servers whose presence means that there is a base to stop, even while RServer itself is down.
 
-A "robot" with none of them is a data server that robots share.
+A "robot" with none of them is a data server that several robots share.
 """
 
 
-@click.command(name="stop", short_help="stop robots at once, in an emergency")
-@robot_option("Only this one; without it, all robots of this machine.")
-@click.option("--release", is_flag=True, help="Let the robot be moved again.")
+@click.command(name="stop", short_help="stop robots immediately, in an emergency")
+@robot_option("Stop only this robot. [default: all robots on this machine]")
+@click.option("--release", is_flag=True, help="Release the stop, so that the robot can move again.")
 @connect_option()
 @security_option()
 def command(robot: str | None, release: bool, connect: str | None, security: Path | None) -> None:
-    """Stop a robot at once, whatever else goes on, and keep it from moving until it is released.
+    """Stop a robot immediately, and keep it from moving until the stop is released.
 
-    The stop goes to every server that moves something, before all other calls, and to the Clock, which keeps
-    it in a file and repeats it in every frame: it holds against every program and connection, and survives
-    the death of any process. Programs go on meanwhile, and drive again after the release.
+    The stop goes to every server that moves hardware, ahead of all other calls, and to the Clock, which saves
+    it to a file and repeats it in every frame. It overrides every program and connection, and survives the
+    death of any process. Programs keep running, and drive again after the release.
 
-    Exit code 0 if the Clock keeps the stop and every server that moves something and is up has acknowledged
-    it, 1 if not (the robot may be stopped all the same), 2 if there is no robot or it cannot be reached. With
-    --release, 0 if the Clock has released the stop, else 1 or 2.
+    Exit code: 0 if the Clock has saved the stop and every running server that moves hardware has acknowledged
+    it; 1 if not (the robot may have stopped anyway); 2 if the robot does not exist or cannot be reached. With
+    --release: 0 if the Clock has released the stop, else 1 or 2.
 
     \b
     Example:
@@ -52,10 +52,10 @@ def command(robot: str | None, release: bool, connect: str | None, security: Pat
       colony stop --robot rome --release
       colony stop --robot rome --connect tls/rome.lab:7447 --security ada.toml
     """
-    with problems_told():
+    with reporting_connection_errors():
         names = _robots(robot, connect)
     if release and len(names) > 1:
-        raise click.UsageError(f"--release also wants --robot NAME: found {', '.join(names)}")
+        raise click.UsageError(f"--release requires --robot NAME; found {', '.join(names)}")
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(max_workers=len(names)) as pool:  # robots are stopped in parallel
@@ -69,7 +69,7 @@ def _robots(robot: str | None, connect: str | None) -> list[str]:
         return [robot]
     expect_robot_with_endpoint(robot, connect)
     running = running_robots()
-    names = [name for name, servers in running.items() if not OF_A_BASE.isdisjoint(servers)]
+    names = [name for name, servers in running.items() if not BASE_SERVERS.isdisjoint(servers)]
     if not names:
         beside = f" that has a base; found {', '.join(running)}" if running else ""
         raise click.ClickException(f"no robot runs on this machine{beside}")
@@ -104,7 +104,7 @@ def _stop(name: str, session: Session) -> bool:
         say(f"{name}: error: {problem}")
     if pressed.acknowledged:
         by, run = _circumstances(session)
-        _tell(f"{name}: stopped{by}; acknowledged by {', '.join(pressed.acknowledged)}{run}")
+        _print_line(f"{name}: stopped{by}; acknowledged by {', '.join(pressed.acknowledged)}{run}")
     return pressed.kept
 
 
@@ -114,11 +114,11 @@ def _release(name: str, session: Session) -> bool:
 
     with session.connect(CLOCK, name="colony stop") as clock:
         clock.do(release())
-    _tell(f"{name}: released{_circumstances(session)[1]}")
+    _print_line(f"{name}: released{_circumstances(session)[1]}")
     return True
 
 
-def _tell(text: str) -> None:
+def _print_line(text: str) -> None:
     """Print a line; a failed output must not keep the other robots from being stopped."""
     try:
         click.echo(text)
@@ -129,15 +129,15 @@ def _tell(text: str) -> None:
 def _circumstances(session: Session) -> tuple[str, str]:
     """Return phrases for the user who stopped the robot first and for its run, empty if unknown."""
     from colony.runtime.kit.errors import RobotConnectionError
-    from colony.runtime.library.clock import who
+    from colony.runtime.library.clock import participants
     from colony.runtime.protocol.topics import CLOCK
 
     if CLOCK not in session.servers():
         return "", ""
     try:
         with session.connect(CLOCK, name="colony stop") as clock:
-            found = clock.do(who())
+            found = clock.do(participants())
     except RobotConnectionError:
         return "", ""
     by = "" if found.stopped is None else f" by {found.stopped.by}"
-    return by, f"; the run {found.run} goes on" if found.run else ""
+    return by, f"; the run {found.run} continues" if found.run else ""

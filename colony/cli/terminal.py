@@ -8,11 +8,12 @@ import termios
 from contextlib import suppress
 from typing import TextIO
 
-from colony.nav.missions.elevator_prompt import Heard
+from colony.nav.missions.elevator_prompt import PollResult
 
 
 class Terminal:
-    """An `Ear` at a stream, such as the standard input: a terminal or a pipe. Mutable: its unread input.
+    """A `LineInput` at a stream, such as the standard input: a terminal or a pipe. Mutable: its unread
+    input.
 
     All lines of a pipe count; of a terminal only those that were typed after the question, while this process
     runs in the foreground.
@@ -25,15 +26,15 @@ class Terminal:
             self._file = None
         self._read = b""
 
-    def forget(self) -> None:
-        """Drop everything that was typed so far."""
+    def discard(self) -> None:
+        """Discard the input typed so far."""
         if self._file is None or not os.isatty(self._file) or self._is_behind():
             return
         with suppress(termios.error):  # the terminal has hung up
             termios.tcflush(self._file, termios.TCIFLUSH)
         self._read = b""
 
-    def listen(self) -> Heard:
+    def poll(self) -> PollResult:
         """Return "line" if there is another line, "end" at the end of input, else "nothing"."""
         while b"\n" not in self._read:
             if self._file is None:

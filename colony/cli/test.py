@@ -22,13 +22,16 @@ if TYPE_CHECKING:
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 @click.option(
-    "--only", multiple=True, metavar="NAME", help="Only tests whose names contain NAME. May be repeated."
+    "--only",
+    multiple=True,
+    metavar="NAME",
+    help="Run only the tests whose names contain NAME. May be repeated.",
 )
 def command(files: tuple[str, ...], format_: str, only: tuple[str, ...]) -> None:
-    """Run every `test` block; contracts are checked in each of its frames.
+    """Run every `test` block, and check all contracts in each of its frames.
 
-    Exit code 0 where all pass, 1 where one fails or a file has errors, 2 where a file cannot be read or
-    --only names no test.
+    Exit code: 0 if all tests pass, 1 if a test fails or a file has errors, 2 if a file cannot be read or
+    --only matches no test.
 
     \b
     Example:
@@ -55,7 +58,7 @@ def command(files: tuple[str, ...], format_: str, only: tuple[str, ...]) -> None
     if format_ == "json":
         click.echo(to_json(found))
     elif passed or failed or not (found or only):
-        click.echo(f"{passed} passed, {failed} failed" + ("" if passed or failed else ": there are no tests"))
+        click.echo(f"{passed} passed, {failed} failed" + ("" if passed or failed else ": no tests found"))
     if only and not (passed or failed or found):
         named = " or ".join(f"`{name}`" for name in only)
         raise click.UsageError(f"no test has {named} in its name", click.get_current_context())

@@ -1,4 +1,4 @@
-"""`colony trace`: recorded frames in, decisions out."""
+"""`colony trace`: the decisions of a behavior for recorded frames."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from colony.verify.audit.deciding import Backend
 
 
-@click.command("trace", short_help="decide recorded frames, with any of the executors")
+@click.command("trace", short_help="replay recorded frames through any executor")
 @click.argument("file", metavar="FILE", type=BEHAVIOR)
 @click.option(
     "--input", "input_", required=True, metavar="FRAMES", help="A file of frames, or - for standard input."
@@ -30,17 +30,25 @@ if TYPE_CHECKING:
     type=click.Choice(["network", "clients", "python"]),
     default="network",
     show_default=True,
-    help="The reference interpreter, the client list, or the generated Python.",
+    help="The executor: the reference interpreter, the client list, or the generated Python.",
 )
-@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Write there instead.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PATH",
+    help="The output file. [default: standard output]",
+)
 def command(file: str, input_: str, backend: Backend, output: Path | None) -> None:
-    """Run a behavior over recorded frames and print what it decides, one line a frame.
+    """Run a behavior over recorded frames and print its decisions, one line per frame.
 
-    A frame is a JSON object a line: "t" in seconds, sensors in declared units, an absent sensor is missing.
-    A recording that `colony run --record` wrote is valid input, as JSON lines or as MCAP. A bad line
-    is an error with its place, exit code 2, and nothing is printed. Where a recording is damaged its whole
-    frames are decided, it is said from when to when, and the exit code is 1. After the damage the backend
-    network goes on from the memory that the recording holds, others where all memory begins anew.
+    A frame is a JSON object on one line: "t" in seconds, and sensors in declared units; an absent sensor is
+    missing. Recordings of `colony run --record`, as JSON lines or MCAP, are valid input. For an invalid line
+    an error is reported, nothing is printed, and the exit code is 2.
+
+    In a damaged recording the undamaged frames are decided, the damaged time span is reported, and the exit
+    code is 1. After the damage the backend `network` continues from the recorded memory, the others from the
+    next epoch.
 
     \b
     Example:
@@ -83,7 +91,7 @@ def command(file: str, input_: str, backend: Backend, output: Path | None) -> No
     for text in decider.damage:
         say(f"{name}: error: {text}")
     if decider.undecided:
-        say(f"{name}: frames that are not decided, as memory is not known: {decider.undecided}")
+        say(f"{name}: frames not decided because the memory is unknown: {decider.undecided}")
     if decider.damage:
         raise click.exceptions.Exit(EXIT_ERRORS)
 

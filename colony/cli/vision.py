@@ -1,4 +1,4 @@
-"""`colony vision`: the detectors' findings in a user's picture."""
+"""`colony vision`: the detections in a user's picture."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from colony.extras import expect_extras
 from colony.files import read_file, reason
 
 if TYPE_CHECKING:
-    from colony.vision.spotting import Look, Spot
+    from colony.vision.detectors import Detection, DetectorRun
 
 _DETECTORS = ("plates", "markers", "lights")
 
@@ -27,26 +27,27 @@ _DETECTORS = ("plates", "markers", "lights")
     "chosen",
     type=click.Choice(_DETECTORS),
     multiple=True,
-    help="What to look for; may be given several times. Default: plates and markers, and lights where there "
-    "is neither.",
+    help="The detector to run. May be repeated. "
+    "[default: plates and markers, and lights if neither is found]",
 )
 @click.option(
     "-o",
     "--output",
     metavar="OUT.png",
-    help="The picture with what was found drawn in. Default: FILE.seen.png beside each file.",
+    help="The annotated picture. [default: FILE.seen.png beside each file]",
 )
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(files: tuple[str, ...], chosen: tuple[str, ...], output: str | None, format_: str) -> None:
-    """Look for door plates, elevator markers and ceiling lights in pictures, and draw them in.
+    """Detect door plates, elevator markers and ceiling lights in pictures, and draw the detections.
 
-    Pictures are PNG, JPEG, BMP, WebP or TIFF of any size, gray or in color. Plates and markers are found by a
-    level camera that is as high as they hang, so that they are about the middle row; lights by one that looks
-    straight up at the ceiling. Both see 60 degrees across. Places are in pixels of the file, from its upper
-    left one, which is (0, 0).
+    Pictures are PNG, JPEG, BMP, WebP or TIFF of any size, gray or in color. The detectors of plates and
+    markers expect a level camera mounted as high as the signs hang, so that these are near the middle row;
+    the detector of lights expects a camera that looks straight up at the ceiling. Both cameras have a
+    horizontal field of view of 60 degrees. Coordinates are in pixels; (0, 0) is the upper left corner.
 
-    Exit code 0, whether anything was found or not; 2 where a file is no image that can be read. FILE.seen.png
-    beside FILE is an older drawing, and passed over.
+    A FILE.seen.png beside FILE is an older drawing, and is skipped.
+
+    Exit code: 0, whether anything was found or not; 2 if a file cannot be read as an image.
 
     \b
     Example:
@@ -58,9 +59,7 @@ def command(files: tuple[str, ...], chosen: tuple[str, ...], output: str | None,
     drawn = {_drawn(file) for file in files} if output is None else set()
     files = tuple(file for file in files if Path(file) not in drawn)
     pictures = _pictures(files, output)
-    reports = [
-        _looked_at(file, picture, chosen, files) for file, picture in zip(files, pictures, strict=True)
-    ]
+    reports = [_detect(file, picture, chosen, files) for file, picture in zip(files, pictures, strict=True)]
     if format_ == "json":
         import json
 
@@ -78,7 +77,7 @@ class _Report(NamedTuple):
 
     file: str
     size: tuple[int, int]
-    looks: tuple[Look, ...]
+    looks: tuple[DetectorRun, ...]
     picture: Path
     error: str | None = None
 
@@ -91,7 +90,7 @@ def _pictures(files: Sequence[str], output: str | None) -> list[Path]:
             raise click.UsageError(f"cannot draw into `{output}`; expected a file ending in .png", context)
         if len(files) > 1:
             found = f"{len(files)} files and one -o {output}"
-            raise click.UsageError(f"{found}; expected one file, or no -o", context)
+            raise click.UsageError(f"{found}; expected one file, or several without -o", context)
         return [Path(output)]
     pictures = [_drawn(file) for file in files]
     for i, picture in enumerate(pictures):
@@ -108,29 +107,29 @@ def _drawn(file: str) -> Path:
     return Path(file).parent / f"{Path(file).stem or 'image'}.seen.png"
 
 
-def _looked_at(file: str, picture: Path, chosen: Sequence[str], files: Sequence[str]) -> _Report:
+def _detect(file: str, picture: Path, chosen: Sequence[str], files: Sequence[str]) -> _Report:
     """Read a file, run the detectors and draw; report an error of the file."""
     from colony.vision.annotate import annotate, encode_png
+    from colony.vision.detectors import Detector, run_detectors
     from colony.vision.gray_images import gray_image
-    from colony.vision.image_files import MOST_BYTES, ImageFormatError, decode_image
-    from colony.vision.spotting import Detector, looks_at
+    from colony.vision.image_files import MAX_BYTES, ImageFormatError, decode_image
 
     try:
-        image = decode_image(read_file(file, MOST_BYTES))
+        image = decode_image(read_file(file, MAX_BYTES))
     except (OSError, ImageFormatError) as problem:
         why = reason(problem)
         say(f"{file}: error: {why}")
         return _Report(file, (0, 0), (), picture, why)
     check_output(picture, files)
-    looks = tuple(looks_at(gray_image(image), frozenset(map(Detector, chosen))))
-    found = [(look.detector, spot) for look in looks for spot in look.found]
+    looks = tuple(run_detectors(gray_image(image), frozenset(map(Detector, chosen))))
+    found = [(look.detector, detection) for look in looks for detection in look.found]
     write_whole(picture, encode_png(annotate(image, found)))
     return _Report(file, (image.shape[1], image.shape[0]), looks, picture)
 
 
-def _box(spot: Spot) -> tuple[float, float, float, float]:
-    """Return the column and row of a spot's middle, its width and its height, in pixels."""
-    columns, rows = zip(*spot.corners, strict=True)
+def _box(detection: Detection) -> tuple[float, float, float, float]:
+    """Return the column and row of a detection's middle, its width and its height, in pixels."""
+    columns, rows = zip(*detection.corners, strict=True)
     width, height = max(columns) - min(columns), max(rows) - min(rows)
     return min(columns) + width / 2.0, min(rows) + height / 2.0, width, height
 
@@ -141,18 +140,22 @@ def _text(report: _Report) -> str:
         "detector  found       column     row   width  height  confidence       ms",
     ]
     for look in report.looks:
-        rows = [_row(spot) for spot in look.found] or [f"{'nothing':<46}"]
+        rows = [_row(detection) for detection in look.found] or [f"{'nothing':<46}"]
         for i, row in enumerate(rows):
             spent = f"{look.milliseconds:8.1f}" if i == 0 else ""
             lines.append(f"{look.detector.value if i == 0 else '':8}  {row:<58}{spent}".rstrip())
     return "\n".join(lines)
 
 
-def _row(spot: Spot) -> str:
-    column, row, width, height = _box(spot)
-    sure = spot.label_confidence if spot.label and spot.label_confidence is not None else spot.confidence
+def _row(detection: Detection) -> str:
+    column, row, width, height = _box(detection)
+    sure = (
+        detection.label_confidence
+        if detection.label and detection.label_confidence is not None
+        else detection.confidence
+    )
     confidence = "" if sure is None else f"{sure:.2f}"
-    return f"{spot.label or '-':8}  {column:8.1f}{row:8.1f}{width:8.1f}{height:8.1f}{confidence:>12}"
+    return f"{detection.label or '-':8}  {column:8.1f}{row:8.1f}{width:8.1f}{height:8.1f}{confidence:>12}"
 
 
 def _summary(report: _Report) -> dict[str, object]:
@@ -167,17 +170,19 @@ def _summary(report: _Report) -> dict[str, object]:
             {
                 "detector": look.detector.value,
                 "milliseconds": round(look.milliseconds, 3),
-                "found": [_found(spot) for spot in look.found],
+                "found": [_found(detection) for detection in look.found],
             }
             for look in report.looks
         ],
     }
 
 
-def _found(spot: Spot) -> dict[str, object]:
+def _found(detection: Detection) -> dict[str, object]:
     return {
-        "label": spot.label,
-        "corners": [[round(column, 2), round(row, 2)] for column, row in spot.corners],
-        "confidence": None if spot.confidence is None else round(spot.confidence, 4),
-        "label_confidence": None if spot.label_confidence is None else round(spot.label_confidence, 4),
+        "label": detection.label,
+        "corners": [[round(column, 2), round(row, 2)] for column, row in detection.corners],
+        "confidence": None if detection.confidence is None else round(detection.confidence, 4),
+        "label_confidence": None
+        if detection.label_confidence is None
+        else round(detection.label_confidence, 4),
     }

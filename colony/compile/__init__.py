@@ -1,1 +1,1 @@
-"""The compiler: from the typed program to clients with guards and to code."""
+"""The compiler: from the typed program to clients with guards, and from those to code."""

@@ -1,4 +1,4 @@
-"""The compiled form: prioritized clients, one a module and actuator (thesis section 4.8.2).
+"""The compiled form: prioritized clients, one for each module and actuator (thesis section 4.8.2).
 
 The meaning of one actuator's clients is "the first whose guard holds", and, equally, "the one whose
 exclusive guard holds": in no frame do two exclusive guards of one actuator hold.
@@ -16,8 +16,8 @@ class Client:
     """A module as a client of its actuator's server.
 
     `guard` and `exclusive` refer to the table of the client list; both include the module's own activity.
-    `guard` is the thesis's (priority does the rest); `exclusive` holds only where the network lets the
-    module through. A module whose command has several ways to the actuator has the exclusive guard for both.
+    `guard` is that of the thesis, to be combined with priorities; `exclusive` holds only where the network
+    lets the module through. A module with several paths to the actuator has the exclusive guard as both.
     """
 
     module: str
@@ -39,9 +39,9 @@ class ActuatorClients:
 class ClientList:
     """All clients of a program over one table of guards.
 
-    `observed` gives the activity of the wires that contracts and tests name. `windows` gives the guards that
-    are time constants, by what `ir.memory` calls them; simplification, which merges and drops some, leaves
-    all of them out.
+    `observed` gives the activity of the wires and modules that contracts and tests name. `windows` gives the
+    guards of time constants, by their names in `ir.memory`; it is empty after simplification, which merges
+    and drops some of them.
     """
 
     guards: tuple[Guard, ...]

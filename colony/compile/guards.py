@@ -1,8 +1,8 @@
 """Guards: one table of hash-consed Boolean nodes over the activity of modules.
 
-A guard is a reference (an index) into the table, so that what many clients have in common stands once and
-the output stays near-linear in the network, in memory and in JSON. Operands always stand before the node
-that uses them: a table is evaluated in one pass from the front, and nothing recurses.
+A guard is a reference (an index) into the table, so that parts that clients have in common are stored once
+and the output stays near-linear in the network, in memory and in JSON. Operands always come before the node
+that uses them: a table is evaluated in one pass, without recursion.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Not:
 
 @dataclass(frozen=True, slots=True)
 class And:
-    """All of two or more operands."""
+    """The conjunction of two or more operands."""
 
     operands: tuple[int, ...]
 
@@ -63,7 +63,7 @@ Guard = Always | Never | ModuleActive | Not | And | Or | Recently
 
 
 def operands(guard: Guard) -> tuple[int, ...]:
-    """Return the guards that this one is made of, in order."""
+    """Return the operands of a guard, in order."""
     match guard:
         case And(operands=several) | Or(operands=several):
             return several

@@ -1,8 +1,8 @@
 """The network as wired: modules, suppressor nodes and inhibitor nodes, as one flat table.
 
 A network is a directed acyclic graph whose edges are wires: a node's two inputs are references (indices)
-to nodes that stand before it in the table. Networks get tens of thousands of nodes deep, so every stage
-goes through the table from one end or the other, or keeps a stack of its own; none recurses.
+to earlier nodes of the table. Networks can be tens of thousands of nodes deep, so every stage iterates over
+the table in one direction, or has an explicit stack; none recurses.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class Suppressor:
     """The dominant's output where that is active, else the inferior's (thesis section 3.2.2).
 
     With a time constant the dominant dominates until, and not including, `window_ns` after the last frame
-    in which it was active; in that time the inferior does not get through. `place` is what `ir.memory` calls
-    the time constant.
+    in which it was active; until then the inferior does not get through. `place` is the name of the time
+    constant in `ir.memory`.
     """
 
     dominant: int
@@ -47,11 +47,11 @@ NetworkNode = ModuleLeaf | Suppressor | Inhibitor
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Network:
-    """Nodes with inputs before the nodes that use them, and what they are called.
+    """Nodes, each after its inputs, and their names.
 
     `outputs` gives the node that drives each wired actuator, in the order in which the robot declares them.
-    `wires` gives the node that each named wire stands for, in the order of the program. `observed` gives the
-    nodes whose activity contracts and examples ask for, by the name that they use (a wire or a module).
+    `wires` gives the node of each named wire, in the order of the program. `observed` gives the nodes whose
+    activity contracts and examples ask for, by the name that they use (a wire or a module).
     """
 
     nodes: tuple[NetworkNode, ...]

@@ -1,4 +1,4 @@
-"""The compiler's passes in a row: text-free, from the typed program to what is executed."""
+"""The sequence of the compiler's passes, from the typed program to the compiled program."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The network after inhibition elimination: suppressors only, on links that carry gates.
 
-The thesis's Lemma 4.1 turns `A inhibits B` into a module with the guard `not P_A and P_B`. Where B is a
-network that others use as well, that would copy it. So the guard stays on the link to B, as its *gate*,
-and B stays one: a link passes its node's command on in the frames in which its gate holds.
+The thesis's Lemma 4.1 turns `A inhibits B` into a module with the guard `not P_A and P_B`. For a network B
+that is shared, this would require a copy. So the guard is put on the link to B as its *gate*, and B stays
+shared: a link passes its node's command on in the frames in which its gate holds.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ SuppressionNode = ModuleLeaf | GatedSuppressor
 class SuppressionNetwork:
     """A pure suppression network N(M, S, L_d, L_i, sigma) for each output, over shared nodes and guards.
 
-    Nodes stand after those that they use. Nodes that no output reaches are what only inhibits, or drives
-    nothing. `wires` and `observed` give when the wires of those names are active, `windows` the guards that
-    are time constants, by what `ir.memory` calls them.
+    Nodes come after those that they use. Nodes that no output reaches only inhibit, or drive nothing. `wires`
+    and `observed` give the activity of the wires of those names, `windows` the guards of time constants, by
+    their names in `ir.memory`.
     """
 
     nodes: tuple[SuppressionNode, ...]

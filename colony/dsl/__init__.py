@@ -1,1 +1,1 @@
-"""The front end: text to typed program. lark builds its tables, and is not needed to read a text."""
+"""The front end: text to typed program. lark is needed only to rebuild the parser's tables."""

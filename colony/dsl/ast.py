@@ -1,8 +1,8 @@
 """The syntax tree, as written: names unresolved, units as text, parentheses gone.
 
-`start` and `end` are character offsets in the file and take no part in equality, so that two texts with the
-same meaning have equal trees. `depth` is how deep an expression nests: the checker refuses what is too deep
-before anything recurses into it.
+`start` and `end` are character offsets in the file. They are not compared, so two texts that differ only in
+layout have equal trees. `depth` is the nesting depth of an expression: the checker rejects expressions that
+are too deep before anything recurses into them.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ class SyntaxNode(Record):
 
 @record
 class Name(SyntaxNode):
-    """One identifier where it is declared or named."""
+    """An identifier, in its declaration or in a use."""
 
     text: str
 
 
 @record
 class Named(SyntaxNode):
-    """A declaration with a name: its first identifier, or the one behind its keyword."""
+    """A declaration with a name: its first identifier, or the one after its keyword."""
 
     name: Name
 
@@ -62,7 +62,7 @@ class Boolean(ExpressionNode):
 
 @record
 class Reference(ExpressionNode):
-    """`name`, `name.name` ...: whatever it turns out to name."""
+    """`name`, `name.name` ...; the checker resolves it."""
 
     path: tuple[str, ...]
 
@@ -478,7 +478,7 @@ class StepDecl(SyntaxNode):
 class TestDecl(SyntaxNode):
     """`test "title" { ... }`."""
 
-    __test__ = False  # not a test of pytest's
+    __test__ = False  # not a test class for pytest
 
     title: str
     steps: tuple[StepDecl, ...]

@@ -1,7 +1,7 @@
 """Parser callbacks: each rule of the grammar to its node of the syntax tree.
 
-Called while the parser reduces, so no parse tree is ever built. The methods only build: they check nothing
-and raise nothing. Children come with all their tokens; an optional part that is absent is None.
+The parser calls them as it reduces, so no parse tree is ever built. They only build nodes: they check nothing
+and raise nothing. Children include all tokens; an absent optional part is None.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ EXPRESSIONS: tuple[type, ...] = ast.Expression.__args__
 
 
 class Builder:
-    """One method a rule, named after it."""
+    """A method for each rule of the grammar, named after it."""
 
     def file(self, c: Children) -> ast.File:
         """Build a file from its declarations."""

@@ -18,8 +18,8 @@ from colony.text.source import Source, Span
 MAX_BYTES = 4 * 1024 * 1024
 MAX_FILES = 1000
 SHIPPED = "colony.shipped"
-"""The folder beside a recorded program that has the files which came with colony."""
-_SHOWN_OF_CYCLE = 6
+"""The folder next to a recorded program with the files that are shipped with colony."""
+_MAX_CYCLE_FILES = 6
 
 
 @record
@@ -27,8 +27,9 @@ class Import(Record):
     """An import of a file, resolved.
 
     Attributes:
-        target: the key of the file that it brings in.
-        path: where that is, relative to the file that imports it; None for one that comes with colony.
+        declaration: the import as written.
+        target: the key of the imported file.
+        path: its path relative to the importing file; None for a file shipped with colony.
     """
 
     declaration: ast.ImportDecl
@@ -38,7 +39,7 @@ class Import(Record):
 
 @record
 class ParsedFile(Record):
-    """One file of a program; in it, the file's names begin with `prefix` (`brooks.` or nothing)."""
+    """A file of a program, in which the file's names begin with `prefix` (such as `brooks.`, or nothing)."""
 
     key: str
     source: Source
@@ -56,16 +57,16 @@ class ParsedFile(Record):
 
 @record
 class SourceTree(Record):
-    """All files of a program, each after those that it imports; the last is the one that was asked for."""
+    """All files of a program, each after those that it imports; the main file is the last."""
 
     files: tuple[ParsedFile, ...]
     diagnostics: tuple[Diagnostic, ...]
 
 
 class UnreadableFileError(Exception):
-    """A file that cannot be read, as a diagnostic says it.
+    """A file that cannot be read, with the parts of a diagnostic.
 
-    `span` is the place in the file's own text, where the trouble is with a byte of it.
+    `span` is the place in the file itself, if one of its bytes is invalid.
     """
 
     def __init__(self, code: str, message: str, hint: str | None = None, span: Span | None = None) -> None:
@@ -96,7 +97,7 @@ def read_source(path: Path, name: str) -> Source:
     if data.startswith(COMPILED):
         hint = "name the file that it was compiled from; `colony run` takes both"
         raise UnreadableFileError(
-            "E001", f"cannot read `{name}`: it is compiled, and here its source is needed", hint
+            "E001", f"cannot read `{name}`: it is a compiled program, and its source is needed here", hint
         )
     return decode(data, name)
 
@@ -120,7 +121,7 @@ def decode(data: bytes, name: str) -> Source:
     return source
 
 
-def resolved(path: Path) -> str:
+def real_path(path: Path) -> str:
     """Return the absolute name of a file with links resolved; an invalid name is returned as it is."""
     try:
         return os.path.realpath(path)
@@ -131,11 +132,11 @@ def resolved(path: Path) -> str:
 def load_tree(path: Path, name: str, text: str | None = None, *, shipped: Path | None = None) -> SourceTree:
     """Load the file at `path` (or `text` in its place) and everything that it imports, transitively.
 
-    Imports by name are looked for in `shipped`, where that is given, in place of what comes with colony.
-    Nothing is raised: what cannot be read, and cycles, are among the diagnostics.
+    Imports by name are looked up in `shipped`, if given, instead of the files shipped with colony. Unreadable
+    files and cycles are reported as diagnostics; nothing is raised.
     """
     loader = _Loader(shipped)
-    key = resolved(path)
+    key = real_path(path)
     try:
         source = read_source(path, name) if text is None else Source(name, text)
     except UnreadableFileError as problem:
@@ -145,11 +146,11 @@ def load_tree(path: Path, name: str, text: str | None = None, *, shipped: Path |
     return SourceTree(files=loader.in_order(key), diagnostics=tuple(loader.diagnostics))
 
 
-def placed(tree: SourceTree, path: Path) -> tuple[tuple[str, Source], ...]:
-    """Return the texts of a tree by their places (see `Program.files`); its own file is at `path`.
+def relative_sources(tree: SourceTree, path: Path) -> tuple[tuple[str, Source], ...]:
+    """Return the texts of a tree with their relative paths (see `Program.files`); the main file is at `path`.
 
-    Places are relative to the folder that has all of them, and are where imports find the files, also where
-    links lead elsewhere.
+    Paths are relative to the folder that contains all files. They are those by which imports find the files,
+    even if these are symbolic links.
     """
     places: dict[str, str] = {}
     shipped = os.path.join(os.path.dirname(os.path.abspath(path)), SHIPPED)
@@ -185,7 +186,7 @@ class _Loader:
                 if not isinstance(declaration, ast.ImportDecl):
                     continue
                 target, relative = self._find(path, declaration.path)
-                target_key = resolved(target)
+                target_key = real_path(target)
                 imports.append(Import(declaration=declaration, target=target_key, path=relative))
                 if target_key in seen:
                     continue
@@ -203,11 +204,11 @@ class _Loader:
             )
 
     def _find(self, importer: Path, name: str) -> tuple[Path, str | None]:
-        """Return where the file is that an import names, and its path as in `Import`."""
+        """Return the location of an imported file, and its path as in `Import`."""
         given = os.path.join(importer.parent, name)
         own = Shipped.BEHAVIOR.own(given)
-        if own is not None and resolved(Path(own)) == resolved(importer):
-            own = None  # a file may extend the one that comes with colony under its own name
+        if own is not None and real_path(Path(own)) == real_path(importer):
+            own = None  # a file may extend the shipped file of the same name
         named = Shipped.BEHAVIOR.named(name, self.shipped) if own is None else None
         if named is not None:
             return named, None
@@ -255,12 +256,12 @@ class _Loader:
 
     def _report_cycle(self, key: str, closing: Import, trail: list[str]) -> None:
         cycle = [Path(k).name for k in trail[trail.index(closing.target) :]]
-        left_out = [] if len(cycle) <= _SHOWN_OF_CYCLE else [f"... {len(cycle) - _SHOWN_OF_CYCLE} more ..."]
-        shown = [f"`{name}`" for name in cycle[:_SHOWN_OF_CYCLE]]
+        left_out = [] if len(cycle) <= _MAX_CYCLE_FILES else [f"... {len(cycle) - _MAX_CYCLE_FILES} more ..."]
+        shown = [f"`{name}`" for name in cycle[:_MAX_CYCLE_FILES]]
         names = " imports ".join([*shown, *left_out, f"`{cycle[0]}`"])
         span = Span(self.files[key].source, closing.declaration.start, closing.declaration.end)
         hint = "move what both need into a third file"
-        self.diagnostics.append(error("E104", span, f"imports go round in a cycle: {names}", hint))
+        self.diagnostics.append(error("E104", span, f"files import each other in a cycle: {names}", hint))
 
     def _prefixes(self, root: str) -> dict[str, str]:
         """Return the prefix of each file's names: the path with the fewest aliases, the first of equals."""

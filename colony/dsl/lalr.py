@@ -1,8 +1,8 @@
-"""An LALR(1) parser that is driven by tables, and reads tokens as the place in the grammar asks for them.
+"""A table-driven LALR(1) parser with a contextual lexer.
 
 lark builds the tables from the grammar (`colony.dsl.tables`); only this module reads them, so that no command
-waits for lark. It reads as lark does with its contextual lexer: a terminal is recognized only where it can
-stand, words before signs before patterns, and optional parts that are absent are None.
+has to import lark. It behaves like lark with its contextual lexer: a terminal is recognized only where the
+grammar allows it, words before signs before patterns, and absent optional parts are None.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 END = "$END"
-"""The terminal that stands at the end of a text."""
+"""The terminal at the end of a text."""
 
 _BLANKS = re.compile(r"(?:[ \t\r\n\f]+|#[^\r\n]*)*")
 _WORD = re.compile(r"\w+")
 
 Rule: TypeAlias = tuple[str, int, "Callable[[list[Any]], Any] | None", "list[list[int]] | None"]
-"""Nonterminal, number of symbols, what builds its value, and where its children are not just the symbols."""
+"""Nonterminal, number of symbols, builder of its value, and layout if children are not just the symbols."""
 
 
 class Token:
-    """A terminal of a text, and where it stands: `text[start:end]`."""
+    """A terminal of a text, at `text[start:end]`."""
 
     __slots__ = ("end", "start", "text", "type")
 
@@ -31,13 +31,13 @@ class Token:
 
 
 class UnexpectedInputError(Exception):
-    """The first thing in a text that cannot be read.
+    """The first unexpected input in a text.
 
     Attributes:
-        offset: where it begins; at the end of the text, where the last token ends.
+        offset: its start; at the end of the text, the end of the last token.
         at_end: True if the text ends too early.
-        accepted: the terminals that can stand there.
-        values: what was read before it, as it stands on the parser's stack.
+        accepted: the terminals that are allowed there.
+        values: the parser's stack of values read before it.
     """
 
     def __init__(self, *, offset: int, at_end: bool, accepted: frozenset[str], values: list[Any]) -> None:
@@ -49,8 +49,8 @@ class Parser:
     """A parser of one grammar, whose `builder` has a method for each rule, named after it.
 
     Args:
-        tables: what `colony.dsl.tables.build` made of the grammar.
-        builder: its methods take the children of a rule and return its value.
+        tables: the result of `colony.dsl.tables.build`.
+        builder: an object whose methods take the children of a rule and return its value.
     """
 
     def __init__(self, tables: dict[str, Any], builder: object) -> None:
@@ -69,7 +69,7 @@ class Parser:
         """Read a text from `start` to its end, and return the value of the whole.
 
         Raises:
-            UnexpectedInputError: something in the text cannot stand where it stands.
+            UnexpectedInputError: the text does not follow the grammar.
         """
         states, values = [self._start], list[Any]()
         while True:
@@ -109,10 +109,12 @@ class Parser:
     def _feed(self, token: Token, states: list[int], values: list[Any]) -> bool:
         """Reduce until the token can be shifted, and shift it.
 
-        Returns: False if the token cannot stand here; the states are then as they were.
+        Returns: False if the token is not allowed here; the states are then unchanged.
         """
         type_, rows = token.type, self._rows
-        taken: list[list[int]] = []  # what each reduction took: a token may be refused only after some
+        taken: list[
+            list[int]
+        ] = []  # states removed by each reduction, to undo them if the token is refused after some
         while True:
             action = rows[states[-1]].get(type_)
             if action is None:
@@ -155,10 +157,10 @@ def _skip_blanks(text: str, start: int) -> int:
 
 
 def _laid_out(children: list[Any], layout: list[list[int]]) -> list[Any]:
-    """Return the children with None for each absent part, and with what lists of helper rules hold.
+    """Return the children with None for each absent part, and with the lists of helper rules flattened.
 
-    `layout` has two numbers for each symbol: how many parts are absent before it, and 1 if it is a list; and
-    two for the end.
+    `layout` has two numbers for each symbol (the number of absent parts before it, and 1 if it is a list),
+    and two for the end.
     """
     found: list[Any] = []
     for child, (absent, is_list) in zip(children, layout, strict=False):
@@ -167,7 +169,7 @@ def _laid_out(children: list[Any], layout: list[list[int]]) -> list[Any]:
             found.append(child)
         elif found:
             found += child
-        else:  # no longer needed where it was: lists are as long as the file
+        else:  # reuse the list instead of copying it: it may be as long as the file
             found = child
     found += [None] * layout[-1][0]
     return found

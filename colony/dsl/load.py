@@ -1,4 +1,4 @@
-"""The front door: a file or a text to a typed program."""
+"""The entry points of the front end: from a file or a text to a typed program."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from colony.dsl.check.program import check_program
-from colony.dsl.files import SourceTree, load_tree, placed
+from colony.dsl.files import SourceTree, load_tree, relative_sources
 from colony.ir.program import Program
 from colony.text.diagnostics import Diagnostic, DiagnosticError
 
@@ -23,12 +23,12 @@ class Checked(NamedTuple):
 def _checked(tree: SourceTree, path: Path) -> Checked:
     program, diagnostics = check_program(tree)
     if program is not None:
-        program = replace(program, files=placed(tree, path))
+        program = replace(program, files=relative_sources(tree, path))
     return Checked(program, diagnostics, tree)
 
 
 def check_file(path: str | Path) -> Checked:
-    """Check the file at `path` with all that it imports; never raises for what is in it."""
+    """Check the file at `path` with all its imports; errors in it are diagnostics, never exceptions."""
     return _checked(load_tree(Path(path), str(path)), Path(path))
 
 

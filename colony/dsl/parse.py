@@ -1,4 +1,4 @@
-"""Text to syntax tree, reporting every syntax error of a file in one go.
+"""Parsing of a text to its syntax tree, with all syntax errors of a file in one run.
 
 Panic-mode recovery: after an error the parser restarts at the next line that begins a declaration and is
 indented no deeper than the one that failed. What was read before the error is kept. The names that the
@@ -25,7 +25,7 @@ _BRACKETS = re.compile(r'"[^"\r\n]*"|#[^\r\n]*|[(){}\[\]]')
 
 @record
 class Parsed(Record):
-    """The tree of what could be read, the errors, and the names that the unreadable parts seem to declare."""
+    """The tree of the readable parts, the errors, and the names that unreadable parts seem to declare."""
 
     file: ast.File
     diagnostics: tuple[Diagnostic, ...] = ()

@@ -36,12 +36,12 @@ def print_expression(node: ast.Expression) -> str:
 
 
 def _expression(node: ast.Expression, level: int) -> str:
-    """Return the text, in parentheses where the place (`level`) binds tighter than the expression."""
-    text, own = _bare(node)
+    """Return the text, in parentheses if its context (`level`) binds tighter than the expression."""
+    text, own = _text_and_level(node)
     return text if own >= level else f"({text})"
 
 
-def _bare(node: ast.Expression) -> tuple[str, int]:
+def _text_and_level(node: ast.Expression) -> tuple[str, int]:
     match node:
         case ast.Number(digits=digits, unit=unit):
             return (f"{digits} {unit}" if unit else digits), _POSTFIX

@@ -1,6 +1,6 @@
 """Recovery from a syntax error: what was read before it, the names lost in it, and where to resume.
 
-Imported only where there is an error: compiling its patterns is a part of the start-up time of a command.
+Imported only after an error: compiling its patterns would add to the start-up time of every command.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ WORDS = frozenset(
     "IMPORT AS PARAM LET STATE NEXT MACHINE START WHEN MODULE DO PYTHON READS COMMANDS RATE "
     "NETWORK LIMIT CONTRACT TEST AT EVERY GIVEN EXPECT FOR ACTIVE COMMANDED".split()
 )
-"""The words that are keywords where they can stand (`any` aside, which stands for phases)."""
+"""The words that are keywords in their context only (except `any`, which stands for phases)."""
 
 
 def lost_names(text: str) -> set[str]:
@@ -37,13 +37,13 @@ def lost_names(text: str) -> set[str]:
 
 
 def expected(problem: UnexpectedInputError) -> frozenset[str]:
-    """Return the terminals that could have stood where the error is, without words that are names there."""
+    """Return the terminals allowed at the error, without words that would be names there."""
     found = problem.accepted
     return found - WORDS if {"NAME", *WORDS} <= found else found
 
 
 def complete_declarations(problem: UnexpectedInputError) -> list[ast.Declaration]:
-    """Return the declarations that were read before the error: they stand on the parser's stack."""
+    """Return the declarations that were read before the error, from the parser's stack."""
     first: object = problem.values[0] if problem.values else None
     if isinstance(first, list):
         return first

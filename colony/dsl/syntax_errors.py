@@ -1,4 +1,4 @@
-"""Messages of syntax errors: what was found, what was expected, and the usual slip behind it."""
+"""Messages of syntax errors: what was found, what was expected, and the likely mistake."""
 
 from __future__ import annotations
 
@@ -70,8 +70,8 @@ def describe(source: Source, problem: UnexpectedInputError, declaration: int) ->
         message = f"`{word}` begins a declaration, and the one before it is not complete"
         return error("E005", Span(source, begun, begun + len(word)), message)
     if found == '"':
-        hint = 'add the missing `"`; a text ends in the line in which it begins'
-        return error("E006", span, "the text that begins here is not closed in its line", hint)
+        hint = 'add the missing `"`; a text ends on the line on which it begins'
+        return error("E006", span, "the text that begins here is not closed on its line", hint)
     node = misspelled_node(text, at, accepted)
     if node is not None:
         start, word, hint = node

@@ -1,4 +1,4 @@
-"""Hints to syntax errors: the usual slip behind what was found where something else was expected."""
+"""Hints for syntax errors: the common mistake behind what was found instead of what was expected."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ DECLARATION_STARTS = frozenset(
     "ROBOT ENUM IMPORT PARAM LET STATE NEXT MACHINE MODULE NETWORK LIMIT CONTRACT TEST".split()
 )
 _KEYWORDS = frozenset(name.lower() for name in DECLARATION_STARTS) | {"when", "do"}
-_SLIPS = {
+_SLIP_HINTS = {
     "&": "write `and`",
     "&&": "write `and`",
     "|": "write `or`",
     "||": "write `or`",
     "!": "write `not`",
-    ";": "nothing ends a clause: leave the `;` out",
-    "'": "texts stand in double quotes",
+    ";": "clauses have no terminator: leave the `;` out",
+    "'": "texts are written in double quotes",
     "//": "comments begin with `#`",
     "/*": "comments begin with `#`",
     "**": "powers of numbers are written as products",
     "%": "write `mod(x, y)`",
     "?": "write `if CONDITION then A else B`",
-    "“": "texts stand in straight double quotes",
-    "”": "texts stand in straight double quotes",
+    "“": "texts are written in straight double quotes",
+    "”": "texts are written in straight double quotes",
     "=>": "write `implies` between bools, `>=` between numbers",
     "xor": "write `a != b`",
-    "^": "powers stand only in units, without blanks: `m/s^2`",
+    "^": "powers are allowed only in units, without blanks: `m/s^2`",
     "elif": "write `else if`",
     "elseif": "write `else if`",
     "None": "write `missing`",
@@ -46,15 +46,15 @@ _SLIPS = {
     **dict.fromkeys(("var", "const", "val", "auto"), "name a value with `let NAME = ...`"),
     **dict.fromkeys(("class", "behavior", "behaviour"), "a behavior is a `module NAME { when ... do ... }`"),
     **dict.fromkeys(("for", "while", "loop"), "there are no loops: a program decides one frame at a time"),
-    "return": "what a module commands stands after `do`",
+    "return": "a module's command follows `do`",
 }
 
 
-_PLACES = {
-    **dict.fromkeys(("sensor", "actuator", "frame"), "it stands inside `robot NAME { ... }`"),
-    **dict.fromkeys(("when", "do"), "it stands inside `module NAME { ... }`"),
-    **dict.fromkeys(("reads", "commands", "rate"), "it stands inside a Python module"),
-    **dict.fromkeys(("at", "given", "expect"), 'it stands inside `test "TITLE" { ... }`'),
+_PLACE_HINTS = {
+    **dict.fromkeys(("sensor", "actuator", "frame"), "it belongs inside `robot NAME { ... }`"),
+    **dict.fromkeys(("when", "do"), "it belongs inside `module NAME { ... }`"),
+    **dict.fromkeys(("reads", "commands", "rate"), "it belongs inside a Python module"),
+    **dict.fromkeys(("at", "given", "expect"), 'it belongs inside `test "TITLE" { ... }`'),
 }
 
 
@@ -68,8 +68,8 @@ def hint_for(text: str, at: int, found: str, accepted: frozenset[str]) -> str | 
         or _about_numbers(before, found, text[at + len(found) : at + len(found) + 40], accepted)
         or _about_signs(text, at, found, accepted)
         or _about_words(before, found, accepted)
-        or (_PLACES.get(found) if "MODULE" in accepted else None)
-        or _SLIPS.get(found)
+        or (_PLACE_HINTS.get(found) if "MODULE" in accepted else None)
+        or _SLIP_HINTS.get(found)
         or _about_names(found, accepted)
     )
 
@@ -113,7 +113,7 @@ def _about_signs(text: str, at: int, found: str, accepted: frozenset[str]) -> st
     if found == ":" and "ASSIGN" in accepted:
         return "write `=`"
     if found == "," and {"AT", "EXPECT"} <= accepted:
-        return "no comma stands before `given` and `expect`"
+        return "there is no comma before `given` and `expect`"
     return None
 
 
@@ -121,9 +121,9 @@ def _about_words(before: str, found: str, accepted: frozenset[str]) -> str | Non
     if found == "if" and "LPAR" in accepted and "NUMBER" in accepted:
         return "an `if` to the right of an operator needs parentheses"
     if found in ("let", "param", "state", "next") and "DO" in accepted:
-        return f"`{found}` stands before `when`"
+        return f"`{found}` belongs before `when`"
     if found == "do" and {"WHEN", "LET"} <= accepted:
-        return "`when` stands before `do`; `when true` is always"
+        return "`when` comes before `do`; `when true` is always"
     if found == "when" and "DO" in accepted:
         return "a module has one `when`: join conditions with `and` or `or`"
     if found in ("not", "by") and "COMMANDED" in accepted:
@@ -136,7 +136,7 @@ def _about_words(before: str, found: str, accepted: frozenset[str]) -> str | Non
 
 
 def misspelled_node(text: str, at: int, accepted: frozenset[str]) -> tuple[int, str, str] | None:
-    """Return where a misspelled `suppresses` or `inhibits` stands before `at`, itself, and a hint.
+    """Return the offset of a misspelled `suppresses` or `inhibits` before `at`, the word, and a hint.
 
     It was taken for the name of a wire, which should be followed by `=`.
     """
@@ -153,7 +153,7 @@ def _about_names(found: str, accepted: frozenset[str]) -> str | None:
     if found[:1].isalpha() and not found.isascii():
         return "names are made of the letters A to Z and a to z, digits and `_`"
     if found.startswith('"') and "STRING" not in accepted:
-        return "texts stand only after `import`, `test` and `python`"
+        return "texts are allowed only after `import`, `test` and `python`"
     return None
 
 

@@ -24,7 +24,7 @@ def load() -> dict[str, Any]:
 
 
 def grammar_digest() -> str:
-    """Return a digest of the grammar; the tables carry that of the grammar they were built from."""
+    """Return a digest of the grammar; the tables contain that of the grammar they were built from."""
     import hashlib
 
     return hashlib.sha256(GRAMMAR.read_bytes()).hexdigest()

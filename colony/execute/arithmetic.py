@@ -1,8 +1,8 @@
-"""The functions of the compiled form on scalars, as the language defines them, on every float.
+"""The scalar functions of compiled programs, as the language defines them.
 
-Nothing here raises on any float, and all results are exact to the bit, the sign of zero included; so values
-computed from the placeholder of a missing sensor are harmless. Each function stands on its own, on `math`
-alone: the Python backend copies the text of those that a program uses into what it generates.
+They raise on no float, so values computed from the placeholder of a missing sensor are harmless. All results
+are exact to the bit, including the sign of zero. Each function uses only `math`, as the Python backend copies
+the functions that a program uses into the generated program.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Frames of programs that use colony as a library: checked, and with numbers of Python."""
+"""Checks of the frames that programs pass to colony as a library; numpy's numbers become Python's."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from reprlib import repr as short
 from typing import Any
 
 from colony.execute.executor import ProgramExecutor
-from colony.execute.validity import LATEST_NS
+from colony.execute.validity import MAX_TIME_NS
 from colony.ir.frame import Answer, Frame, Outcome
 
 
 class CheckedExecutor(ProgramExecutor):
-    """An executor of a program, frame by frame, that refuses invalid frames."""
+    """An executor of a program that refuses invalid frames."""
 
     _last_ns: int | None = None
 
@@ -21,24 +21,25 @@ class CheckedExecutor(ProgramExecutor):
         """Execute one frame and return its outcome.
 
         Raises:
-            TypeError: it is no frame, its readings are no mapping, or a time is no whole number.
-            ValueError: its time is not later than that of the frame before it.
+            TypeError: it is not a frame, its readings are not a mapping, or a time is not an integer.
+            ValueError: its time is not later than that of the previous frame.
         """
         taken = checked_frame(frame, self._last_ns)
         self._last_ns = taken.t_ns
         return super().step(taken, answers)
 
     def restart(self) -> None:
-        """Go on from the initial memory, at any time."""
+        """Restart from the initial memory; the next frame may have any time."""
         self._last_ns = None
         super().restart()
 
 
 def checked_trace(frames: Iterable[Frame]) -> tuple[Frame, ...]:
-    """Return frames that follow one another, checked as `checked_frame` does.
+    """Return consecutive frames, each checked by `checked_frame`.
 
     Raises:
-        TypeError, ValueError: as `checked_frame`, or they are no frames at all.
+        TypeError: `frames` is not iterable, or as `checked_frame`.
+        ValueError: as `checked_frame`.
     """
     if not isinstance(frames, Iterable):
         raise TypeError(f"found {short(frames)}; expected frames")
@@ -52,8 +53,8 @@ def checked_frame(frame: Frame, after_ns: int | None = None) -> Frame:
     """Return a frame with Python numbers in place of numpy numbers.
 
     Raises:
-        TypeError: it is no frame, its readings are no mapping, or a time is no whole number.
-        ValueError: a time does not fit into 63 bits, or that of the frame is not after `after_ns`.
+        TypeError: it is not a frame, its readings are not a mapping, or a time is not an integer.
+        ValueError: a time does not fit into 63 bits, or the frame's is not later than `after_ns`.
     """
     if not isinstance(frame, Frame):
         raise TypeError(f"found {short(frame)}; expected a colony.Frame")
@@ -73,7 +74,7 @@ def _time(name: str, given: Any) -> int:
         time = index(given)
     except TypeError:
         raise TypeError(f"{name}: found {short(given)}; expected whole nanoseconds, an int") from None
-    if not -LATEST_NS < time < LATEST_NS:
+    if not -MAX_TIME_NS < time < MAX_TIME_NS:
         raise ValueError(f"{name}: found {short(time)}; expected nanoseconds that fit into 63 bits")
     return time
 

@@ -1,25 +1,25 @@
-"""Code: what all clients of a program compute in a frame, as straight-line scalar code.
+"""Code: the computation of all clients of a program in a frame, as straight-line scalar code.
 
-The form that every backend starts from. `ops` is a list in static single assignment: op i computes value i
-from the frame, from memory, and from values of ops before it. Equal ops stand once, arrays are their
-elements, reductions and loops are unrolled. All ops are total, so the order in which a backend evaluates
-them, and whether it does, is its own affair; what must hold is this, frame by frame:
+Every backend starts from this form. `ops` is a list in static single assignment form: op i computes value i
+from the frame, from memory, and from the values of earlier ops. Common ops are shared, arrays are split into
+elements, reductions and loops are unrolled. All ops are total, so a backend may evaluate them in any order,
+or not at all, provided that in every frame:
 
-1. *Sensors* are taken in (`colony.execute.intake`), in the order of `sensors`. `SensorElement` of a missing
-   sensor without default is a placeholder: anything of its kind. What is computed from placeholders is
-   never sent and never remembered.
-2. *Python modules* (`python`) are called in order, where their `present` is true; all that they read is
-   computed by ops before the first that depends on one of them.
+1. *Sensors* are read (`colony.execute.intake`) in the order of `sensors`. `SensorElement` of a missing
+   sensor without default is a placeholder: an arbitrary value of its kind. Values computed from placeholders
+   are never sent and never stored.
+2. *Python modules* (`python`) are called in order, if their `present` is true. Ops that compute their inputs
+   precede the first op that depends on a Python module.
 3. *Decisions*: an actuator's winner is the first of its clients whose `guard` is true (equally: the one
-   whose `exclusive` is true). Its command is `fields`. Then, for each field, for each of `limits` of that
-   field in order: where `applies` is true and the value is beyond `bound`, it becomes `bound`; then it is
-   clamped to the field's range; and it leaves divided by the field's factor. When a field that is not a
-   bool is not finite before or after all that, the idle command is sent instead, unbounded, and the fault
-   "not finite" is noted. Without a winner the idle command is sent.
-4. *Contracts* whose `present` is true and whose `value` is false are broken. Ops from `decided` on may
-   depend on decisions; ops before it do not.
+   whose `exclusive` is true). Its command is `fields`. Each of `limits`, in order, replaces its field by
+   `bound` if `applies` is true and the field exceeds `bound`. Then each field is clamped to its range, and
+   sent divided by its factor. If a field that is not a bool is not finite before or after these steps, the
+   idle command is sent instead, unbounded, and the fault "not finite" is recorded. Without a winner the idle
+   command is sent.
+4. *Contracts* whose `present` is true and whose `value` is false are broken. Only ops from `decided` on may
+   depend on decisions.
 5. *Memory*: every cell whose `condition` is true takes `value`, all at once. Until then `OldCell` is the
-   value from before the frame.
+   value before the frame.
 
 Times are nanoseconds since the first frame.
 """
@@ -40,7 +40,7 @@ from colony.text.source import Span
 
 @unique
 class Kind(Enum):
-    """The kind of a value: a double, a bool, an integer of nanoseconds, or a table of numbers or bools."""
+    """The kind of a value: a double, a bool, an integer in nanoseconds, or a table of numbers or bools."""
 
     NUMBER = "number"
     BOOL = "bool"
@@ -65,7 +65,7 @@ class FrameTime:
 
 @dataclass(frozen=True, slots=True)
 class SensorFresh:
-    """True if the sensor itself gave a value in this frame (false where its default stands in)."""
+    """True if the sensor has a reading in this frame (false if its default stands in)."""
 
     sensor: str
 
@@ -89,8 +89,8 @@ class OldCell:
 class PythonActive:
     """True if the Python module has a command in this frame.
 
-    A module that is not among the Code's own (`Code.python`) runs elsewhere: its answer is given with the
-    frame. So it is for all modules in the code of one client.
+    A module that is not in `Code.python` runs elsewhere, and its answer is an input of the frame. In the code
+    of one client that is every module.
     """
 
     module: str
@@ -113,7 +113,7 @@ class Lost:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of values of one kind, to pick from."""
+    """A table of values of one kind, for PICK_NUMBER and PICK_BOOL."""
 
     elements: tuple[int, ...]
 
@@ -128,7 +128,7 @@ class Apply:
 
 @dataclass(frozen=True, slots=True)
 class Winner:
-    """True if the module is the actuator's winner (also where its command is not finite)."""
+    """True if the module is the actuator's winner, even if its command is not finite."""
 
     actuator: str
     module: str
@@ -175,14 +175,14 @@ def operands(op: Op) -> tuple[int, ...]:
             return ()
 
 
-# --- the parts around them -----------------------------------------------------------------------
+# --- structure -----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """A memory cell: initially `initial`; takes `value` at the end of frames where `condition` is true.
+    """A memory cell: initially `initial`; takes `value` at the end of frames in which `condition` is true.
 
-    `name` is for people; it is unique within a Code.
+    `name` is descriptive, and unique within a Code.
     """
 
     name: str
@@ -234,13 +234,13 @@ class ClientCode:
     activity).
 
     Attributes:
-        guard, exclusive: its guards (see `colony.compile.clients`), simplified.
-        heard_guard, heard_exclusive: its guards as its own process evaluates them: under `on_loss degrade`
+        guard, exclusive: Its guards (see `colony.compile.clients`), simplified.
+        heard_guard, heard_exclusive: Its guards as its own process evaluates them: under `on_loss degrade`
             modules whose clients are `Lost` are not active.
-        traversed: its guard before simplification.
-        several_ways: whether its command has several ways to the actuator.
+        traversed: Its guard before simplification, as the forward traversal gives it.
+        several_ways: True if its command has several paths to the actuator.
 
-    Executors read `guard` and `exclusive` of a view (`views.py`), in which the variants equal them.
+    Executors read `guard` and `exclusive` of a view (`views.py`), in which the other guards equal them.
     """
 
     module: str
@@ -278,7 +278,7 @@ class ActuatorCode:
 class ContractCode:
     """A contract, broken in a frame in which `present` is true and `value` is not.
 
-    `traversed` is the value by the guards before simplification.
+    `traversed` is the value computed with the guards before simplification.
     """
 
     name: str
@@ -289,9 +289,10 @@ class ContractCode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Code:
-    """See the top of this file. `kinds[i]` is of value i; `names` has what some values are called.
+    """The code of a program or of a view (see the module's docstring).
 
-    `places` gives the cells by the names of `ir.memory`; time constants have some in unsimplified code only.
+    `kinds[i]` is the kind of value i, and `names[i]` its name, if it has one. `places` gives cells by the
+    names of `ir.memory`; time constants have such cells only in unsimplified code.
     """
 
     ops: tuple[Op, ...]
@@ -306,11 +307,14 @@ class Code:
     places: Mapping[str, int] = field(default_factory=dict)
 
 
-# --- what is needed ------------------------------------------------------------------------------
+# --- liveness ------------------------------------------------------------------------------------
 
 
 def roots(code: Code, *, exclusive: bool = True) -> list[int]:
-    """Return the values that decide a frame's outcome, memory aside; `exclusive`: and the clients' bids."""
+    """Return the values that a frame's outcome depends on, memory aside.
+
+    With `exclusive`, also those that the clients' bids depend on.
+    """
     found: list[int] = []
     for call in code.python:
         found.append(call.present)
@@ -329,7 +333,7 @@ def roots(code: Code, *, exclusive: bool = True) -> list[int]:
 
 
 def live(ops: Iterable[Op], cells: Iterable[Cell], wanted: Iterable[int]) -> tuple[bytearray, set[int]]:
-    """Return a flag for each op that `wanted` depends on, and the cells, with their own inputs. Linear."""
+    """Return the ops that `wanted` depends on as flags, and the cells, through memory. Takes linear time."""
     all_ops, all_cells = tuple(ops), tuple(cells)
     flags, found = bytearray(len(all_ops)), set[int]()
     work = list(wanted)

@@ -1,9 +1,9 @@
 """A compiled program as bytes: in a file `*.colonyc`, and for the processes that run its clients.
 
-    "colonyc", one byte of version, the SHA-256 of what follows, MessagePack
+    "colonyc", one byte of version, the SHA-256 of the rest, the rest in MessagePack
 
-Nothing in it is executed when it is read. All of it is checked: first size, version and sum, then each value
-against its type (`shapes`), then each reference (`validity`). What is damaged or forged is refused with C001.
+Reading it executes nothing, and checks everything: size, version and checksum, then each value against its
+type (`shapes`), then each reference (`validity`). A damaged or forged program is refused with C001.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.source import NOWHERE, Source, Span
 
 VERSION = 1
-"""Version of the format. A shape follows from a data class: each change of one is a new version."""
+"""Version of the format. Shapes derive from data classes: increment it with each change of one."""
 
 SUFFIX = ".colonyc"
 """Suffix of a file that holds a compiled program."""
 
-LARGEST = 16 * 1024 * 1024
-"""Bytes of the largest compiled program: many times that of ten thousand modules."""
+MAX_BYTES = 16 * 1024 * 1024
+"""Maximum size of a compiled program: many times that of one with ten thousand modules."""
 
-_HINT = "`colony compile FILE -o NAME.colonyc` makes one"
+_HINT = "create one with `colony compile FILE -o NAME.colonyc`"
 _PREFIX = COMPILED + bytes([VERSION])
 _HEAD = len(_PREFIX) + sha256().digest_size
 _decoder: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(shape(Compiled))
@@ -48,10 +48,10 @@ def encode(compiled: Compiled) -> bytes:
 
 
 def decode(data: bytes, name: str) -> Compiled:
-    """Return the compiled program that these bytes hold; `name` is what messages call them.
+    """Return the compiled program in `data`; messages name it `name`.
 
     Raises:
-        DiagnosticError: C001, they hold none that could be run.
+        DiagnosticError: C001, it is not a valid compiled program.
     """
     try:
         return _decoded(data)
@@ -63,17 +63,17 @@ def read(path: StrPath) -> Compiled:
     """Return the compiled program in a file.
 
     Raises:
-        DiagnosticError: C001, it cannot be read, or holds none that could be run.
+        DiagnosticError: C001, the file cannot be read, or is not a valid compiled program.
     """
     try:
-        data = read_file(path, LARGEST)
+        data = read_file(path, MAX_BYTES)
     except OSError as problem:
         raise DiagnosticError([unusable(str(path), reason(problem))]) from None
     return decode(data, str(path))
 
 
 def is_compiled(path: StrPath) -> bool:
-    """Return True for a file that begins as a compiled program does, or that is named as one."""
+    """Return True for a file with the header or the suffix of a compiled program."""
     if Path(path).suffix == SUFFIX:
         return True
     try:
@@ -85,12 +85,12 @@ def is_compiled(path: StrPath) -> bool:
 
 def _decoded(data: bytes) -> Compiled:
     if not data.startswith(COMPILED):
-        raise InvalidProgramError("it does not begin as a compiled program does")
+        raise InvalidProgramError("it does not begin with the header of a compiled program")
     if not data.startswith(_PREFIX):
-        raise InvalidProgramError(f"it is of another version than {VERSION}; compile it again")
+        raise InvalidProgramError(f"its format version is not {VERSION}; compile it again")
     body = memoryview(data)[_HEAD:]
     if sha256(body).digest() != data[len(_PREFIX) : _HEAD]:
-        raise InvalidProgramError("it is damaged: its sum is wrong")
+        raise InvalidProgramError("it is damaged: its checksum does not match")
     read = _decoder.decode(body)
     texts = [
         Source(source.place, source.data.decode() if source.kind == "behavior" else "")
@@ -103,7 +103,7 @@ def _decoded(data: bytes) -> Compiled:
         if not (
             0 <= place.source < len(texts) and 0 <= place.start <= place.end <= len(texts[place.source].text)
         ):
-            raise InvalidProgramError("a span outside its sources")
+            raise InvalidProgramError("a span is outside its source")
         return Span(texts[place.source], place.start, place.end)
 
     compiled: Compiled = restored(read, span)
@@ -112,6 +112,6 @@ def _decoded(data: bytes) -> Compiled:
 
 
 def unusable(name: str, message: str) -> Diagnostic:
-    """Return C001: why the compiled program in the file `name` cannot be run."""
+    """Return the diagnostic C001 for the file `name`; `message` gives the reason."""
     place = Span(Source(name, ""), 0, 0)
-    return error("C001", place, f"no compiled program that can be run: {message}", _HINT)
+    return error("C001", place, f"not a valid compiled program: {message}", _HINT)

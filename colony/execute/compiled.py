@@ -1,6 +1,6 @@
-"""The compiled program: all that clients, executors, the leader and the monitor of a run need.
+"""The compiled program: the input of clients, executors, the leader and the monitor of a run.
 
-`Compilation.compiled` lowers a program to it, once; `colony.execute.colonyc` saves and reads it.
+`Compilation.compiled` lowers a program to it once; `colony.execute.colonyc` saves and reads it.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from colony.ir.program import Robot
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceFile:
-    """A file that the program was made of, by its place: a relative path with `/` between its parts.
+    """A source file of the program; `place` is its relative path with `/` as the separator.
 
-    Files of behaviors import each other by these places; modules in Python are found by them.
+    Behaviors import each other, and Python modules are found, by these paths.
     """
 
     kind: Literal["behavior", "python"]
@@ -29,11 +29,11 @@ class Compiled:
     """A program, lowered to one table of operations.
 
     Attributes:
-        name: the robot's.
-        frame_ns: the period of its frames.
-        code: sensors, actuators with their prioritized clients, modules in Python, contracts and memory.
-        sources: the files that it was made of; none for a program that was built in memory.
-        root: the place of the file that was compiled, "" without sources.
+        name: Name of the robot.
+        frame_ns: Frame period.
+        code: Sensors, actuators with their prioritized clients, modules in Python, contracts and memory.
+        sources: Source files; none for a program that was built in memory.
+        root: Path of the compiled file among the sources, "" without sources.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Compiled:
     @property
     def robot(self) -> Robot:
         """The program's sensors and actuators in the order declared, and the period."""
-        actuators = tuple(one.actuator for one in self.code.actuators)
+        actuators = tuple(code.actuator for code in self.code.actuators)
         return Robot(name=self.name, frame_ns=self.frame_ns, sensors=self.code.sensors, actuators=actuators)
 
     @property
@@ -61,7 +61,7 @@ class Compiled:
     @property
     def places(self) -> dict[str, tuple[str, ...]]:
         """The clients of each actuator, highest priority first."""
-        return {one.actuator.name: tuple(c.module for c in one.clients) for one in self.code.actuators}
+        return {a.actuator.name: tuple(c.module for c in a.clients) for a in self.code.actuators}
 
     @property
     def announced(self) -> tuple[str, ...]:

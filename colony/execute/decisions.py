@@ -1,4 +1,4 @@
-"""Decision of an actuator's command once its winner is known."""
+"""The decision for an actuator, given its winner."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Decided(NamedTuple):
 
 
 def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any]) -> Decided:
-    """Decide what the actuator is sent when `winner` has won: its command, bounded, or the idle one."""
+    """Return the decision for an actuator: the winner's command, bounded, or the idle command."""
     idle, fields = actuator.actuator.idle, field_bounds(actuator.actuator)
     if winner is None:
         return Decided(None, idle, None, ())

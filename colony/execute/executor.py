@@ -1,6 +1,6 @@
-"""Executors, op by op, of a compiled program, of some of its clients, or of one module in Python.
+"""Plain executors of a compiled program, of some of its clients, or of one module in Python.
 
-Plain and unhurried; what is generated from the same Code (`colony.compile.backends`) is fast.
+They run op by op; the code generated from the same `Code` (`colony.compile.backends`) is faster.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from colony.execute.code import ActuatorCode, ClientCode, Kind
 from colony.execute.compiled import Compiled
 from colony.execute.decisions import decide
-from colony.execute.machine import Machine
+from colony.execute.machine import OpMachine
 from colony.execute.needs import ClientKey, needs_of_clients, python_modules
 from colony.execute.views import of_clients, of_module, unsimplified, whole
 from colony.ir.frame import Answer, Bid, Decision, Frame, Outcome, Record
@@ -21,40 +21,44 @@ from colony.ir.types import ScalarValue
 
 
 class ExclusivityError(Exception):
-    """Two exclusive guards of one actuator were true in a frame, which no compiled client list allows."""
+    """Two exclusive guards of one actuator were true in a frame: a bug in the compiler."""
 
 
 class ProgramExecutor:
-    """An executor of all of a program's clients (see `ir.frame.Executor`). Mutable: it has all memory.
-
-    The winner is the first client whose guard holds or, if `exclusive`, the one whose exclusive guard holds.
+    """An executor of all clients of a program (see `ir.frame.Executor`). Mutable: it holds all memory.
 
     Args:
-        compiled: the program.
-        exclusive: whether the exclusive guards decide.
-        simplified: whether simplified guards decide. By the others time constants have places in `memory`,
-            and nothing is owed to the last pass.
-        answered: whether modules in Python run elsewhere, and `step` is given their answers.
+        compiled: The program.
+        exclusive: If true, the winner is the client whose exclusive guard holds; if false, the first client
+            whose guard holds.
+        simplified: If false, the guards before simplification decide. They do not depend on the last pass,
+            and with them `memory` has the time constants.
+        answers_given: If true, modules in Python run elsewhere, and `step` takes their answers.
 
     Raises:
         DiagnosticError: a Python module's class cannot be imported or built.
-        ExclusivityError: in `step`, if `exclusive`, and more than one holds.
+        ExclusivityError: in `step`, if `exclusive`, and more than one guard holds.
     """
 
     def __init__(
-        self, compiled: Compiled, *, exclusive: bool = False, simplified: bool = True, answered: bool = False
+        self,
+        compiled: Compiled,
+        *,
+        exclusive: bool = False,
+        simplified: bool = True,
+        answers_given: bool = False,
     ) -> None:
         self.code = whole(compiled.code) if simplified else unsimplified(compiled.code)
-        self._exclusive, self._answered = exclusive, answered
+        self._exclusive, self._answers_given = exclusive, answers_given
         self.restart()
 
     def step(self, frame: Frame, answers: Mapping[str, Answer] | None = None) -> Outcome:
-        """Execute one frame; return the decision on every actuator, the records and the broken contracts."""
+        """Execute one frame; return the decision for each actuator, the records and the broken contracts."""
         machine, code = self._machine, self.code
         machine.begin(frame, answers)
         machine.run()
         decisions = tuple(self._decide(actuator) for actuator in code.actuators)
-        machine.run_on()
+        machine.run_after_decisions()
         values = machine.values
         breaches = tuple(c.name for c in code.contracts if values[c.present] and not values[c.value])
         machine.commit()
@@ -66,13 +70,13 @@ class ProgramExecutor:
         Raises:
             DiagnosticError: one of them cannot be built.
         """
-        self._machine = Machine(self.code, answered=self._answered)
+        self._machine = OpMachine(self.code, answers_given=self._answers_given)
 
     @property
     def memory(self) -> ProgramMemory | None:
-        """Return the memory, by guards that are not simplified.
+        """The program's memory, complete only with unsimplified guards.
 
-        None if the program runs modules in Python, which keep their own memory.
+        None if the executor runs modules in Python, which keep their own memory.
         """
         machine = self._machine
         if machine.python:
@@ -81,7 +85,7 @@ class ProgramExecutor:
         return ProgramMemory(first_ns=machine.first_ns, cells=cells)
 
     def resume(self, memory: ProgramMemory) -> None:
-        """Go on from what another executor remembered.
+        """Continue from the memory of another executor.
 
         Raises:
             ValueError: it is not the memory of this program: its cells or their types differ.
@@ -99,7 +103,7 @@ class ProgramExecutor:
     def _decide(self, actuator: ActuatorCode) -> Decision:
         winner = self._winner(actuator)
         decided = decide(actuator, winner, self._machine.values)
-        self._machine.decided(actuator.actuator.name, decided)
+        self._machine.record_decision(actuator.actuator.name, decided)
         values = in_declared_units(decided.sent, actuator.actuator.fields)
         return Decision(actuator.actuator.name, decided.by, values, decided.fault)
 
@@ -119,15 +123,15 @@ class ProgramExecutor:
 class ClientStep(NamedTuple):
     """A client's message to its server in a frame.
 
-    `active`: it asks for its command to be sent. `records` are those of all sensors that the executor reads,
-    and of this client's command. `values` are the command in base units within limits and range; None unless
-    active, and when the command is not finite (`fault`), where the actuator gets its idle command.
-
-    `bid` gives the reason if the client is not active. "suppressed": its predicate holds, but another's
-    command takes its place. "inhibited": its gates are closed. "inactive": its predicate does not hold.
-    "silent": it reads something missing. A client that is both dominated and gated is "inhibited"; a client
-    whose command has several ways to the actuator, all of them closed in one manner or the other, is
-    "suppressed".
+    Attributes:
+        active: True if it requests that its command be sent.
+        values: Command in base units within limits and range; None unless active, and if the command is not
+            finite, in which case the actuator gets its idle command.
+        fault: "not finite" if the command is not finite.
+        records: Records of all sensors that the executor reads, and of this client's command.
+        bid: "command" if active, else the reason (see `ir.frame.Bid`). A client that is both suppressed and
+            inhibited is "inhibited". A client whose command has several paths to the actuator, all of them
+            closed, is "suppressed".
     """
 
     active: bool
@@ -140,7 +144,7 @@ class ClientStep(NamedTuple):
 class ClientMemory(NamedTuple):
     """Memory cells that belong to a client (see `ClientsExecutor.memory`), as plain data.
 
-    `first_ns` is the time of the first frame, `cells` are by name.
+    `first_ns` is the time of the first frame, None before it; `cells` are by name.
     """
 
     first_ns: int | None
@@ -148,14 +152,14 @@ class ClientMemory(NamedTuple):
 
 
 class ClientsExecutor:
-    """An executor of some clients of a program. Mutable: it has their memory.
+    """An executor of some clients of a program. Mutable: it holds their memory.
 
-    What several of them need is computed once. Frames are in base units. Modules in Python run elsewhere,
-    also where a client is one.
+    Values that several clients need are computed once. Frames are in base units. Modules in Python run
+    elsewhere, even if they are clients.
 
     Args:
-        compiled: the program.
-        clients: actuator and module of each.
+        compiled: The program.
+        clients: Actuator and module of each client.
 
     Raises:
         KeyError: there is no such client.
@@ -166,7 +170,7 @@ class ClientsExecutor:
         self.code = of_clients(compiled.code, self.clients)
         by_key = {(a.actuator.name, c.module): (a, c) for a in self.code.actuators for c in a.clients}
         self._codes = tuple(by_key[key] for key in self.clients)
-        self._cells = self._shares()
+        self._cells = self._own_cells()
         self.restart()
 
     @property
@@ -182,10 +186,10 @@ class ClientsExecutor:
     def step(
         self, frame: Frame, answers: Mapping[str, Answer] | None = None, lost: frozenset[str] = frozenset()
     ) -> tuple[ClientStep, ...]:
-        """Step through a frame, given answers of modules in Python, and the modules whose clients are lost.
+        """Execute one frame, given the answers of modules in Python and the modules whose clients are lost.
 
         Returns:
-            What each client has for its server, in the order of `clients`.
+            The message of each client to its server, in the order of `clients`.
 
         Raises:
             KeyError: `answers` lacks one of `python_modules`.
@@ -198,25 +202,24 @@ class ClientsExecutor:
         return tuple([_client_step(actuator, c, values, records) for actuator, c in self._codes])
 
     def restart(self) -> None:
-        """Go on from the initial memory."""
-        self._machine = Machine(self.code)
+        """Restart from the initial memory."""
+        self._machine = OpMachine(self.code)
 
     def memory(self, client: ClientKey) -> ClientMemory:
         """Return a copy of the memory cells that belong to a client.
 
-        These are the cells that the client needs, without those that already belong to an earlier client of
-        `clients`. The memories of all clients together are the memory of the executor; one alone may not be
-        enough for its client.
+        A cell belongs to the first of `clients` that needs it. So the memories of all clients together are
+        the memory of the executor; one alone may not suffice for its client.
         """
         machine, cells = self._machine, self.code.cells
         return ClientMemory(machine.first_ns, {cells[i].name: machine.cells[i] for i in self._cells[client]})
 
     def recall(self, memories: Mapping[ClientKey, ClientMemory]) -> None:
-        """Go on from the memories of all clients after one frame.
+        """Continue from the memories of all clients after one frame.
 
         Raises:
-            ValueError: they are not the memories of these clients after one frame: their cells or the types
-                of these differ, or the times of their first frames.
+            ValueError: they are not: their cells, the types of their cells, or the times of their first
+                frames differ.
         """
         if memories.keys() != self._cells.keys():
             raise ValueError("the memories are not of these clients")
@@ -225,13 +228,13 @@ class ClientsExecutor:
                 raise ValueError("the memory is of another client")
         known = {name: value for memory in memories.values() for name, value in memory.cells.items()}
         restored = [_restored(c.name, c.kind, known[c.name]) for c in self.code.cells]
-        first_ns, *others = {memory.first_ns for memory in memories.values()}
-        if others:
+        first_ns, *more = {memory.first_ns for memory in memories.values()}
+        if more:
             raise ValueError("the memories are of different runs")
         self._machine.first_ns, self._machine.cells = first_ns, restored
 
-    def _shares(self) -> dict[ClientKey, list[int]]:
-        """Return the cells of each client, each cell once: with the first client that needs it."""
+    def _own_cells(self) -> dict[ClientKey, list[int]]:
+        """Return the cells of each client; a cell belongs to the first client that needs it."""
         needs, shared = needs_of_clients(self.code), set[int]()
         shares: dict[ClientKey, list[int]] = {}
         for client in self.clients:
@@ -259,9 +262,9 @@ def _bid(client: ClientCode, values: list[Any]) -> Bid:
 
 
 class ModuleExecutor:
-    """An executor of one module in Python. Mutable: the memory of what it reads, and the module's own.
+    """An executor of one module in Python. Mutable: it holds the memory of its inputs, and the module.
 
-    Its frames are in base units.
+    Frames are in base units.
 
     Raises:
         KeyError: there is no such module.
@@ -292,7 +295,7 @@ class ModuleExecutor:
         Raises:
             DiagnosticError: it cannot be built.
         """
-        self._machine = Machine(self._code)
+        self._machine = OpMachine(self._code)
 
 
 def _restored(name: str, kind: Kind, value: object) -> float | bool | int:

@@ -1,7 +1,7 @@
-"""Intake of a reading into an executor: checked, converted, clamped, recorded.
+"""Intake of readings into an executor: checks, conversion, clamping, records.
 
-Like the functions of `arithmetic` these stand on their own, on `math` alone: the Python backend copies them
-into what it generates. Each returns the value (`otherwise` where the reading is missing or faulty), whether
+Like those of `arithmetic`, these functions use only `math`, as the Python backend copies them into generated
+programs. Each `take_` function returns the value (`otherwise` if the reading is missing or faulty), True if
 the sensor is fresh, and the records, to which it may add one.
 """
 

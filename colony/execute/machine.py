@@ -1,6 +1,6 @@
-"""The machine that runs `Code` op by op, in memory of its own.
+"""The machine that runs `Code` op by op, with its own memory.
 
-What computes an op is chosen once, when the machine is built; a frame is a call an op.
+The function that computes an op is chosen once, when the machine is built; a frame takes one call per op.
 """
 
 from __future__ import annotations
@@ -38,23 +38,24 @@ from colony.ir.types import Array, Bool, Enum, ScalarValue
 from colony.text.diagnostics import DiagnosticError, error
 
 Step = Callable[[], Any]
-"""A function that computes the value of one op in the present frame."""
+"""A function that computes the value of one op in the current frame."""
 
 
-class Machine:
+class OpMachine:
     """A machine that runs the ops of a Code over its memory. Mutable.
 
-    A frame is `begin`, `run`, the decisions (`decided`) and `run_on`, where there are some, then `commit`.
-    With `answered` the Python modules run elsewhere, and their answers are given with each frame.
+    A frame is `begin`, `run`, then with actuators to decide `record_decision` for each and
+    `run_after_decisions`, then `commit`. With `answers_given` Python modules run elsewhere, and `begin` takes
+    their answers.
     """
 
-    def __init__(self, code: Code, *, answered: bool = False) -> None:
+    def __init__(self, code: Code, *, answers_given: bool = False) -> None:
         self.code = code
         self.values: list[Any] = [None] * len(code.ops)
         self.cells: list[float | bool | int] = [c.initial for c in code.cells]
         self.first_ns: int | None = None
         self.answers: dict[str, Answer] = {}
-        self.python = {} if answered else {call.module: build(call) for call in code.python}
+        self.python = {} if answers_given else {call.module: build(call) for call in code.python}
         self._t = 0
         self._sensors: dict[str, Any] = {}
         self._fresh: dict[str, bool] = {}
@@ -75,7 +76,7 @@ class Machine:
     def begin(
         self, frame: Frame, answers: Mapping[str, Answer] | None = None, lost: frozenset[str] = frozenset()
     ) -> None:
-        """Take a frame in; `answers` and `lost` are as for `ClientsExecutor.step`."""
+        """Begin a frame; `answers` and `lost` are as for `ClientsExecutor.step`."""
         if self.first_ns is None:
             self.first_ns = frame.t_ns
         self._t = frame.t_ns - self.first_ns
@@ -91,25 +92,25 @@ class Machine:
             self._sensors[sensor.name], self._fresh[sensor.name] = value, fresh
 
     def run(self, *, decides: bool = True) -> None:
-        """Compute all ops, or, with `decides`, those that no decision is needed for."""
+        """Compute the ops before decisions or, without `decides`, all ops; then call the Python modules."""
         values = self.values
         for i, step in self._steps[: self._decided_from] if decides else self._steps:
             values[i] = step()
         self._call_python()
 
-    def run_on(self) -> None:
-        """Compute the values of the ops that depend on decisions."""
+    def run_after_decisions(self) -> None:
+        """Compute the ops that depend on decisions."""
         values = self.values
         for i, step in self._steps[self._decided_from :]:
             values[i] = step()
 
-    def decided(self, actuator: str, decided: Decided) -> None:
-        """Take a decision in, for the ops that depend on it and for the records."""
+    def record_decision(self, actuator: str, decided: Decided) -> None:
+        """Store a decision for the ops that depend on it, and add its records."""
         self._decided[actuator] = decided
         self._records += decided.records
 
     def commit(self) -> None:
-        """Let memory move on to the next frame."""
+        """Advance memory to the next frame."""
         values = self.values
         moved = [(i, values[cell.value]) for i, cell in enumerate(self.code.cells) if values[cell.condition]]
         for i, value in moved:
@@ -120,7 +121,7 @@ class Machine:
         return tuple(Record(kind, subject) for kind, subject in self._records)  # type: ignore[arg-type]
 
     def _step(self, op: Op) -> Step:
-        """Return the function that computes an op from the values before it and the frame's input."""
+        """Return the function that computes an op from earlier values and the frame's input."""
         values = self.values
         match op:
             case Apply(operator=operator, arguments=arguments):
@@ -140,16 +141,16 @@ class Machine:
             case Table(elements=elements):
                 return lambda: tuple([values[i] for i in elements])
             case _:
-                return self._outside(op)
+                return self._external_step(op)
 
-    def _outside(self, op: Op) -> Step:
-        """Return the step of an op that depends on Python modules, on other clients, or on decisions."""
+    def _external_step(self, op: Op) -> Step:
+        """Return the function for an op that depends on Python modules, lost clients or decisions."""
         decided = self._decided
         match op:
             case PythonActive(module=module):
-                return lambda: self._answer(module) is not None
+                return lambda: self._python_command(module) is not None
             case PythonField(module=module, index=index):
-                return lambda: 0.0 if (fields := self._answer(module)) is None else fields[index]
+                return lambda: 0.0 if (fields := self._python_command(module)) is None else fields[index]
             case Lost(module=module):
                 return lambda: module in self._lost
             case Winner(actuator=actuator, module=module):
@@ -159,23 +160,23 @@ class Machine:
             case Sent(actuator=actuator, index=index):
                 return lambda: 0.0 if (sent := decided[actuator].sent) is None else sent[index]
             case _:
-                raise AssertionError(f"{op} depends on nothing outside")
+                raise AssertionError(f"{op} depends on no Python module, client or decision")
 
     def _call_python(self) -> None:
-        """Call the Python modules in order, once a frame: at the first op that needs one, or after all."""
+        """Call the Python modules in order, once a frame: before the first op that needs one, or last."""
         if self._python_called:
             return
         self._python_called = True
         for call in self.code.python:
             step = self.python.get(call.module)
             if step is not None:
-                active, fields, records = step.step(self._t, self._given(call), ())
+                active, fields, records = step.step(self._t, self._python_input(call), ())
                 self.answers[call.module] = Answer(fields if active else None, bool(records))
             if self.answers[call.module].error:
                 self._records = (*self._records, ("python error", call.module))
 
-    def _given(self, call: PythonCall) -> dict[str, object] | None:
-        """Return the input of a Python module in this frame, None where something is missing."""
+    def _python_input(self, call: PythonCall) -> dict[str, object] | None:
+        """Return the input of a Python module in this frame, None if something in it is missing."""
         values = self.values
         if not values[call.present]:
             return None
@@ -184,8 +185,8 @@ class Machine:
             for read in call.reads
         }
 
-    def _answer(self, module: str) -> tuple[ScalarValue, ...] | None:
-        """Return the Python module's command in this frame."""
+    def _python_command(self, module: str) -> tuple[ScalarValue, ...] | None:
+        """Return a Python module's command in this frame, None if it has none."""
         self._call_python()
         return self.answers[module].values
 
@@ -207,13 +208,13 @@ INLINE: Mapping[Operator, Callable[..., Step]] = MappingProxyType(
         Operator.TIME_LESS: lambda v, a, b: lambda: v[a] < v[b],
     }
 )
-"""Operators that compute what `FUNCTIONS` says, on a list of values and places in it, with a call less."""
+"""Inlined operators: the same as `FUNCTIONS`, on a list of values and indices into it, with one call less."""
 
 _OF_ANY_NUMBER = (Operator.AND, Operator.OR)
 
 
 def _applied(operator: Operator, arguments: tuple[int, ...], values: list[Any]) -> Step:
-    """Compute an operator of earlier values."""
+    """Return the function that applies an operator to earlier values."""
     inline = INLINE.get(operator)
     if inline is None or (operator in _OF_ANY_NUMBER and len(arguments) != 2):
         return _called(FUNCTIONS[operator], arguments, values)
@@ -222,8 +223,8 @@ def _applied(operator: Operator, arguments: tuple[int, ...], values: list[Any]) 
 
 def _called(function: Callable[..., Any], arguments: tuple[int, ...], values: list[Any]) -> Step:
     match arguments:
-        case (one,):
-            return lambda: function(values[one])
+        case (only,):
+            return lambda: function(values[only])
         case (left, right):
             return lambda: function(values[left], values[right])
         case _:
@@ -237,13 +238,16 @@ def build(call: PythonCall) -> PythonStep:
         DiagnosticError: that did not work; the error says why.
     """
     try:
-        made = getattr(import_module(call.module_path), call.class_name)(**dict(call.params))
+        instance = getattr(import_module(call.module_path), call.class_name)(**dict(call.params))
     except (Exception, SystemExit) as problem:
         path = f"{call.module_path}:{call.class_name}"
         message = f"`{path}` cannot be imported and built: {type(problem).__name__}: {problem}"
-        hint = "it is looked for beside the behavior and in this folder; its params are given by keyword"
+        hint = (
+            "the class must be importable from the folder of the behavior or the current folder, "
+            "and take its params as keyword arguments"
+        )
         raise DiagnosticError([error("P001", call.span, message, hint)]) from problem
-    return PythonStep(call.module, made, field_types(call), call.rate_ns)
+    return PythonStep(call.module, instance, field_types(call), call.rate_ns)
 
 
 def field_types(call: PythonCall) -> tuple[tuple[str, object], ...]:

@@ -1,7 +1,7 @@
-"""Dependencies of each client of a program on its table: sensors, modules in Python, memory.
+"""The dependencies of each client of a program: sensors, modules in Python, memory cells.
 
-The answers for all clients are computed together. Sets are bit masks in one int each; with thousands of
-clients, sets of objects would be too slow.
+They are computed for all clients together, with an int as a bit mask in place of each set: sets of objects
+would be too slow for thousands of clients.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ClientKey = tuple[str, str]
 
 
 class Needs(NamedTuple):
-    """The dependencies of a client: names of sensors and of modules in Python, numbers of cells."""
+    """The dependencies of a client: names of sensors and of modules in Python, indices of cells."""
 
     sensors: tuple[str, ...]
     python_modules: tuple[str, ...]
@@ -35,11 +35,11 @@ class Needs(NamedTuple):
 
 
 def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
-    """Return what each client needs, its limits and all that its memory comes from included.
+    """Return the dependencies of each client, including those of its limits and of its memory.
 
     Args:
-        code: a view of clients (`views.of_clients`), in which `guard` is the guard by which a client speaks;
-            of the code of a whole program the answer is another.
+        code: View of clients (`views.of_clients`), in which `guard` is the guard that a client evaluates
+            itself. For the code of a whole program the dependencies differ.
     """
     sensors = [s.name for s in code.sensors]
     modules = python_modules(code)
@@ -56,14 +56,14 @@ def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
         masks.append(mask)
     cells = _cell_closure(code, masks)
     found: dict[ClientKey, Needs] = {}
-    for one in code.actuators:
-        for client in one.clients:
+    for actuator_code in code.actuators:
+        for client in actuator_code.clients:
             mask = 0
-            for at in _roots(one, client):
+            for at in _roots(actuator_code, client):
                 mask |= masks[at]
             mask = _with_memory(mask, cells)
             used = tuple(_bit_indices(mask))
-            found[one.actuator.name, client.module] = Needs(
+            found[actuator_code.actuator.name, client.module] = Needs(
                 sensors=tuple([sensors[i - first_sensor] for i in used if first_sensor <= i < first_module]),
                 python_modules=tuple([modules[i - first_module] for i in used if i >= first_module]),
                 cells=tuple([i for i in used if i < first_sensor]),
@@ -72,7 +72,7 @@ def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
 
 
 def python_modules(code: Code) -> tuple[str, ...]:
-    """Return the modules in Python whose answers a code is computed from."""
+    """Return the modules in Python whose answers the code uses."""
     called = (op.module for op in code.ops if isinstance(op, PythonActive | PythonField))
     return tuple(dict.fromkeys(called))
 
@@ -89,14 +89,14 @@ def _source_key(op: Op) -> object:
             return None
 
 
-def _roots(one: ActuatorCode, client: ClientCode) -> Iterator[int]:
+def _roots(actuator_code: ActuatorCode, client: ClientCode) -> Iterator[int]:
     yield from (client.present, client.guard, *client.fields, *client.conditions.values())
-    for limit in one.limits:
+    for limit in actuator_code.limits:
         yield from (limit.applies, limit.bound)
 
 
 def _cell_closure(code: Code, masks: list[int]) -> list[int]:
-    """Return, for each cell, itself and all that its value comes from, over any number of frames."""
+    """Return, for each cell, itself and all that its value depends on, over any number of frames."""
     cells = [1 << i | masks[c.condition] | masks[c.value] for i, c in enumerate(code.cells)]
     changed = True
     while changed:
@@ -109,7 +109,7 @@ def _cell_closure(code: Code, masks: list[int]) -> list[int]:
 
 
 def _with_memory(mask: int, cells: list[int]) -> int:
-    """Return `mask` with all that its cells come from."""
+    """Return `mask` with all that its cells depend on."""
     closed = mask
     for i in _bit_indices(mask & ((1 << len(cells)) - 1)):
         closed |= cells[i]
@@ -117,7 +117,7 @@ def _with_memory(mask: int, cells: list[int]) -> int:
 
 
 def _bit_indices(mask: int) -> Iterator[int]:
-    """Yield the numbers of the bits that are set, in rising order."""
+    """Yield the indices of the bits that are set, in ascending order."""
     digits = bin(mask)[:1:-1]
     at = digits.find("1")
     while at >= 0:

@@ -1,4 +1,4 @@
-"""The operators of `Code`, and what each computes."""
+"""The operators of `Code` and their implementations."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from colony.execute import arithmetic
 
 @unique
 class Operator(Enum):
-    """Total, pure functions of scalars. N, B and T say number (a double), bool and time (an integer).
+    """Total, pure functions of scalars. N, B and T stand for number (double), bool and time (integer).
 
-    `N*` stands for one or more. Those that the language has and that are not here are made of these:
-    `a > b` is `b < a`, `clamp` is MIN of MAX, `mean` a SUM divided.
+    `N*` stands for one or more. Other functions of the language are composed of these: `a > b` is `b < a`,
+    `clamp` is MIN of MAX, `mean` is SUM divided by the count.
     """
 
     # N -> N
@@ -44,7 +44,7 @@ class Operator(Enum):
     INDEX_OF_MAX = "index_of_max"
     # B* -> N
     COUNT = "count"
-    # N, N -> B, by IEEE 754; EQUAL and NOT_EQUAL are of two bools as well
+    # N, N -> B, by IEEE 754; EQUAL and NOT_EQUAL also take two bools
     LESS = "less"
     LESS_EQUAL = "less_equal"
     EQUAL = "equal"
@@ -58,7 +58,7 @@ class Operator(Enum):
     # (B, X, X) -> X: the second where the first is true, else the third
     SELECT = "select"
     # (table of N or B, N) -> N or B: the element at the index rounded (halves to even) and taken modulo the
-    # size; of an index that is not finite, NaN or false
+    # size; NaN or false for an index that is not finite
     PICK_NUMBER = "pick_number"
     PICK_BOOL = "pick_bool"
     # T, T -> T; T, T -> B; T -> N: nanoseconds / 1e9

@@ -1,6 +1,6 @@
-"""Modules written in Python: what `step` is given, and what its answer becomes.
+"""Modules written in Python: the argument of `step`, and the check of its answer.
 
-The classes need `math` and `intake` alone: the Python backend copies them into what it generates.
+The classes use only `math` and `intake`, as the Python backend copies them into generated programs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A sensor's reading on its way into an executor, and what stands in for a missing one."""
+"""A sensor's reading as an executor takes it, and the stand-in for a missing one."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from colony.ir.types import Array, Bool, Enum, Value, element_type
 
 
 def stand_in(sensor: Sensor) -> Value:
-    """Return the value computed with where the sensor is missing: its default, or a placeholder.
+    """Return the value that ops compute with if the sensor is missing: its default, or a placeholder.
 
-    A placeholder lies within the sensor's range, so that what is known of the range holds of it, too.
+    A placeholder lies within the sensor's range, so that facts derived from the range hold for it, too.
     """
     kind = element_type(sensor.type)
     if sensor.default is not None:
@@ -28,7 +28,7 @@ def stand_in(sensor: Sensor) -> Value:
 
 
 def age_limits(sensors: tuple[Sensor, ...]) -> dict[str, int]:
-    """Return the greatest age of a reading, in ns, of each sensor for which the program gives one."""
+    """Return the maximum age of readings, in ns, for each sensor that has one in the program."""
     return {s.name: s.within_ns for s in sensors if s.within_ns is not None}
 
 

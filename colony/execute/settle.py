@@ -1,6 +1,6 @@
-"""The command that an actuator is sent for its winner's command: limits, range, or the idle command.
+"""From the winner's command to the command sent: limits, range, or the idle command.
 
-Stands on its own, on `math` alone, like `arithmetic`: the Python backend copies it into what it generates.
+It uses only `math`, like `arithmetic`, as the Python backend copies it into generated programs.
 """
 
 from __future__ import annotations

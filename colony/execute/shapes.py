@@ -1,6 +1,6 @@
-"""Data classes as MessagePack that msgspec checks.
+"""Data classes as MessagePack, checked by msgspec.
 
-The shapes follow from the classes: each becomes an array that begins with the name of its class, so that
+Shapes derive from the classes: an object becomes an array that begins with the name of its class, so that
 unions are tagged. A `Span` becomes a `SpanShape`.
 """
 
@@ -18,12 +18,12 @@ from msgspec import Meta
 
 from colony.text.source import Span
 
-MOST = 500_000
+MAX_ITEMS = 500_000
 """Maximum number of items of one kind, checked before any of them is read."""
 
 
 class SpanShape(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
-    """A span: the number of its source, None for a place that no source has, and its start and end there."""
+    """A span: the index of its source, None if it is in no source, with its start and end."""
 
     source: int | None
     start: int
@@ -31,7 +31,7 @@ class SpanShape(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fie
 
 
 _CLASSES: dict[type, type] = {}
-"""The data class that each shape stands for."""
+"""Data class of each shape."""
 
 
 def shape(hint: Any) -> Any:
@@ -48,7 +48,7 @@ def shape(hint: Any) -> Any:
     if origin is UnionType:
         return reduce(or_, arguments)
     several = origin is dict or Ellipsis in arguments
-    return Annotated[origin[arguments], Meta(max_length=MOST)] if several else origin[arguments]
+    return Annotated[origin[arguments], Meta(max_length=MAX_ITEMS)] if several else origin[arguments]
 
 
 @cache
@@ -69,21 +69,21 @@ def _of_class(of: Any) -> Any:
 
 
 def shaped(value: Any, place: Callable[[Span], SpanShape]) -> Any:
-    """Return a value in its shape; `place` gives those of spans."""
+    """Return a value in its shape; `place` converts spans."""
     if isinstance(value, Span):
         return place(value)
     if is_dataclass(value):
         of: Any = type(value)
         made = _of_class(of)
         return made(*[shaped(getattr(value, name), place) for name in made.__struct_fields__])
-    return tuple([shaped(one, place) for one in value]) if type(value) is tuple else value
+    return tuple([shaped(element, place) for element in value]) if type(value) is tuple else value
 
 
 def restored(value: Any, span: Callable[[SpanShape], Span]) -> Any:
-    """Return the value that has this shape; `span` gives those of places."""
+    """Return the value of a shape; `span` converts spans back."""
     if isinstance(value, SpanShape):
         return span(value)
     if isinstance(value, msgspec.Struct):
         made = _CLASSES[type(value)]
         return made(**{name: restored(getattr(value, name), span) for name in value.__struct_fields__})
-    return tuple([restored(one, span) for one in value]) if type(value) is tuple else value
+    return tuple([restored(element, span) for element in value]) if type(value) is tuple else value

@@ -1,4 +1,4 @@
-"""The kinds of values that operators take and give."""
+"""The signatures of operators: the kinds of their arguments and results."""
 
 from __future__ import annotations
 
@@ -69,11 +69,11 @@ _VARIADIC: Mapping[Operator, tuple[Kind, Kind]] = MappingProxyType(
 RESULTS: Mapping[Operator, Kind] = MappingProxyType(
     {operator: given for operator, (_, given) in (*_FIXED.items(), *_VARIADIC.items())}
 )
-"""The kind that each operator but SELECT gives."""
+"""Kind of the result of each operator except SELECT."""
 
 
 def result_of(operator: Operator, arguments: Sequence[Kind]) -> Kind | None:
-    """Return the kind that an operator gives for arguments of these kinds; None if it does not take them."""
+    """Return the kind of an operator's result for arguments of these kinds, None if it does not take them."""
     if operator is Operator.SELECT:
         fits = len(arguments) == 3 and arguments[0] is _B and arguments[1] is arguments[2] is not _TABLE
         return arguments[1] if fits else None

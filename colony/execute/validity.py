@@ -1,7 +1,7 @@
-"""The check that a compiled program from elsewhere can be run.
+"""Validation of a compiled program from an untrusted source.
 
-msgspec has checked the types of everything; here every reference must lead to what it may lead to, so that no
-operation can raise, wait or grow in any frame.
+msgspec has checked all types. Here every reference must have a valid target, so that no operation can raise,
+block or use more memory in any frame.
 """
 
 from __future__ import annotations
@@ -37,25 +37,25 @@ from colony.execute.signatures import result_of
 from colony.ir.program import ActuatorField, Sensor
 from colony.ir.types import Array, Bool, ScalarValue, Type, element_type
 
-LARGEST_ARRAY = 100_000
+MAX_ARRAY_SIZE = 100_000
 """Maximum number of elements of a sensor's array."""
 
-LATEST_NS = 2**62
-"""Bound of times in a program, before and after the beginning: their sums fit into 64 bits."""
+MAX_TIME_NS = 2**62
+"""Bound on the absolute value of times in a program: the sum of two fits into 64 bits."""
 
 _NAME = re.compile(r"[A-Za-z_]\w{0,254}(\.[A-Za-z_]\w{0,254}){0,9}")
 _SIMPLE_NAME = re.compile(r"[A-Za-z_]\w{0,254}")
 
 
 class InvalidProgramError(ValueError):
-    """A compiled program that cannot be run; the text describes what is wrong with it."""
+    """A compiled program is invalid; the text says why."""
 
 
 def check(compiled: Compiled) -> None:
-    """Check all of a compiled program. Linear in its size.
+    """Check all of a compiled program, in time linear in its size.
 
     Raises:
-        InvalidProgramError: it cannot be run.
+        InvalidProgramError: it is invalid.
     """
     _Check(compiled).all()
 
@@ -79,11 +79,11 @@ class _Check:
 
     def all(self) -> None:
         code, compiled = self.code, self.compiled
-        _expect(0 < compiled.frame_ns < LATEST_NS, f"a frame of {compiled.frame_ns} ns")
-        _expect(_SIMPLE_NAME.fullmatch(compiled.name) is not None, f"{compiled.name[:40]!r} is no name")
+        _expect(0 < compiled.frame_ns < MAX_TIME_NS, f"the frame period is {compiled.frame_ns} ns")
+        _expect(_SIMPLE_NAME.fullmatch(compiled.name) is not None, f"{compiled.name[:40]!r} is not a name")
         self._sources()
-        _expect(len(code.kinds) == len(code.ops), "not one kind for each operation")
-        _expect(0 <= code.decided <= len(code.ops), "`decided` is no operation")
+        _expect(len(code.kinds) == len(code.ops), "operations and kinds differ in number")
+        _expect(0 <= code.decided <= len(code.ops), "`decided` is not an operation")
         self._names()
         for sensor in code.sensors:
             _check_sensor(sensor)
@@ -92,20 +92,27 @@ class _Check:
                 self._gives(at, op) is code.kinds[at], f"operation {at} ({type(op).__name__}) is malformed"
             )
         for cell in code.cells:
-            _expect(_is_of(cell.initial, cell.kind), f"the cell `{cell.name}` begins with another kind")
             _expect(
-                cell.kind is not Kind.TIME or abs(cell.initial) <= LATEST_NS, f"the time of `{cell.name}`"
+                _is_of(cell.initial, cell.kind),
+                f"the initial value of the cell `{cell.name}` is not of its kind",
+            )
+            _expect(
+                cell.kind is not Kind.TIME or abs(cell.initial) <= MAX_TIME_NS,
+                f"the initial time of the cell `{cell.name}` is out of range",
             )
             self._refer(cell.name, cell.kind, cell.value)
-            _expect(not _is_difference(code.ops[cell.value]), f"the cell `{cell.name}` keeps a difference")
+            _expect(
+                not _is_difference(code.ops[cell.value]),
+                f"the cell `{cell.name}` stores a difference of times",
+            )
             self._refer(cell.name, Kind.BOOL, cell.condition)
         self._python_calls()
         for actuator in code.actuators:
             self._actuator(actuator)
         for contract in code.contracts:
             self._refer(contract.name, Kind.BOOL, contract.present, contract.value, contract.traversed)
-        _expect(all(0 <= i < len(code.ops) for i in code.names), "a name of no operation")
-        _expect(all(0 <= i < len(code.cells) for i in code.places.values()), "a place of no cell")
+        _expect(all(0 <= i < len(code.ops) for i in code.names), "a name refers to no operation")
+        _expect(all(0 <= i < len(code.cells) for i in code.places.values()), "a place refers to no cell")
 
     def _names(self) -> None:
         code = self.code
@@ -116,27 +123,29 @@ class _Check:
             *((a.actuator.name, [c.module for c in a.clients]) for a in code.actuators),
             *((a.actuator.name, [f.name for f in a.actuator.fields]) for a in code.actuators),
         ):
-            _expect(len(set(names)) == len(names), f"a name twice among {what}")
+            _expect(len(set(names)) == len(names), f"duplicate name among {what}")
             for name in names:
-                _expect(_NAME.fullmatch(name) is not None, f"{name[:40]!r} is no name")
-        _expect(len({c.name for c in code.cells}) == len(code.cells), "a name twice among the cells")
+                _expect(_NAME.fullmatch(name) is not None, f"{name[:40]!r} is not a name")
+        _expect(len({c.name for c in code.cells}) == len(code.cells), "duplicate name among the cells")
 
     def _sources(self) -> None:
-        """Check that each source has its own place inside the folder into which a recording is unpacked."""
+        """Check that each source has its own path inside the folder that a recording is unpacked into."""
         compiled = self.compiled
         places = [(source.kind, source.place) for source in compiled.sources]
-        _expect(len(set(places)) == len(places), "a source twice")
+        _expect(len(set(places)) == len(places), "duplicate source")
         for _, place in places:
             parts = PurePosixPath(place).parts
             relative = parts and ".." not in parts and not place.startswith("/") and place.isprintable()
-            _expect(bool(relative), f"{place[:40]!r} is no place of a source")
-        _expect(not places or ("behavior", compiled.root) in places, "its own text is not among the sources")
+            _expect(bool(relative), f"{place[:40]!r} is not a relative path of a source")
+        _expect(
+            not places or ("behavior", compiled.root) in places, "the compiled file is not among the sources"
+        )
 
     def _refer(self, what: str, kind: Kind, *references: int, below: int | None = None) -> None:
-        """Expect references to values of a kind, and to values before `below`."""
+        """Expect references to values of a kind, with indices below `below`."""
         most = len(self.code.ops) if below is None else below
         for at in references:
-            _expect(0 <= at < most and self.code.kinds[at] is kind, f"{what} refers to a wrong operation")
+            _expect(0 <= at < most and self.code.kinds[at] is kind, f"{what} refers to an invalid operation")
 
     # --- operations ------------------------------------------------------------------------------
 
@@ -179,9 +188,9 @@ class _Check:
                 assert_never(op)
 
     def _fits(self, operator: Operator, arguments: Sequence[Op], given: Kind | None) -> bool:
-        """Return True if a table has elements of the kind that is picked, and no time can grow.
+        """Return True if tables have elements of the kind that is picked, and times stay bounded.
 
-        A sum of times is the present and a constant; a difference becomes seconds, and nothing else.
+        A sum of times must be the frame's time plus a constant; a difference may only become seconds.
         """
         if operator is not Operator.SECONDS and any(map(_is_difference, arguments)):
             return False
@@ -193,24 +202,25 @@ class _Check:
             case _:
                 return True
 
-    # --- what is around them ---------------------------------------------------------------------
+    # --- structure -------------------------------------------------------------------------------
 
     def _python_calls(self) -> None:
-        """Check that the inputs of modules in Python stand before the first operation that needs any."""
+        """Check that the inputs of Python modules precede the first operation that needs an answer."""
         answers = (i for i, op in enumerate(self.code.ops) if isinstance(op, PythonActive | PythonField))
         first = next(answers, self.code.decided)
         for call in self.code.python:
             self._refer(call.module, Kind.BOOL, call.present, below=first)
             for read in call.reads:
                 _expect(
-                    read.array or len(read.elements) == 1, f"{call.module} reads a scalar of several values"
+                    read.array or len(read.elements) == 1,
+                    f"{call.module} reads a scalar that has several elements",
                 )
                 for at in read.elements:
-                    _expect(0 <= at < first, f"{call.module} reads what comes later")
+                    _expect(0 <= at < first, f"{call.module} reads an operation that comes after its call")
             _check_fields(call.fields)
 
-    def _actuator(self, one: ActuatorCode) -> None:
-        actuator, decided = one.actuator, self.code.decided
+    def _actuator(self, actuator_code: ActuatorCode) -> None:
+        actuator, decided = actuator_code.actuator, self.code.decided
         name, fields = actuator.name, actuator.fields
         _check_fields(fields)
         kinds = [_kind(f.type) for f in fields]
@@ -219,17 +229,17 @@ class _Check:
             _expect(fits, f"the idle command of {name} does not have its fields")
             _expect(all(map(_is_within, values, fields)), f"the idle command of {name} is out of range")
         _expect(actuator.idle is not None or actuator.server != "RServer", f"{name} has no idle command")
-        priorities = [client.priority for client in one.clients]
+        priorities = [client.priority for client in actuator_code.clients]
         _expect(
             priorities == list(range(len(priorities), 0, -1)), f"priorities of {name} are not n, ..., 2, 1"
         )
-        for client in one.clients:
+        for client in actuator_code.clients:
             self._refer(name, Kind.BOOL, *client.conditions.values(), below=decided)
-            _expect(len(client.fields) == len(fields), f"{name}/{client.module} does not command its fields")
+            _expect(len(client.fields) == len(fields), f"{name}/{client.module} does not command all fields")
             for kind, at in zip(kinds, client.fields, strict=True):
                 self._refer(name, kind, at, below=decided)
-        for limit in one.limits:
-            _expect(_field(fields, limit.field_index) is Kind.NUMBER, f"a limit of {name} is of no number")
+        for limit in actuator_code.limits:
+            _expect(_field(fields, limit.field_index) is Kind.NUMBER, f"a limit of {name} is not on a number")
             self._refer(name, Kind.BOOL, limit.applies, below=decided)
             self._refer(name, Kind.NUMBER, limit.bound, below=decided)
 
@@ -237,25 +247,28 @@ class _Check:
 def _check_sensor(sensor: Sensor) -> None:
     name = sensor.name
     _expect(
-        not isinstance(sensor.type, Array) or 0 < sensor.type.size <= LARGEST_ARRAY, f"the size of {name}"
+        not isinstance(sensor.type, Array) or 0 < sensor.type.size <= MAX_ARRAY_SIZE,
+        f"the size of {name} is out of range",
     )
-    _expect(isfinite(sensor.factor) and sensor.factor != 0, f"the factor of {name}")
+    _expect(isfinite(sensor.factor) and sensor.factor != 0, f"the factor of {name} is not valid")
     _check_range(sensor)
     default = sensor.default
     fits = default is None or (_is_of(default, _kind(sensor.type)) and _is_within(default, sensor))
-    _expect(fits, f"the default of {name}")
-    _expect(sensor.within_ns is None or 0 < sensor.within_ns <= LATEST_NS, f"`within` of {name}")
+    _expect(fits, f"the default of {name} is not a value of it")
+    _expect(
+        sensor.within_ns is None or 0 < sensor.within_ns <= MAX_TIME_NS, f"`within` of {name} is out of range"
+    )
 
 
 def _check_fields(fields: Iterable[ActuatorField]) -> None:
     for field in fields:
-        _expect(isfinite(field.factor) and field.factor != 0, f"the factor of {field.name}")
+        _expect(isfinite(field.factor) and field.factor != 0, f"the factor of {field.name} is not valid")
         _check_range(field)
 
 
 def _check_range(of: Sensor | ActuatorField) -> None:
     low, high = -inf if of.low is None else of.low, inf if of.high is None else of.high
-    _expect(low <= high, f"the range of {of.name}")
+    _expect(low <= high, f"the range of {of.name} is empty")
 
 
 def _is_within(value: ScalarValue, of: Sensor | ActuatorField) -> bool:
@@ -270,7 +283,7 @@ def _kind_of_literal(value: float | bool) -> Kind | None:
         case bool():
             return Kind.BOOL
         case int():
-            return Kind.TIME if abs(value) <= LATEST_NS else None
+            return Kind.TIME if abs(value) <= MAX_TIME_NS else None
         case _:
             return Kind.NUMBER
 

@@ -1,6 +1,6 @@
-"""Views of a program's code: the part of its one table of operations that an executor needs.
+"""Views of a program's code: the part of its table of operations that an executor needs.
 
-A view is a `Code` with numbers of its own, without what nothing in it depends on. Each takes one pass.
+A view is a `Code` of its own, renumbered and without dead ops, made in one pass.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from colony.ir.program import sensors_in_base_units
 
 
 def whole(code: Code) -> Code:
-    """Return the view of all clients, by their simplified guards."""
+    """Return the view of all clients with their simplified guards."""
     return _of_all(code, code.contracts, lambda c: (c.guard, c.exclusive))
 
 
 def heard(code: Code) -> Code:
-    """Return the view of all clients, by their guards as their own processes evaluate them."""
+    """Return the view of all clients with the guards that their own processes evaluate."""
     return _of_all(code, code.contracts, lambda c: (c.heard_guard, c.heard_exclusive))
 
 
 def unsimplified(code: Code) -> Code:
-    """Return the view of all clients by their guards before simplification, whose memory has places."""
+    """Return the view of all clients with their guards before simplification; its memory has all places."""
     contracts = tuple(replace(contract, value=contract.traversed) for contract in code.contracts)
     return _of_all(code, contracts, lambda c: (c.traversed, c.exclusive))
 
@@ -44,20 +44,20 @@ def unsimplified(code: Code) -> Code:
 def of_clients(code: Code, clients: Collection[tuple[str, str]]) -> Code:
     """Return the view of some clients, by actuator and module.
 
-    The view has their guards as their own process evaluates them, their commands, and the limits of these.
-    Sensors are in base units. Modules in Python run elsewhere, also those of the clients.
+    The view has the guards that their own process evaluates, their commands, and the limits on these. Sensors
+    are in base units. Modules in Python run elsewhere, even those of the clients.
 
     Raises:
         KeyError: there is no such client.
     """
     left = set(clients)
     actuators = []
-    for one in code.actuators:
-        own = tuple(c for c in one.clients if (one.actuator.name, c.module) in left)
-        left.difference_update((one.actuator.name, c.module) for c in own)
+    for actuator_code in code.actuators:
+        own = tuple(c for c in actuator_code.clients if (actuator_code.actuator.name, c.module) in left)
+        left.difference_update((actuator_code.actuator.name, c.module) for c in own)
         if own:
             heard = tuple(_decided_by(c, c.heard_guard, c.heard_exclusive) for c in own)
-            actuators.append(replace(one, clients=heard))
+            actuators.append(replace(actuator_code, clients=heard))
     if left:
         raise KeyError(min(left))
     view = replace(
@@ -71,7 +71,7 @@ def of_clients(code: Code, clients: Collection[tuple[str, str]]) -> Code:
 
 
 def of_module(code: Code, module: str) -> Code:
-    """Return the view of a module in Python: all that it reads, from sensors in base units.
+    """Return the view of a module in Python: its inputs, computed from sensors in base units.
 
     Raises:
         KeyError: there is no such module.
@@ -87,7 +87,8 @@ def _of_all(
     code: Code, contracts: tuple[ContractCode, ...], guards: Callable[[ClientCode], tuple[int, int]]
 ) -> Code:
     actuators = tuple(
-        replace(one, clients=tuple(_decided_by(c, *guards(c)) for c in one.clients)) for one in code.actuators
+        replace(actuator_code, clients=tuple(_decided_by(c, *guards(c)) for c in actuator_code.clients))
+        for actuator_code in code.actuators
     )
     contracts = tuple(replace(contract, traversed=contract.value) for contract in contracts)
     return trimmed(replace(code, actuators=actuators, contracts=contracts), every_sensor=True)
@@ -105,7 +106,7 @@ def _decided_by(client: ClientCode, guard: int, exclusive: int) -> ClientCode:
 
 
 def trimmed(code: Code, *, every_sensor: bool) -> Code:
-    """Return `code` without the ops, cells and (unless `every_sensor`) sensors that no result depends on."""
+    """Return `code` without dead ops and cells and, unless `every_sensor`, without unused sensors."""
     flags, used_cells = live(code.ops, code.cells, roots(code))
     first = before_decisions(code)
     kept = sorted((i for i, flag in enumerate(flags) if flag), key=lambda i: (not first[i], i))
@@ -134,11 +135,11 @@ def trimmed(code: Code, *, every_sensor: bool) -> Code:
 
 
 def before_decisions(code: Code) -> bytearray:
-    """Return a flag for each op that is computed before decisions: it stands there, or they depend on it."""
+    """Return a flag for each op that must precede decisions: it stands there, or a client depends on it."""
     flags = bytearray(len(code.ops))
     flags[: code.decided] = b"\1" * code.decided
-    for one in code.actuators:
-        for client in one.clients:
+    for actuator_code in code.actuators:
+        for client in actuator_code.clients:
             for at in client.conditions.values():
                 flags[at] = 1
     for at in range(len(code.ops) - 1, -1, -1):
@@ -153,11 +154,13 @@ def _python(call: PythonCall, number: dict[int, int]) -> PythonCall:
     return replace(call, present=number[call.present], reads=reads)
 
 
-def _actuator(one: ActuatorCode, number: dict[int, int]) -> ActuatorCode:
+def _actuator(actuator_code: ActuatorCode, number: dict[int, int]) -> ActuatorCode:
     return replace(
-        one,
-        clients=tuple(_client(client, number) for client in one.clients),
-        limits=tuple(replace(x, applies=number[x.applies], bound=number[x.bound]) for x in one.limits),
+        actuator_code,
+        clients=tuple(_client(client, number) for client in actuator_code.clients),
+        limits=tuple(
+            replace(x, applies=number[x.applies], bound=number[x.bound]) for x in actuator_code.limits
+        ),
     )
 
 

@@ -1,8 +1,7 @@
-"""A run of an experiment, held against the reference interpreter: every frame must be decided alike.
+"""The audit of a run: the reference interpreter must decide every frame in the same way.
 
-Experiments run generated Python for its speed. An audit lets the interpreter, which executes the program
-wire by wire as it was written, decide on the same readings in lockstep, bit for bit
-(`verify/testing/agreement.py`).
+Experiments run generated Python, which is fast. An audit runs the interpreter, which executes the program
+wire by wire as it was written, on the same readings in lockstep, and compares bit for bit.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from colony.verify.reference.interpreter import Interpreter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuditedRun:
-    """The number of frames compared in a run, and how the first different one differs; "" if none does."""
+    """The number of compared frames of a run, and a description of the first difference; "" for none."""
 
     key: RunKey
     frames: int
@@ -27,11 +26,11 @@ class AuditedRun:
 
 
 class _DifferenceError(Exception):
-    """A frame was decided otherwise."""
+    """The interpreter decided a frame differently."""
 
 
 def audit(spec: RunSpec) -> AuditedRun:
-    """Drive a run with both, to its end or to the first frame in which they differ."""
+    """Drive a run with both, to its end or to the first difference."""
     interpreter = Interpreter(behavior_of(VARIANTS[spec.key.variant.partition("/")[0]].behavior).program)
 
     def compare(frame: Frame, outcome: Outcome) -> None:
@@ -54,7 +53,7 @@ def audit(spec: RunSpec) -> AuditedRun:
     return AuditedRun(key=spec.key, frames=run.loop.k, difference=difference)
 
 
-def audited(spec: RunSpec, part: float) -> bool:
-    """Return True if a run belongs to the audited ones, a fixed `part` of all."""
+def is_audited(spec: RunSpec, fraction: float) -> bool:
+    """Return True if a run is among the audited ones, a fixed `fraction` of all runs."""
     number = spec.key.number * 2_654_435_761 + spec.key.seed * 40_503 + 97
-    return (number % 10_007) / 10_007 < part
+    return (number % 10_007) / 10_007 < fraction

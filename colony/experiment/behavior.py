@@ -1,4 +1,4 @@
-"""Behaviors ready to be run by the thousand: compiled once a process."""
+"""Behaviors compiled once per process, for thousands of runs."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from colony.ir.program import Program, Robot, robot_in_base_units
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Behavior:
-    """A robot, its program in base units, and the generated Python of that: `source`, and loaded.
+    """A robot, its program in base units, and the Python generated from it: `source`, and loaded.
 
-    `first` is never stepped: `executor` makes another one like it, in the initial memory.
+    `prototype` is never stepped; `executor` creates executors like it, with initial memory.
     """
 
     robot: Robot
     program: Program
     source: str
-    first: PythonExecutor
+    prototype: PythonExecutor
 
     def executor(self) -> PythonExecutor:
-        """Return one in the initial memory."""
-        return PythonExecutor(type(self.first.program)())
+        """Return an executor with initial memory."""
+        return PythonExecutor(type(self.prototype.program)())
 
 
 @lru_cache(maxsize=8)
@@ -48,4 +48,4 @@ def behavior_from(program: Program) -> Behavior:
     """
     in_base = replace(program, robot=robot_in_base_units(program.robot))
     source = generate(compile_program(in_base).compiled)
-    return Behavior(robot=program.robot, program=in_base, source=source, first=load(source))
+    return Behavior(robot=program.robot, program=in_base, source=source, prototype=load(source))

@@ -1,4 +1,4 @@
-"""An experiment: a list of runs, each with many seeds, run once and kept."""
+"""An experiment: a list of runs, each with many seeds; every run is run once, and its result is stored."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
-from colony.experiment.auditing import AuditedRun, audit, audited
+from colony.experiment.auditing import AuditedRun, audit, is_audited
 from colony.experiment.behavior import behavior_of
 from colony.experiment.lists import ListedRun
 from colony.experiment.parallel import Engine
 from colony.experiment.record import RunKey
 from colony.experiment.results import R, Results
 from colony.experiment.runs import RunSpec, building_at
-from colony.nav.pose.tracker import ALL, Source
+from colony.nav.pose.tracker import EVERY_SOURCE, Source
 from colony.robots.variants import CEILING_CAMERA, SIDE_CAMERA, VARIANTS, VariantName
 from colony.sim.hazards.hazards import Hazard, Hazards
 
@@ -31,9 +31,9 @@ class Experiment:
     Attributes:
         name: name of the list.
         map_path: the building.
-        runs: the list, or the chosen runs of it.
-        seeds: the seeds; each run is run with each of them.
-        variant: the program that drives.
+        runs: the runs of the list, or a selection.
+        seeds: the seeds with which each run is run.
+        variant: the variant of navigation.
         hazards: the hazards.
         sources: sources of the pose estimate; not with the variant of the thesis, which has no estimate.
         cameras: cameras of the robot.
@@ -45,12 +45,12 @@ class Experiment:
     seeds: tuple[int, ...]
     variant: VariantName
     hazards: Hazards
-    sources: frozenset[Source] = ALL
+    sources: frozenset[Source] = EVERY_SOURCE
     cameras: frozenset[str] = frozenset({CEILING_CAMERA})
 
     @property
     def label(self) -> str:
-        """The variant with what is switched off or on: "ours/no-people,no-lights"."""
+        """The variant with its deviations from the default: "ours/no-people,no-lights"."""
         off = [f"no-{name}" for name, hazard in HAZARD_NAMES.items() if hazard not in self.hazards.on]
         if len(off) == len(HAZARD_NAMES):
             off = ["no-hazards"]
@@ -75,8 +75,8 @@ class Experiment:
             for run in self.runs
         )
 
-    def made_with(self) -> str:
-        """Name all that results depend on besides their keys: program, map, hazards, and our own code."""
+    def fingerprint(self) -> str:
+        """Return a digest of everything that results depend on: program, map, hazards, and colony's code."""
         digest = sha256()
         digest.update(behavior_of(VARIANTS[self.variant].behavior).source.encode())
         digest.update(repr(replace(self.hazards, on=frozenset())).encode())
@@ -90,7 +90,7 @@ class Experiment:
 
 
 HAZARD_NAMES = {hazard.name.lower().replace("_", "-"): hazard for hazard in Hazard}
-"""The hazards by the names that users give them."""
+"""The hazards by their names on the command line."""
 
 
 def conduct(
@@ -99,53 +99,53 @@ def conduct(
     results: Results[R],
     engine: Engine,
     *,
-    tell: Callable[[int, int, R], None] = lambda done, of, result: None,
+    on_progress: Callable[[int, int, R], None] = lambda done, of, result: None,
 ) -> None:
-    """Run what has no result yet; each result is kept as it comes.
+    """Run all runs without a stored result, and store each result as it arrives.
 
     Args:
         experiment: the experiment.
-        work: a run, as `runs.run` or another one that gives a result of its own kind.
+        work: the function that runs a run, such as `runs.run`.
         results: the file of results.
-        engine: runs the work.
-        tell: called with the number of runs done, the number of all runs, and the newest result.
+        engine: the engine that executes the work.
+        on_progress: callback with the number of finished runs, the number of all runs, and the latest result.
 
     Raises:
-        NoPlanError, DiagnosticError: a run cannot be planned, or the map or behavior is bad.
-        ResultsError: the results cannot be kept, or others are in their place.
-        WorkersLostError: the work cannot be done where it should.
+        NoPlanError, DiagnosticError: a run cannot be planned, or the map or behavior is invalid.
+        ResultsError: the results cannot be stored, or the file contains results of something else.
+        WorkersLostError: a worker died.
     """
-    results.expect(experiment.name, experiment.label, experiment.made_with())
-    specs, there = experiment.specs(), results.keys()
-    missing = [spec for spec in specs if spec.key not in there]
+    results.expect(experiment.name, experiment.label, experiment.fingerprint())
+    specs, stored = experiment.specs(), results.keys()
+    missing = [spec for spec in specs if spec.key not in stored]
     for done, result in enumerate(engine.results(work, missing), len(specs) - len(missing) + 1):
         results.put(result)
-        tell(done, len(specs), result)
+        on_progress(done, len(specs), result)
 
 
-TellAudit = Callable[[int, int, AuditedRun], None]
-"""Callback with the number of runs audited, the number of all runs to audit, and the newest one."""
+OnAuditProgress = Callable[[int, int, AuditedRun], None]
+"""Callback with the number of audited runs, the number of runs to audit, and the latest audited run."""
 
 
 def conduct_audit(
     experiment: Experiment,
     engine: Engine,
-    part: float,
+    fraction: float,
     *,
-    tell: TellAudit = lambda done, of, run: None,
+    on_progress: OnAuditProgress = lambda done, of, run: None,
 ) -> tuple[AuditedRun, ...]:
-    """Compare `part` of the runs, at least one, with the reference interpreter; in their order."""
+    """Audit `fraction` of the runs, at least one; return them in order."""
     specs = experiment.specs()
-    chosen = [spec for spec in specs if audited(spec, part)] or list(specs[:1])
+    chosen = [spec for spec in specs if is_audited(spec, fraction)] or list(specs[:1])
     found = []
     for done, one in enumerate(engine.results(audit, chosen), 1):
         found.append(one)
-        tell(done, len(chosen), one)
+        on_progress(done, len(chosen), one)
     return tuple(sorted(found, key=lambda one: one.key))
 
 
-def of_experiment(experiment: Experiment, results: Results[R]) -> tuple[R, ...]:
-    """Return the experiment's results, by number and seed: of the runs and seeds that it has."""
+def results_of(experiment: Experiment, results: Results[R]) -> tuple[R, ...]:
+    """Return the stored results of the experiment's runs and seeds, by number and seed."""
     numbers, seeds = {run.number for run in experiment.runs}, set(experiment.seeds)
     kept = results.of(experiment.name, experiment.label)
     return tuple(r for r in kept if r.key.number in numbers and r.key.seed in seeds)

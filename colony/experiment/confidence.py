@@ -1,4 +1,4 @@
-"""The confidence automaton of thesis section 6.3, with the probabilities that results of runs show."""
+"""The confidence automaton of thesis section 6.3, with probabilities estimated from results."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from colony.nav.confidence.automaton import TABLE_6_5
 from colony.nav.confidence.estimate import (
     PUBLISHED,
     Count,
-    RunModes,
+    RunOutcome,
     clopper_pearson,
     counts_of,
     estimated,
@@ -18,10 +18,10 @@ from colony.nav.confidence.estimate import (
 )
 
 
-def run_modes(results: Sequence[RunResult]) -> list[RunModes]:
-    """Return the modes of each run and how many of them it completed."""
+def run_modes(results: Sequence[RunResult]) -> list[RunOutcome]:
+    """Return the modes of each run, and the number of completed ones."""
     return [
-        RunModes(
+        RunOutcome(
             modes=r.letters,
             completed=len(r.letters) if r.reached else min(r.completed, len(r.letters) - 1),
             first_light_found=r.first_light,

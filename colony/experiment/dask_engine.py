@@ -1,4 +1,4 @@
-"""Work over a Dask cluster, on this machine or on many. Imports dask only when it is used."""
+"""Work on a Dask cluster, on one machine or many. Dask is imported only when used."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from colony.extras import expect_extras
 T = TypeVar("T")
 R = TypeVar("R")
 
-REACHED_S = 10.0
-"""Timeout of the search for a scheduler."""
+CONNECT_TIMEOUT_S = 10.0
+"""Timeout in seconds for connecting to a scheduler."""
 
 
 class DaskEngine:
     """An engine that does the work on the workers of a cluster.
 
     Args:
-        address: address of its scheduler, `tcp://HOST:8786`; "" begins one on this machine, which ends with
-            the work.
-        workers: number of processes of the latter; by default one a core.
+        address: the address of the scheduler, `tcp://HOST:8786`; "" starts a cluster on this machine, which
+            ends with the work.
+        workers: the number of processes of a local cluster; by default one per core.
     """
 
     def __init__(self, address: str = "", workers: int | None = None) -> None:
@@ -49,9 +49,9 @@ class DaskEngine:
     def _client(self, distributed: Any, holds: ExitStack) -> Any:
         if self._address:
             try:
-                return holds.enter_context(distributed.Client(self._address, timeout=REACHED_S))
+                return holds.enter_context(distributed.Client(self._address, timeout=CONNECT_TIMEOUT_S))
             except (OSError, ValueError) as problem:  # ValueError: no address
-                where = f"there is no Dask scheduler at {self._address}"
+                where = f"no Dask scheduler at {self._address}"
                 raise WorkersLostError(
                     f"{where}: {problem}; expected an address such as tcp://HOST:8786"
                 ) from None

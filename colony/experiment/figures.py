@@ -1,4 +1,4 @@
-"""Figures of many runs: rates with their intervals, percentiles, and how they stand to what was promised."""
+"""Statistics of many runs: rates with their intervals, percentiles, and the comparison with targets."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ MM_S_TO_M_MIN = 0.06
 
 
 def percentile(values: Sequence[float], part: float) -> float:
-    """Return the value that `part` of all do not exceed, interpolated linearly; NaN of none."""
+    """Return the quantile `part` of the values, interpolated linearly; NaN without values."""
     return float(np.quantile(values, part)) if values else math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """A target: what is measured, the result, the promised value, and whether it is met."""
+    """A target: the measured quantity, its value, the promised value, and True if the promise is met."""
 
     what: str
     found: str
@@ -46,7 +46,7 @@ def targets(results: Sequence[RunResult], *, published: bool) -> tuple[Target, .
 
     Args:
         results: the results.
-        published: they are of the published runs, which have wings, not of a user's list.
+        published: True for results of the published runs, which have wings; False for a user's list.
     """
     if not results:
         return ()
@@ -74,7 +74,7 @@ def _reached(results: Sequence[RunResult], promised: float) -> Target:
 
 
 def _missions(results: Sequence[RunResult], promised: float) -> Target:
-    """Return the target of rides to other floors: a run with a collision with the doors does not count."""
+    """Return the target of runs to other floors; runs that collide with doors do not count."""
     good = sum(r.reached and r.contacts.fastest_mm_s <= CONTACT_MM_S for r in results)
     what = f"runs that reached the goal on its floor, with no contact above {CONTACT_MM_S:g} mm/s"
     return _rate(what, good, len(results), promised)

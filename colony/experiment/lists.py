@@ -1,4 +1,4 @@
-"""Lists of runs: the published ones, a user's own, and random pairs of rooms."""
+"""Lists of runs: the published runs, those of a CSV file, and random pairs of rooms."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from colony.nav.confidence.published_plates import PUBLISHED_WALKS
 from colony.nav.confidence.published_runs import PUBLISHED_RUNS, PublishedRun
 from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.model import EdgeKind, Map
-from colony.nav.plan.route import JAMBS, NoPlanError, plan
+from colony.nav.plan.route import JAMB_SUFFIXES, NoPlanError, plan
 from colony.shipped import Shipped
 
 PUBLISHED = "thesis"
@@ -23,22 +23,22 @@ PUBLISHED = "thesis"
 PUBLISHED_MAP = Shipped.MAP.path("msu_engineering_3")
 
 LIST_BYTES = 1024 * 1024
-"""Largest file of a list."""
+"""Size limit in bytes of a CSV file."""
 
 _TRIES = 200
-"""Number of random pairs that are drawn for each wanted one before the search is given up."""
+"""Number of random pairs to draw for each requested one before giving up."""
 
 
 class RunListError(Exception):
-    """A list of runs is no good; the message says where, what was found and what was expected."""
+    """A list of runs is invalid; the message has the place, what was found and what was expected."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListedRun:
     """A run of a list.
 
-    Its number there, from 1, the maps through which its path leads (none: the first one of the building
-    alone), and its published result, if any.
+    It has its number in the list, from 1, the maps through which its path leads (empty for the first map of
+    the building alone), and its published result, if any.
     """
 
     number: int
@@ -69,12 +69,12 @@ def plate_list() -> tuple[ListedRun, ...]:
     )
 
 
-def own_list(path: Path, building: Building) -> tuple[ListedRun, ...]:
-    """Return the runs of a CSV file: two columns, from and to, which its first line may name.
+def csv_list(path: Path, building: Building) -> tuple[ListedRun, ...]:
+    """Return the runs of a CSV file: with two columns, from and to, and an optional header.
 
     Raises:
-        RunListError: it cannot be read, or a line is no run in this building; the message names the first
-            such line.
+        RunListError: the file cannot be read, or a line is not a run in this building; the message has the
+            first such line.
     """
     try:
         lines = StringIO(read_file(path, LIST_BYTES).decode("utf-8"), newline="")
@@ -100,35 +100,37 @@ def own_list(path: Path, building: Building) -> tuple[ListedRun, ...]:
 
 
 def random_list(floor: Map, pairs: int, seed: int) -> tuple[ListedRun, ...]:
-    """Draw random pairs of doors between which a path leads.
+    """Draw random pairs of doors that a path connects.
 
     Raises:
-        RunListError: there are no such pairs, or next to none.
+        RunListError: there are no such pairs, or too few.
     """
     doors = rooms_of(floor)
     if len(doors) < 2:
-        raise RunListError(f"map `{floor.name}` has {len(doors)} doors; expected at least 2 to go between")
+        raise RunListError(f"map `{floor.name}` has {len(doors)} doors; expected at least 2")
     chance = random.Random(seed)
-    return _drawn(floor, pairs, lambda: tuple(chance.sample(doors, 2)))
+    return _draw_runs(floor, pairs, lambda: tuple(chance.sample(doors, 2)))
 
 
 def floors_list(building: Building, pairs: int, seed: int) -> tuple[ListedRun, ...]:
-    """Draw random pairs of doors on different floors between which a path leads, either way.
+    """Draw random pairs of doors on different floors, in either direction, that a path connects.
 
     Raises:
-        RunListError: there are no such pairs, or next to none.
+        RunListError: there are no such pairs, or too few.
     """
     named = [[f"{floor.name}:{door}" for door in rooms_of(floor)] for floor in building.maps]
     floors = [doors for doors in named if doors]
     if len(floors) < 2:
         found = f"map `{building.maps[0].name}` and its elevators lead to {len(floors)} floors with doors"
-        raise RunListError(f"{found}; expected at least 2 to go between")
+        raise RunListError(f"{found}; expected at least 2")
     chance = random.Random(seed)
-    return _drawn(building, pairs, lambda: tuple(map(chance.choice, chance.sample(floors, 2))))
+    return _draw_runs(building, pairs, lambda: tuple(map(chance.choice, chance.sample(floors, 2))))
 
 
-def _drawn(source: Map | Building, pairs: int, draw: Callable[[], tuple[str, ...]]) -> tuple[ListedRun, ...]:
-    """Take so many of the drawn pairs, without pairs that no path joins."""
+def _draw_runs(
+    source: Map | Building, pairs: int, draw: Callable[[], tuple[str, ...]]
+) -> tuple[ListedRun, ...]:
+    """Draw until there are enough pairs that a path connects."""
     runs: list[ListedRun] = []
     for _ in range(_TRIES * pairs):
         if len(runs) == pairs:
@@ -140,12 +142,12 @@ def _drawn(source: Map | Building, pairs: int, draw: Callable[[], tuple[str, ...
             continue
     if len(runs) < pairs:
         name = source.name if isinstance(source, Map) else source.maps[0].name
-        raise RunListError(f"map `{name}`: paths lead between next to no doors; see `colony map`")
+        raise RunListError(f"map `{name}`: paths connect hardly any doors; see `colony map`")
     return tuple(runs)
 
 
 def _run(source: Map | Building, number: int, origin: str, goal: str) -> ListedRun:
-    """Return a run of a user's list.
+    """Return a run from `origin` to `goal`.
 
     Raises:
         NoPlanError: no path leads there.
@@ -155,7 +157,7 @@ def _run(source: Map | Building, number: int, origin: str, goal: str) -> ListedR
 
 
 def rooms_of(floor: Map) -> tuple[str, ...]:
-    """Return the names of the nodes where doors begin, in the order of the map; one a room."""
+    """Return the names of the nodes where doors begin, one per room, in the order of the map."""
     names: dict[str, str] = {}
     for ring in floor.rings:
         for node, edge in zip(ring.nodes, ring.edges, strict=True):
@@ -164,31 +166,31 @@ def rooms_of(floor: Map) -> tuple[str, ...]:
     return tuple(names.values())
 
 
-def chosen(runs: Sequence[ListedRun], text: str) -> tuple[ListedRun, ...]:
+def selected_runs(runs: Sequence[ListedRun], text: str) -> tuple[ListedRun, ...]:
     """Return the runs that a text names: "1-5,22".
 
     Raises:
-        RunListError: it names none, or others.
+        RunListError: the text names no runs, or unknown ones.
     """
-    most = max(run.number for run in runs)
+    last_number = max(run.number for run in runs)
     wanted: set[int] = set()
     for part in text.split(","):
         first, dash, last = part.strip().partition("-")
         if not first.isdecimal() or (dash and not last.isdecimal()):
-            raise RunListError(f"`{part.strip()}` names no runs; expected numbers such as 1-5,22")
-        if int(last or first) > most:
-            raise RunListError(f"there is no run {last or first}; expected numbers from 1 to {most}")
+            raise RunListError(f"`{part.strip()}` is not a range of runs; expected numbers such as 1-5,22")
+        if int(last or first) > last_number:
+            raise RunListError(f"no run {last or first}; expected numbers from 1 to {last_number}")
         wanted |= set(range(int(first), int(last or first) + 1))
     known = {run.number for run in runs}
-    strange = sorted(wanted - known)
-    if strange or not wanted:
-        shown = ", ".join(map(str, strange[:5])) or text
-        raise RunListError(f"there is no run {shown}; expected numbers from 1 to {most}")
+    unknown = sorted(wanted - known)
+    if unknown or not wanted:
+        shown = ", ".join(map(str, unknown[:5])) or text
+        raise RunListError(f"no run {shown}; expected numbers from 1 to {last_number}")
     return tuple(run for run in runs if run.number in wanted)
 
 
 def _room(node: str) -> str:
-    for jamb in sorted(JAMBS, key=len, reverse=True):
+    for jamb in sorted(JAMB_SUFFIXES, key=len, reverse=True):
         if node.endswith(jamb) and len(node) > len(jamb):
             return node.removesuffix(jamb)
     return node

@@ -1,7 +1,7 @@
-"""Work on all cores: the same function over many items, results as they come.
+"""Work on all cores: one function applied to many items, with results as they arrive.
 
-An engine decides where the work is done and nothing else: what an item gives depends on the item alone, so
-results are the same however many workers there are and in whatever order they finish.
+An engine decides only where the work is done. The result of an item depends on the item alone, so results are
+the same for any number of workers and any order of completion.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from typing import Protocol, TypeVar
 T = TypeVar("T")
 R = TypeVar("R")
 
-_AHEAD = 3
-"""Items that wait for each worker: enough to keep it busy."""
+_QUEUED_PER_WORKER = 3
+"""Number of items in progress or queued per worker, enough to keep it busy."""
 
 
 class WorkersLostError(Exception):
@@ -29,19 +29,19 @@ class WorkersLostError(Exception):
 
 
 class Engine(Protocol):
-    """Does work somewhere."""
+    """An executor of work, in this process or others."""
 
     def results(self, work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-        """Yield the result of `work` for each item, in the order in which they finish. Both can be pickled.
+        """Yield the result of `work` for each item, in the order of completion. Both must be picklable.
 
         Raises:
-            WorkersLostError: they cannot be done.
+            WorkersLostError: a worker died.
         """
         ...
 
 
 class SerialEngine:
-    """Does the work in this process, in order."""
+    """An engine that works in this process, in order."""
 
     def results(self, work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
         """Yield the result of `work` for each item, in order."""
@@ -49,7 +49,7 @@ class SerialEngine:
 
 
 class PoolEngine:
-    """Does the work in `workers` processes of this machine, by default one a core."""
+    """An engine that works in `workers` processes of this machine, by default one per core."""
 
     def __init__(self, workers: int | None = None) -> None:
         self.workers = workers or os.cpu_count() or 1
@@ -62,17 +62,17 @@ class PoolEngine:
         pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin_worker)
         try:
             queue = iter(items)
-            running = {pool.submit(work, item) for item in islice(queue, _AHEAD * count)}
+            running = {pool.submit(work, item) for item in islice(queue, _QUEUED_PER_WORKER * count)}
             while running:
                 done, running = wait(running, return_when=FIRST_COMPLETED)
                 running |= {pool.submit(work, item) for item in islice(queue, len(done))}
                 yield from _results_of(done)
         except BrokenProcessPool:
             raise WorkersLostError(
-                "a worker process died, perhaps for want of memory; what was finished is kept: run it again, "
-                "with fewer --workers"
+                "a worker process died, perhaps because memory ran out; finished runs are kept: run the "
+                "command again with fewer --workers"
             ) from None
-        except BaseException:  # the work under way is given up, not waited for
+        except BaseException:  # abandon the work in progress
             for process in set(multiprocessing.active_children()) - before:
                 process.terminate()
             raise
@@ -88,10 +88,10 @@ def _results_of(done: set[Future[R]]) -> Iterator[R]:
 def _begin_worker() -> None:
     """Make a worker ignore Ctrl-C, and end with its parent.
 
-    Ctrl-C reaches every process of a terminal, and only the first is to act on it; when that one is gone,
-    however it ended, the work is of no use.
+    Ctrl-C reaches every process of a terminal, but only the parent must handle it. When the parent has ended,
+    for any reason, the work is useless.
     """
-    # Before numpy is loaded: each worker has a core, and more threads would wait for those of the others.
+    # Before numpy is loaded: each worker has one core, on which more threads would only compete.
     for library in ("OPENBLAS", "OMP", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     signal.signal(signal.SIGINT, signal.SIG_IGN)

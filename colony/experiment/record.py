@@ -1,4 +1,4 @@
-"""The result of one run, as data."""
+"""The result of a run, as data."""
 
 from __future__ import annotations
 
@@ -8,21 +8,22 @@ from typing import Literal, NamedTuple
 from colony.experiment.rows import Places
 
 Mode = Literal["L", "C", "D"]
-"""Ceiling lights, corner, dead reckoning: the modes as the thesis counts them, a corner as one."""
+"""The modes as the thesis counts them: ceiling lights, corner (as one mode), dead reckoning."""
 
 MODES: tuple[Mode, ...] = ("L", "C", "D")
 
 FailureReason = Literal["", "stuck", "too long", "astray", "script"]
 """Reason why a run failed; "" if it did not.
 
-stuck: for a minute the robot neither came out of a circle nor got a new goal. too long: it took three times
-as long as expected. astray: the planner says that it is done, but the robot is not at the goal. script: a
-client raised an exception.
+stuck: for a minute the robot neither left its place nor got a new goal. too long: the run took three times
+    the
+expected time. astray: the planner is done, but the robot is not at the goal. script: a script raised an
+exception.
 """
 
 
 class RunKey(NamedTuple):
-    """The key of a run: its list, its number there, the seed of all chance in it, and its variant."""
+    """The key of a run: its list, its number in the list, the seed of all its randomness, and its variant."""
 
     runs: str
     number: int
@@ -31,7 +32,7 @@ class RunKey(NamedTuple):
 
 
 class ModeCount(NamedTuple):
-    """Counts of a mode: how often it was entered, completed, and needed by the plan."""
+    """The number of times that a mode was entered, completed, and required by the plan."""
 
     entered: int
     completed: int
@@ -39,9 +40,12 @@ class ModeCount(NamedTuple):
 
 
 class LightCount(NamedTuple):
-    """Ceiling lights of the legs that were driven.
+    """Counts of the ceiling lights of the driven legs.
 
-    Lights counted where they hang, passed without being counted, and counted where none hangs.
+    Attributes:
+        seen: number of lights counted by the robot at their places.
+        missed: number of lights passed without being counted.
+        false: number of counts without a light.
     """
 
     seen: int
@@ -58,25 +62,25 @@ class Contacts(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunResult:
-    """One run.
+    """The result of a run.
 
     Attributes:
         key: key of the run.
         origin, goal: nodes of the map.
-        failure, failed_mode: why it failed, and in which mode; "" if it reached the goal.
-        remark: text for people: what a script raised, say.
-        along_mm: final distance of the robot beyond the goal, along the last leg; negative: short of it.
-        off_mm: straight-line distance from the goal.
-        distance_mm: length of the path along the rings, which is what the published tables give.
-        travelled_mm: distance that the robot really drove.
-        time_s: from the start to the end of the planner.
-        top_mm_s: its highest speed.
-        modes: by mode, L, C, D.
-        letters, completed: a letter a mode of the plan, and how many of them were completed.
-        first_light: whether, on the leg of lights that it failed on, it had found the first one.
-        lights, contacts: see there.
-        hazards: what the scenery had on the robot's way, for people: "2 slips, 1 glass door".
-        path: the true way, x and y in mm, a place a second.
+        failure, failed_mode: the reason and the mode of a failure; "" if the run reached the goal.
+        remark: a text for people, such as the error that a script raised.
+        along_mm: final distance of the robot beyond the goal, along the last leg; negative if short of it.
+        off_mm: final straight-line distance from the goal.
+        distance_mm: length of the path along the rings, as in the published tables.
+        travelled_mm: distance that the robot actually drove.
+        time_s: time from the start to the end of the planner.
+        top_mm_s: highest speed.
+        modes: the counts of the modes L, C and D.
+        letters, completed: the modes of the plan, one letter each, and the number of completed ones.
+        first_light: True if the first light was found on the leg of lights on which the run failed.
+        lights, contacts: the counts of lights and of contacts.
+        hazards: description of the hazards on the route: "lights out: 1, slips: 2".
+        path: the true path, x and y in mm, one place per second.
     """
 
     key: RunKey
@@ -102,10 +106,10 @@ class RunResult:
 
     @property
     def reached(self) -> bool:
-        """True if it reached the goal: the planner is done, and the robot within 1 m of it."""
+        """True if the run reached the goal: the planner is done, and the robot is within 1 m of the goal."""
         return not self.failure
 
     @property
     def mean_mm_s(self) -> float:
-        """Mean speed as published: the distance along the rings by the run time."""
+        """The mean speed as published: the distance along the rings divided by the time."""
         return self.distance_mm / self.time_s if self.time_s > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""The translation of a user's request to an experiment: the list, the building, and the switches."""
+"""The translation of a user's request into an experiment: the list, the building, and the switches."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from colony.experiment.conduct import HAZARD_NAMES, Experiment
 from colony.experiment.lists import (
     PUBLISHED_MAP,
     ListedRun,
-    chosen,
+    csv_list,
     floors_list,
-    own_list,
     random_list,
+    selected_runs,
 )
-from colony.experiment.studies import OWN, STUDIES, Study
+from colony.experiment.studies import CUSTOM, STUDIES, Study
 from colony.nav.maps.building import load_building
 from colony.nav.pose.tracker import Source
 from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA, VariantName
@@ -29,23 +29,23 @@ PAIRS = {RANDOM: 200, FLOORS: 100}
 
 
 class MisuseError(Exception):
-    """The request makes no sense."""
+    """The request is invalid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentRequest:
-    """The request of an experiment.
+    """The request for an experiment.
 
     Attributes:
         runs: a study, a list of random pairs, or the path of a CSV file.
         map_path: the building, if the list has none of its own.
-        seeds: number of seeds a run; None for the list's default.
-        chosen: the numbers of the runs, as "1-5,22"; None for all.
+        seeds: number of seeds per run; None for the list's default.
+        chosen: the numbers of the runs, such as "1-5,22"; None for all.
         pairs, seed: number of random pairs, None for the list's default, and the seed that draws them.
-        variant: the program that drives.
-        hazards, no_hazard: True with hazards, and the names of those that are switched off.
-        no_source: the names of sources that the pose is not estimated from.
-        side_camera: True if the robot looks for door plates.
+        variant: the variant of navigation.
+        hazards, no_hazard: True to simulate hazards, and the names of those to leave out.
+        no_source: the names of the sources to leave out of the pose estimate.
+        side_camera: True to give the robot a camera for door plates.
     """
 
     runs: str
@@ -62,16 +62,16 @@ class ExperimentRequest:
 
 
 def experiment_of(request: ExperimentRequest) -> tuple[Study[Any], Experiment]:
-    """Return what counts the results, and the experiment.
+    """Return the study and the experiment of a request.
 
     Raises:
-        MisuseError: what is asked for makes no sense.
-        RunListError: the list, or what is chosen of it, is no good.
-        DiagnosticError: the map is bad.
+        MisuseError: the request is invalid.
+        RunListError: the list, or the selection from it, is invalid.
+        DiagnosticError: the map is invalid.
     """
-    study = STUDIES.get(request.runs, OWN)
+    study = STUDIES.get(request.runs, CUSTOM)
     runs, name, map_path = _listed(study, request)
-    runs = runs if request.chosen is None else chosen(runs, request.chosen)
+    runs = runs if request.chosen is None else selected_runs(runs, request.chosen)
     rides = any(run.rides for run in runs)  # elevators have markers for a camera that looks ahead
     asked = Experiment(
         name=name,
@@ -90,17 +90,17 @@ def _listed(study: Study[Any], request: ExperimentRequest) -> tuple[tuple[Listed
     runs, map_path = request.runs, request.map_path
     if request.pairs is not None and runs not in PAIRS:
         raise MisuseError(
-            f"--pairs goes with {' and '.join(f'`{name}`' for name in PAIRS)}, not with `{runs}`"
+            f"--pairs requires the list {' or '.join(f'`{name}`' for name in PAIRS)}; found `{runs}`"
         )
-    if study is not OWN:
+    if study is not CUSTOM:
         if map_path is not None:
-            raise MisuseError("the published runs have a map of their own; leave out --map")
+            raise MisuseError("the published runs have their own map; leave out --map")
         return study.runs(), study.name, PUBLISHED_MAP
     if runs not in PAIRS and Path(runs).suffix.lower() != ".csv":
         known = ", ".join([*STUDIES, *PAIRS])
-        raise MisuseError(f"there is no list `{runs}`; expected {known} or a file that ends in .csv")
+        raise MisuseError(f"unknown list `{runs}`; expected {known} or a file that ends in .csv")
     if map_path is None and runs != FLOORS:
-        raise MisuseError("which building? give --map MAP, such as `loop`")
+        raise MisuseError("no building: give --map MAP, such as `--map loop`")
     path = Path(map_path) if map_path is not None else PUBLISHED_MAP
     building = load_building(path)
     floor = building.maps[0]
@@ -108,7 +108,7 @@ def _listed(study: Study[Any], request: ExperimentRequest) -> tuple[tuple[Listed
         count, seed = request.pairs or PAIRS[runs], request.seed
         listed = random_list(floor, count, seed) if runs == RANDOM else floors_list(building, count, seed)
         return listed, f"{runs} {count} pairs, seed {seed}, {floor.name}", path
-    listed = own_list(Path(runs), building)
+    listed = csv_list(Path(runs), building)
     digest = sha256(repr([(run.origin, run.goal) for run in listed]).encode()).hexdigest()[:8]
     return listed, f"{Path(runs).stem} {digest}, {floor.name}", path
 
@@ -116,7 +116,7 @@ def _listed(study: Study[Any], request: ExperimentRequest) -> tuple[tuple[Listed
 def _hazards(request: ExperimentRequest) -> Hazards:
     for name in request.no_hazard:
         if name not in HAZARD_NAMES:
-            raise MisuseError(f"there is no hazard `{name}`; expected {', '.join(HAZARD_NAMES)}")
+            raise MisuseError(f"unknown hazard `{name}`; expected {', '.join(HAZARD_NAMES)}")
     if not request.hazards:
         return Hazards.none()
     return Hazards().without(*(HAZARD_NAMES[name] for name in request.no_hazard))
@@ -127,11 +127,13 @@ def _with_sources(asked: Experiment, study: Study[Any], request: ExperimentReque
         return asked
     if request.variant != "ours" or study.has_own_variant:
         own = ", ".join(name for name, study in STUDIES.items() if study.has_own_variant)
-        raise MisuseError(f"--no-source and --side-camera are for the variant `ours`, and not for {own}")
+        raise MisuseError(
+            f"--no-source and --side-camera require the variant `ours`, and exclude the lists {own}"
+        )
     names = {source.value: source for source in Source}
     for name in request.no_source:
         if name not in names:
-            raise MisuseError(f"there is no source `{name}`; expected {', '.join(names)}")
+            raise MisuseError(f"unknown source `{name}`; expected {', '.join(names)}")
     sources = asked.sources - {names[name] for name in request.no_source}
     cameras = asked.cameras | {SIDE_CAMERA} if request.side_camera else asked.cameras
     return replace(asked, sources=sources, cameras=cameras)

@@ -1,9 +1,9 @@
-"""Results in one SQLite file, a row a run: what is there need not be run again.
+"""Results in an SQLite file, one row per run; runs with a stored result are not repeated.
 
-A file has a table for each kind of result that is kept in it; `RUN_TABLE` is that of runs as such.
+A file has a table for each kind of result; `RUN_TABLE` is that of ordinary runs.
 
-Each row is committed as it comes, so that whatever ends an experiment, SIGKILL included, costs no run that
-was finished. Anything that reads SQLite can go on from there; docs/experiments.md has the columns.
+Each row is committed as it arrives, so that no finished run is lost however the experiment ends, by SIGKILL
+for example. docs/experiments.md describes the columns.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ KEY_COLUMNS = RunKey._fields
 """The first columns of each table."""
 
 
-class Kept(Protocol):
-    """A result that can be kept."""
+class StoredResult(Protocol):
+    """A result that can be stored."""
 
     @property
     def key(self) -> RunKey:
@@ -34,7 +34,7 @@ class Kept(Protocol):
         ...
 
 
-R = TypeVar("R", bound=Kept)
+R = TypeVar("R", bound=StoredResult)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,8 +43,8 @@ class Table(Generic[R]):
 
     Attributes:
         name: name of the table.
-        kind: the class of the results; `rows.py` makes rows of them.
-        columns: their names; `KEY_COLUMNS` come first.
+        kind: the class of the results, which `rows.py` converts to rows.
+        columns: the names of the columns, `KEY_COLUMNS` first.
     """
 
     name: str
@@ -53,32 +53,32 @@ class Table(Generic[R]):
 
     @property
     def sql(self) -> str:
-        """The statement that makes the table."""
+        """The statement that creates the table."""
         kinds = zip(self.columns, kinds_of(self.kind), strict=True)
         columns = ", ".join(f"{name} {kind} NOT NULL" for name, kind in kinds)
         key = ", ".join(KEY_COLUMNS)
         return f"CREATE TABLE IF NOT EXISTS {self.name} ({columns}, PRIMARY KEY ({key})) WITHOUT ROWID"
 
 
-_MADE = (
+_CREATE_MADE = (
     "CREATE TABLE IF NOT EXISTS made "
     "(runs TEXT, variant TEXT, made_with TEXT NOT NULL, PRIMARY KEY (runs, variant))"
 )
 
 
 class ResultsError(Exception):
-    """A file of results cannot be used; the message names it and says why and what to do."""
+    """A file of results cannot be used; the message has its name, the reason and a remedy."""
 
 
 class Results(Generic[R]):
-    """A file of results of one kind; made where there is none. Mutable: the file.
+    """A file of results of one kind, created if it does not exist. Mutable: the file.
 
     Args:
-        path: path of the file; None: in memory, for this process alone.
-        table: the kind; there may be others in the same file.
+        path: path of the file; None to keep the results in memory.
+        table: the kind of results; the same file may contain others.
 
     Raises:
-        ResultsError: it cannot be opened, or is something else.
+        ResultsError: the file cannot be opened, or is not a file of results.
     """
 
     def __init__(self, path: Path | None, table: Table[R]) -> None:
@@ -100,31 +100,31 @@ class Results(Generic[R]):
             name for (name,) in self._file.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
         }
         if tables and (version != VERSION or "made" not in tables):
-            raise ResultsError(f"{self._path} has no results of this version; choose another file")
+            raise ResultsError(f"{self._path} is not a file of results of this version; choose another file")
         if self._table.name not in tables:
             self._file.execute("BEGIN IMMEDIATE")
             self._file.execute(self._table.sql)
-            self._file.execute(_MADE)
+            self._file.execute(_CREATE_MADE)
             self._file.execute(f"PRAGMA user_version = {VERSION}")
             self._file.execute("COMMIT")
 
-    def expect(self, runs: str, variant: str, made_with: str) -> None:
-        """Record what the results of a list and variant are made with, besides their keys.
+    def expect(self, runs: str, variant: str, fingerprint: str) -> None:
+        """Check the fingerprint of the stored results of a list and variant; store it if there are none.
 
         Raises:
-            ResultsError: those that are there were made with something else.
+            ResultsError: the stored results have another fingerprint.
         """
-        self._file.execute("INSERT OR IGNORE INTO made VALUES (?, ?, ?)", (runs, variant, made_with))
+        self._file.execute("INSERT OR IGNORE INTO made VALUES (?, ?, ?)", (runs, variant, fingerprint))
         where = "SELECT made_with FROM made WHERE runs = ? AND variant = ?"
         (found,) = self._file.execute(where, (runs, variant)).fetchone()
-        if found != made_with:
+        if found != fingerprint:
             raise ResultsError(
-                f"{self._path} has results of `{runs}` that were made with another program or map; choose "
+                f"{self._path} has results of `{runs}` from another program or map; choose "
                 "another file with -o, or remove that one"
             )
 
     def put(self, result: R) -> None:
-        """Keep a result; one with the same key is replaced.
+        """Store a result, replacing one with the same key.
 
         Raises:
             ResultsError: the file cannot be written.
@@ -137,7 +137,7 @@ class Results(Generic[R]):
             raise ResultsError(f"{self._path} cannot be written: {problem}") from None
 
     def keys(self) -> frozenset[RunKey]:
-        """Return the keys of the runs that have results."""
+        """Return the keys of the stored results."""
         query = f"SELECT {', '.join(KEY_COLUMNS)} FROM {self._table.name}"
         return frozenset(RunKey(*row) for row in self._file.execute(query))
 
@@ -150,7 +150,7 @@ class Results(Generic[R]):
         return tuple(result_of(self._table.kind, iter(row)) for row in rows)
 
     def close(self) -> None:
-        """End it; again is nothing."""
+        """Close the file; closing it again does nothing."""
         self._file.close()
 
     def __enter__(self) -> Results[R]:
@@ -163,7 +163,7 @@ class Results(Generic[R]):
 
 
 def _expect_file(path: Path) -> None:
-    """Refuse a pipe or a device, for which SQLite would wait; there may be no file yet."""
+    """Refuse a pipe or a device, on which SQLite would block; the file need not exist."""
     with suppress(FileNotFoundError):
         os.close(open_descriptor(path))
 
@@ -181,4 +181,4 @@ RUN_TABLE = Table(
         *("contacts", "contact_mm_s", "hazards", "path"),
     ),
 )
-"""The runs as such."""
+"""The table of ordinary runs."""

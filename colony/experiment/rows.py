@@ -1,7 +1,7 @@
-"""Results as rows of a table: which columns a class of results has follows from its fields.
+"""Results as rows of a table, whose columns follow from the fields of the class.
 
-A string or a number has a column of its own, and so has each part of a named tuple, of a tuple of known
-length and of a mapping with known keys. Anything else is JSON text, but for places, which are packed.
+A string or a number has its own column, and so has each part of a named tuple, of a tuple of known length,
+and of a mapping with known keys. Any other value is JSON text, except places, which are packed.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 import msgspec
 
 Places = Annotated[tuple[tuple[int, int], ...], "packed"]
-"""x and y in mm, kept as 32-bit integers."""
+"""Places, x and y in mm, stored as 32-bit integers."""
 
 _SQL = {str: "TEXT", int: "INTEGER", bool: "INTEGER", float: "REAL", Places: "BLOB"}
 
 
 def kinds_of(kind: Any) -> list[str]:
-    """Return the types of the columns of a class, as SQL names them."""
+    """Return the SQL types of the columns of a class."""
     parts = _parts(kind)
     if parts is None:
         return [_SQL.get(kind, "TEXT")]
@@ -40,7 +40,7 @@ def row_of(kind: Any, value: Any) -> list[object]:
 
 
 def result_of(kind: Any, cells: Iterator[Any]) -> Any:
-    """Return the result of this class that the cells of a row are."""
+    """Return a result of this class from the cells of a row."""
     parts = _parts(kind)
     if parts is None:
         return _value(kind, next(cells))
@@ -51,7 +51,7 @@ def result_of(kind: Any, cells: Iterator[Any]) -> Any:
 
 
 def _parts(kind: Any) -> dict[Any, Any] | None:
-    """Return the types of parts that have columns, by name, place or key; None for a single column."""
+    """Return the types of the parts with own columns, by name, index or key; None for a single column."""
     origin, arguments = get_origin(kind), get_args(kind)
     if is_dataclass(kind) or hasattr(kind, "_fields"):
         return get_type_hints(kind, include_extras=True)

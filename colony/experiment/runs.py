@@ -1,7 +1,7 @@
-"""One run, from its specification to its result: a plan driven in a building with hazards.
+"""A run, from its specification to its result: a plan driven in a building with hazards.
 
-A specification can be pickled and says everything: the same one gives the same result, bit for bit, in
-whatever process and on whatever machine of one kind.
+A specification can be pickled and is complete: it gives the same result, bit for bit, in every process and on
+every machine of the same kind.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from types import MappingProxyType
 from typing import Protocol, TypeVar
 
 from colony.experiment.behavior import behavior_of
-from colony.experiment.hazards_met import hazards_met
+from colony.experiment.hazards_on_route import hazards_on_route
 from colony.experiment.lists import PUBLISHED
 from colony.experiment.record import FailureReason, RunKey, RunResult
-from colony.experiment.watching import Watcher
+from colony.experiment.run_monitor import RunMonitor
 from colony.nav.confidence.published_runs import PUBLISHED_RUNS
 from colony.nav.maps.building import Building, load_building
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
-from colony.nav.pose.tracker import ALL, Source
-from colony.robots.expected import AT_GOAL_MM, expected_s
+from colony.nav.pose.tracker import EVERY_SOURCE, Source
+from colony.robots.expected import GOAL_RADIUS_MM, expected_s
 from colony.robots.run_cameras import run_cameras
 from colony.robots.variants import CEILING_CAMERA, PLANNER, VARIANTS, Variant
 from colony.runtime.assembly.loop import Loop, Watch
@@ -46,10 +46,10 @@ NO_SCRIPTS: Mapping[str, Script] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSpec:
-    """The specification of a run: `key.variant` names the variant.
+    """The specification of a run; `key.variant` names the variant.
 
-    All chance comes from `key.seed` and `key.number`. `sources` are those of the pose estimate, `cameras` the
-    robot's cameras, by the names of the servers.
+    All randomness comes from `key.seed` and `key.number`. `sources` are the sources of the pose estimate,
+    `cameras` the names of the robot's camera servers.
     """
 
     key: RunKey
@@ -57,7 +57,7 @@ class RunSpec:
     origin: str
     goal: str
     hazards: Hazards
-    sources: frozenset[Source] = ALL
+    sources: frozenset[Source] = EVERY_SOURCE
     cameras: frozenset[str] = frozenset({CEILING_CAMERA})
 
 
@@ -66,7 +66,7 @@ def building_at(path: Path) -> Building:
     """Return the building of a map, with the floors that its elevators lead to.
 
     Raises:
-        DiagnosticError: one of its maps is bad.
+        DiagnosticError: one of the maps is invalid.
     """
     return load_building(path)
 
@@ -80,28 +80,29 @@ def plan_of(spec: RunSpec) -> Plan:
     """Return the plan of a run.
 
     Raises:
-        NoPlanError: there is no such way.
-        DiagnosticError: the map is bad.
+        NoPlanError: there is no such path.
+        DiagnosticError: the map is invalid.
     """
     return _plan(spec.map_path, spec.origin, spec.goal)
 
 
-def chance_of(key: RunKey) -> int:
+def seed_of(key: RunKey) -> int:
     """Return the seed of a run: different for each number and seed, the same for all variants."""
     return (key.seed * 1_000_003 + key.number * 7_919 + 12_345) % (1 << 31)
 
 
 def _is_compensated(key: RunKey) -> bool:
-    """Return True if overshoots are taken off the distances: not in published runs before late 1993."""
+    """Return True if overshoots are subtracted from the distances: not in published runs before late 1993."""
     return key.runs != PUBLISHED or PUBLISHED_RUNS[key.number - 1].compensated
 
 
 class Run:
-    """A run that can be driven frame by frame. Mutable: all of it.
+    """A run that can be driven frame by frame. Mutable.
 
     Args:
-        watch: is shown every frame.
-        more: scripts that run after those of the variant, or in place of one that has the same name.
+        spec: the specification.
+        watch: a callback for every frame.
+        more: scripts that run after those of the variant, or replace those with the same name.
 
     Raises:
         NoPlanError, DiagnosticError: see `plan_of`.
@@ -114,11 +115,11 @@ class Run:
         self.variant: Variant = VARIANTS[spec.key.variant.partition("/")[0]]
         self.building = building_at(spec.map_path)
         self.plan = plan_of(spec)
-        seed = chance_of(spec.key)
+        seed = seed_of(spec.key)
         self.site = Site(self.building, self.plan, spec.hazards, seed=seed, config=self.variant.robot)
         self.world = self.site.world
-        presses = {OPERATOR: operator(self.site.elevators, self.world, seed=seed)}
-        begun: list[int] = []
+        button_presser = {OPERATOR: operator(self.site.elevators, self.world, seed=seed)}
+        begun_segments: list[int] = []
         clock = VirtualClock()
         plant = Plant(self.world, clock, [self.site.elevators.advance])
         behavior = behavior_of(self.variant.behavior)
@@ -130,12 +131,12 @@ class Run:
                 **self.variant.scripts(
                     self.plan,
                     self.site.building,
-                    lambda number, segment: begun.append(number),
+                    lambda number, segment: begun_segments.append(number),
                     compensate=_is_compensated(spec.key),
                     sources=spec.sources,
                     cameras=spec.cameras,
                 ),
-                **(presses if len(self.plan.floors) > 1 else {}),
+                **(button_presser if len(self.plan.floors) > 1 else {}),
                 **more,
             },
             clock=clock,
@@ -143,35 +144,35 @@ class Run:
             seed=seed,
             watch=watch,
         )
-        self.watcher = Watcher(self.plan, self.loop, self.world, self.expected_s, begun)
+        self.monitor = RunMonitor(self.plan, self.loop, self.world, self.expected_s, begun_segments)
         self.failure: FailureReason | None = None
         self.remark = ""
 
     @property
     def expected_s(self) -> float:
-        """Expected duration of the run, if nothing goes wrong."""
+        """The expected time of the run in seconds, without incidents."""
         return expected_s(self.plan, self.variant.mm_s)
 
     @property
     def scenery(self) -> Scenery:
-        """The floor where it begins."""
+        """The scenery of the floor where the run begins."""
         return self.site.sceneries[self.plan.floors[0]]
 
     def step(self) -> bool:
-        """Drive one frame; False when the run is over."""
+        """Drive one frame; return False when the run is over."""
         try:
             self.loop.frame()
         except ScriptError as problem:
             self.failure, self.remark = "script", str(problem)
             return False
-        failure = self.watcher.look()
+        failure = self.monitor.update()
         if failure:
             self.failure = failure
         elif self.loop.scripts.ended(PLANNER):
-            there = self.site.floor == self.plan.segments[-1].end.floor
-            self.failure = "" if there and self.off_mm <= AT_GOAL_MM else "astray"
-            self.remark = "" if there else f"on {self.site.floor}"
-            self.watcher.done = not self.failure
+            on_goal_floor = self.site.floor == self.plan.segments[-1].end.floor
+            self.failure = "" if on_goal_floor and self.off_mm <= GOAL_RADIUS_MM else "astray"
+            self.remark = "" if on_goal_floor else f"on {self.site.floor}"
+            self.monitor.done = not self.failure
         return self.failure is None
 
     def close(self) -> None:
@@ -180,13 +181,13 @@ class Run:
 
     @property
     def off_mm(self) -> float:
-        """True distance of the robot from the goal; on another floor, from the place above or below it."""
+        """The true distance of the robot from the goal in mm; the floor is ignored."""
         pose, goal = self.world.true_pose(0), self.plan.segments[-1].end
         return math.hypot(pose.x_mm - goal.x_mm, pose.y_mm - goal.y_mm)
 
     @property
     def along_mm(self) -> float:
-        """True distance of the robot beyond the goal, along the last segment."""
+        """The true distance of the robot beyond the goal in mm, along the last segment."""
         pose, last = self.world.true_pose(0), self.plan.segments[-1]
         heading = math.radians(last.heading_deg)
         dx, dy = pose.x_mm - last.end.x_mm, pose.y_mm - last.end.y_mm
@@ -194,36 +195,36 @@ class Run:
 
     def result(self) -> RunResult:
         """Return the result so far."""
-        watcher = self.watcher
+        monitor = self.monitor
         return RunResult(
             key=self.spec.key,
             origin=self.plan.origin,
             goal=self.plan.goal,
             failure=self.failure or "",
-            failed_mode=watcher.mode if self.failure else "",
+            failed_mode=monitor.mode if self.failure else "",
             remark=self.remark,
             along_mm=self.along_mm,
             off_mm=self.off_mm,
             distance_mm=self.plan.distance_mm,
             travelled_mm=self.world.distance(0),
             time_s=self.loop.now_ns / 1e9,
-            top_mm_s=watcher.top_mm_s,
-            modes=watcher.modes(),
+            top_mm_s=monitor.top_mm_s,
+            modes=monitor.modes(),
             letters=self.plan.modes,
-            completed=watcher.completed,
-            first_light=watcher.first_light,
-            lights=watcher.lights,
-            contacts=watcher.contacts,
-            hazards=hazards_met(self.site, self.plan, watcher.slips),
-            path=tuple(watcher.path),
+            completed=monitor.completed,
+            first_light=monitor.first_light,
+            lights=monitor.lights,
+            contacts=monitor.contacts,
+            hazards=hazards_on_route(self.site, self.plan, monitor.slips),
+            path=tuple(monitor.path),
         )
 
 
-class Driven(Protocol[R_co]):
+class Drive(Protocol[R_co]):
     """A drive, frame by frame, with a result at the end."""
 
     def step(self) -> bool:
-        """Drive one frame; False at the end."""
+        """Drive one frame; return False at the end."""
         ...
 
     def close(self) -> None:
@@ -235,16 +236,16 @@ class Driven(Protocol[R_co]):
         ...
 
 
-def finished(driven: Driven[R_co]) -> R_co:
+def run_to_end(drive: Drive[R_co]) -> R_co:
     """Drive to the end, and return the result."""
     try:
-        while driven.step():
+        while drive.step():
             pass
-        return driven.result()
+        return drive.result()
     finally:
-        driven.close()
+        drive.close()
 
 
 def run(spec: RunSpec) -> RunResult:
     """Drive a run to its end."""
-    return finished(Run(spec))
+    return run_to_end(Run(spec))

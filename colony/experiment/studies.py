@@ -1,7 +1,7 @@
-"""Studies: what is counted in the runs of a list, whether they reached their goals or something besides.
+"""Studies: the measurements that experiments make, such as arrival at the goal or the detection of lights.
 
-Each has a list of runs in the published building, a run that gives a record of its own kind, a table of a
-file of results in which these are kept, and tables of Markdown. `colony experiment NAME` carries one out.
+A study has a list of runs, a function that runs one and returns its result, a table in the file of results,
+and Markdown tables. `colony experiment NAME` carries it out.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, Generic
 from colony.experiment.confidence import event_table, path_table
 from colony.experiment.figures import Target, targets
 from colony.experiment.lights.results import LIGHT_TABLE, LightResult, light_tables, light_targets
-from colony.experiment.lights.run import run_with_witness
+from colony.experiment.lights.run import run_with_light_probe
 from colony.experiment.lists import PUBLISHED, ListedRun, plate_list, published_list
 from colony.experiment.plates.figures import plate_targets
 from colony.experiment.plates.record import PLATE_TABLE, PlateResult
@@ -30,18 +30,18 @@ from colony.experiment.tables import failure_table, table, target_table
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study(Generic[R]):
-    """A study: what is counted, and how.
+    """A study.
 
     Attributes:
         name: name of the study, and of its list.
-        runs: the list.
+        runs: returns the list of runs.
         seeds: default number of seeds.
-        work: a run.
-        table: the format of its records.
-        targets: the promised values.
-        tables: all tables to show, for a terminal and for pages.
-        as_json: a record for programs.
-        has_own_variant: its runs are those of one robot, which are not drawn and not audited.
+        work: the function that runs a run.
+        table: the table of its results.
+        targets: compares results with the promised values.
+        tables: returns all tables to show, for a terminal and for pages.
+        as_json: converts a result to a JSON object.
+        has_own_variant: True if its runs are those of a fixed variant, and are neither drawn nor audited.
     """
 
     name: str
@@ -56,14 +56,17 @@ class Study(Generic[R]):
 
 
 def _json(result: PlateResult | LightResult | SourceResult, **found: object) -> dict[str, object]:
-    """Return a record for programs: the run, its origin and goal, and what was found."""
+    """Return a JSON object: the run, its origin and goal, and the results."""
     other = {"key", "origin", "goal"}
     rest = {name: value for name, value in asdict(result).items() if name not in other}
     return {**result.key._asdict(), "from": result.origin, "to": result.goal, **rest, **found}
 
 
 def _plates_json(result: PlateResult) -> dict[str, object]:
-    outcomes = {finder: [one._asdict() for one in told] for finder, told in result.outcomes.items()}
+    outcomes = {
+        finder: [sighting._asdict() for sighting in sightings]
+        for finder, sightings in result.outcomes.items()
+    }
     return _json(result, outcomes=outcomes)
 
 
@@ -122,10 +125,10 @@ THESIS = Study(
     as_json=_run_json,
     has_own_variant=False,
 )
-"""The forty published runs: whether they reach their goals, how exactly and how fast."""
+"""The forty published runs: arrival at the goal, accuracy and speed."""
 
-OWN = replace(THESIS, name="own", seeds=1, targets=partial(targets, published=False))
-"""The same of any other list of runs."""
+CUSTOM = replace(THESIS, name="own", seeds=1, targets=partial(targets, published=False))
+"""The same measurements for any other list of runs."""
 
 PLATES = Study(
     name="plates",
@@ -143,7 +146,7 @@ LIGHTS = Study(
     name="lights",
     runs=published_list,
     seeds=2,
-    work=run_with_witness,
+    work=run_with_light_probe,
     table=LIGHT_TABLE,
     targets=light_targets,
     tables=light_tables,
@@ -161,6 +164,6 @@ SOURCES = Study(
     tables=source_tables,
     as_json=_sources_json,
 )
-"""The value of each source of the pose, along some of the published runs."""
+"""The contribution of each source of the pose estimate, along some of the published runs."""
 
 STUDIES: Mapping[str, Study[Any]] = {study.name: study for study in (THESIS, PLATES, LIGHTS, SOURCES)}

@@ -1,4 +1,4 @@
-"""Tables of results in Markdown, for a terminal and for pages alike: ours beside the published ones."""
+"""Markdown tables of results, for terminals and pages: our results beside the published ones."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from colony.nav.confidence.published_runs import PublishedRun
 
 
 def table(runs: Sequence[ListedRun], results: Sequence[RunResult]) -> str:
-    """Return a row a run: over all of its seeds, beside what was published of it.
+    """Return a table with one row per run, over all of its seeds, beside the published results.
 
-    How far beyond the goal the robot stood is measured along the last leg, as published; negative is short of
-    it. How far off it stood counts what it is to the side, too.
+    "Beyond" is the distance beyond the goal along the last leg, as published; negative if short of it. "Off"
+    is the distance in any direction.
     """
     published = any(run.published is not None for run in runs)
     by_number: dict[int, list[RunResult]] = {}
@@ -33,13 +33,13 @@ def target_table(results: Sequence[RunResult], *, published: bool) -> str:
 
 
 def targets_markdown(found: Sequence[Target]) -> str:
-    """Return a row for each target."""
+    """Return a table with one row per target."""
     rows = [[t.what, t.found, t.promised, "met" if t.met else "**missed**"] for t in found]
     return markdown(["what", "found", "promised", ""], rows)
 
 
 def failure_table(results: Sequence[RunResult]) -> str:
-    """Return a row for each failed run; "" if none did."""
+    """Return a table of the failed runs; "" for none."""
     rows = [
         [
             str(r.key.number),
@@ -83,7 +83,7 @@ def _row(run: ListedRun, results: list[RunResult], published: bool) -> list[str]
 
 
 def _modes(results: list[RunResult]) -> list[str]:
-    """Return how often each mode was completed in the mean, and how often it was needed."""
+    """Return for each mode the mean number of completions, and the number required."""
     cells = []
     for place in range(len(MODES)):
         done = sum(r.modes[place].completed for r in results) / len(results)
@@ -106,7 +106,7 @@ def _published(run: PublishedRun | None) -> list[str]:
 
 
 def markdown(head: list[str], rows: list[list[str]]) -> str:
-    """Return a table of Markdown whose columns are aligned in the text, too."""
+    """Return a Markdown table whose columns are aligned in the text."""
     head, *rows = ([_cell(text) for text in row] for row in (head, *rows))
     widths = [max(len(row[i]) for row in (head, *rows)) for i in range(len(head))]
     lines = [

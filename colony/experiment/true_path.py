@@ -8,19 +8,19 @@ from colony.nav.maps.stickrep.model import Pose
 
 
 class TruePath:
-    """Mutable: the poses so far."""
+    """The true path of a robot. Mutable: the poses so far."""
 
     def __init__(self) -> None:
         self._times: list[int] = []
         self._poses: list[Pose] = []
 
     def add(self, t_ns: int, pose: Pose) -> None:
-        """Add the robot's pose in a frame; times grow from call to call."""
+        """Add the robot's pose in a frame; times must increase from call to call."""
         self._times.append(t_ns)
         self._poses.append(pose)
 
     def at(self, t_ns: int) -> Pose:
-        """Return the pose in the newest frame that is not after that time, or else in the first frame.
+        """Return the pose in the latest frame up to `t_ns`, or in the first frame if all are later.
 
         Raises:
             ValueError: there is no pose yet.

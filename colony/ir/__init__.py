@@ -1,1 +1,1 @@
-"""The typed program: what the front end produces and every other stage consumes. Imports no parser."""
+"""The typed program: the output of the front end and the input of every other stage. Imports no parser."""

@@ -1,8 +1,8 @@
-"""Typed expressions: names resolved, units gone (all quantities in mm, s, deg), overloads chosen.
+"""Typed expressions: names resolved, quantities in base units (mm, s, deg), overloads resolved.
 
-A tree of frozen nodes, each with its `type` and its `span`. Each node's docstring gives its meaning; the
-language reference (docs/language.md) is complete. Operators and most functions work element by element
-where an operand is an array; a scalar beside an array stands for all of its elements.
+An expression is a tree of frozen nodes, each with its `type` and its `span`. A node's docstring gives its
+meaning in short; docs/language.md is complete. Operators and most functions work element by element on
+arrays; a scalar next to an array stands for each of its elements.
 """
 
 from __future__ import annotations
@@ -89,8 +89,8 @@ INDEX_FUNCTIONS = frozenset({Function.INDEX_OF_MIN, Function.INDEX_OF_MAX})
 
 
 @unique
-class Memory(Enum):
-    """A function with memory of its own; the value is the spelling."""
+class MemoryFunction(Enum):
+    """A function with its own memory; the value is the spelling."""
 
     PREVIOUS = "previous"
     CHANGED = "changed"
@@ -152,7 +152,7 @@ class Now(TypedNode):
 
 @record
 class Fresh(TypedNode):
-    """True if a sensor itself gave a value (not its default), or a file-level `let` is not missing."""
+    """True if a sensor has a reading (not its default), or if a file-level `let` is not missing."""
 
     name: str
     derived: bool
@@ -160,7 +160,7 @@ class Fresh(TypedNode):
 
 @record
 class ValueOr(TypedNode):
-    """`expression`, or `other` where `expression` reads something missing (its memory then stays)."""
+    """`expression`, or `other` if `expression` reads something missing (its memory is then unchanged)."""
 
     expression: Expression
     other: Expression
@@ -194,7 +194,7 @@ class Conditional(TypedNode):
 
 @record
 class Within(TypedNode):
-    """`operand in low .. high`, both ends in."""
+    """`operand in low .. high`, both ends included."""
 
     operand: Expression
     low: Expression
@@ -203,9 +203,9 @@ class Within(TypedNode):
 
 @record
 class Element(TypedNode):
-    """`array[index]`: the index rounded (halves to even), taken modulo the size.
+    """`array[index]`: the index is rounded (halves to even) and taken modulo the size.
 
-    An index that is not finite gives NaN, or false of an array of bools.
+    An index that is not finite gives NaN, or false for an array of bools.
     """
 
     array: Expression
@@ -214,7 +214,7 @@ class Element(TypedNode):
 
 @record
 class Slice(TypedNode):
-    """`array[first..last]`, both in; `indices` are the elements taken, in order, wrapped already."""
+    """`array[first..last]`, both ends included; `indices` are those of the elements, already wrapped."""
 
     array: Expression
     indices: tuple[int, ...]
@@ -234,7 +234,7 @@ class Window(TypedNode):
 
 @record
 class Call(TypedNode):
-    """A pure function. Of a `Slice` or `Window`, the index functions give the index in the whole array."""
+    """A pure function. For a `Slice` or `Window`, index functions give the index in the whole array."""
 
     function: Function
     arguments: tuple[Expression, ...]
@@ -242,10 +242,10 @@ class Call(TypedNode):
 
 @record
 class Reduce(TypedNode):
-    """`function(body for variable in low .. high [if condition])`, both ends in; nothing if low > high.
+    """`function(body for variable in low .. high [if condition])`, both ends included; empty if low > high.
 
-    `function` is one of REDUCTIONS. Memory inside body and condition is separate for each value of the
-    variable, and moves on whether or not the condition holds.
+    `function` is one of REDUCTIONS. Body and condition have separate memory for each value of the variable,
+    which advances whether or not the condition holds.
     """
 
     function: Function
@@ -262,10 +262,10 @@ class MemoryCall(TypedNode):
 
     Arguments by function: PREVIOUS (e, initial), CHANGED (e), RISING FALLING ELAPSED (b), HELD (b),
     LATCH (set, reset), CAPTURED (e, key), EVERY (). The duration of HELD and EVERY is `duration_ns`.
-    Each element of an array and each value of every enclosing loop variable has memory of its own.
+    Each element of an array and each value of every enclosing loop variable has its own memory.
     """
 
-    function: Memory
+    function: MemoryFunction
     arguments: tuple[Expression, ...]
     cell: int
     duration_ns: int = 0
@@ -276,9 +276,9 @@ class MemoryCall(TypedNode):
 
 @record
 class SentField(TypedNode):
-    """The value sent in a field of an actuator, after limits and clamping, in base units.
+    """The value of a field of the command sent, after limits and clamping, in base units.
 
-    Missing in a frame in which nothing was sent (`idle hold`, not commanded).
+    Missing in a frame in which nothing is sent (`idle hold`, not commanded).
     """
 
     actuator: str
@@ -295,7 +295,7 @@ class WonBy(TypedNode):
 
 @record
 class IsCommanded(TypedNode):
-    """True if a module's command was sent (a winner whose command is not finite sends the idle one)."""
+    """True if a module's command is sent; false if the idle command replaces one that is not finite."""
 
     actuator: str
 
@@ -373,7 +373,7 @@ def children(node: Expression) -> tuple[Expression, ...]:
 
 
 def subexpressions(root: Expression) -> Iterator[Expression]:
-    """Yield an expression and all that it is made of, in the order written."""
+    """Yield an expression and all its subexpressions, in the order written."""
     work = [root]
     while work:
         node = work.pop()

@@ -15,20 +15,20 @@ from colony.ir.types import ScalarValue
 Reading = ScalarValue | int | Sequence[ScalarValue | int] | None
 
 
-_OF_NOW: Mapping[str, int] = {}
+_TAKEN_NOW: Mapping[str, int] = {}
 
 
 class Frame(NamedTuple):
-    """One consistent snapshot: the time, and a reading of each sensor that is there.
+    """One consistent snapshot: the time and the readings of the sensors.
 
-    A sensor that is absent, or None, is missing. Times are nanoseconds and strictly rise. `taken_ns` has the
-    times at which readings were taken, by the same clock; a reading without one is of this frame's time. A
-    reading older than its sensor's `within` is missing, and one from the future is a sensor fault.
+    A sensor that is absent, or None, is missing. Times are in nanoseconds and strictly increase. `taken_ns`
+    has the times at which readings were taken, by the same clock; the default is the frame's time. A reading
+    older than its sensor's `within` is missing, and one from the future is a sensor fault.
     """
 
     t_ns: int
     readings: Mapping[str, Reading]
-    taken_ns: Mapping[str, int] = _OF_NOW
+    taken_ns: Mapping[str, int] = _TAKEN_NOW
 
 
 Bid = Literal[
@@ -38,14 +38,14 @@ Bid = Literal[
     "inactive",  # its predicate does not hold
     "silent",  # something that it reads is missing
 ]
-"""A client's action in a frame, decided from its own knowledge."""
+"""A client's action in a frame, as the client itself decides it."""
 
 
 class Answer(NamedTuple):
     """The answer of a module in Python in one frame.
 
-    `values` are the fields of its command in base units, None where the module is not applicable. `error`:
-    it was called and raised, or gave no command.
+    `values` are the fields of its command in base units, None if the module is not applicable. `error` is
+    true if its `step` raised, or did not return a command or None.
     """
 
     values: tuple[ScalarValue, ...] | None = None
@@ -85,8 +85,8 @@ class Decision(NamedTuple):
 class Outcome(NamedTuple):
     """The result of a frame: a decision per actuator (in the order declared), records, broken contracts.
 
-    Records are in this order: sensors as declared; Python modules as declared; then for each actuator as
-    declared, the winner's fault or, field by field, limited before clamped.
+    Records are ordered: sensors as declared; Python modules as declared; then for each actuator as declared,
+    the winner's fault or, field by field, limited before clamped.
     """
 
     decisions: tuple[Decision, ...]
@@ -100,7 +100,7 @@ class Outcome(NamedTuple):
 
 
 class Executor(Protocol):
-    """A program being executed; it has all memory, and one frame follows another."""
+    """Executes a program, frame after frame, and holds its memory."""
 
     def step(self, frame: Frame) -> Outcome:
         """Execute one frame."""

@@ -1,7 +1,7 @@
 """The memory of a whole program between two frames, by places in its text.
 
-Executors remember in forms of their own; this one belongs to the language, so that what one executor
-remembered another can go on from.
+Executors store memory in different forms; in this common form one executor can continue from the memory of
+another.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ class ProgramMemory:
     """A program's memory, except that of modules in Python, which keep their own.
 
     `first_ns` is the time of the first frame since all memory was initial, None if there was none. `cells`
-    are named by their places (see `state_cell`, `function_cell` and `window_cell`). A cell that is absent
-    has its initial value, or nothing depends on it. Values are in base units, times in ns since `first_ns`:
+    are named by their places (see `state_cell`, `function_cell` and `window_cell`). An absent cell has its
+    initial value, or nothing depends on it. Values are in base units, times in ns since `first_ns`:
 
         state                             its value
         previous, changed, rising, falling    `last`, the argument in the last frame
@@ -27,7 +27,7 @@ class ProgramMemory:
         every                             `due`, when it is true again
         time constant                     `until`, when the dominant side ceases to dominate
 
-    With `started`, that of `changed`, `captured` and `previous`: whether there was a frame before.
+    `changed`, `captured` and `previous` also have `started`: whether there was an earlier frame.
     """
 
     first_ns: int | None
@@ -35,27 +35,27 @@ class ProgramMemory:
 
 
 def state_cell(name: str) -> str:
-    """Name the cell of a state or machine, which for a state of a module is `module.state`."""
+    """Return the name of the cell of a state or machine; a state of a module is called `module.state`."""
     return f"state {name}"
 
 
 def function_cell(function: str, cell: int, loops: tuple[int, ...], element: int) -> str:
-    """Name what the cells of a memory function begin with.
+    """Return the prefix of the names of a memory function's cells.
 
     Args:
-        function: its keyword.
-        cell: its number among the memory functions of the program, in the order of the text.
-        loops: the values of the variables of the reductions around it, outermost first.
-        element: the index of the element, 0 for a scalar.
+        function: Keyword of the function.
+        cell: Number of the call among the memory functions of the program, in the order of the text.
+        loops: Values of the variables of the enclosing reductions, outermost first.
+        element: Index of the element, 0 for a scalar.
     """
     return f"{function} {cell}{''.join(f'.{k}' for k in loops)}[{element}]"
 
 
 def window_cell(wire: str, operands: tuple[int, ...]) -> str:
-    """Name what the cell of a time constant begins with.
+    """Return the prefix of the name of a time constant's cell.
 
     Args:
-        wire: the wire, or the actuator, in whose wiring it stands.
-        operands: the index of the operand before it, after those of the enclosing chains, outermost first.
+        wire: Wire or actuator in whose wiring it stands.
+        operands: Indices of the operands that lead to it, outermost chain first; the last is that before it.
     """
     return f"window {wire}{''.join(f'.{i}' for i in operands)}"

@@ -1,4 +1,4 @@
-"""The typed program: the meaning of a `.colony` file with its imports, ready for every later stage.
+"""The typed program: the meaning of a `.colony` file with its imports, for all later stages.
 
 Names are final and unique: an entity of a file imported `as brooks` is called `brooks.name`, a let or
 state of a module `module.name`. Durations are whole nanoseconds; constants are in base units (mm, s, deg).
@@ -30,11 +30,11 @@ class Declared(Record):
 
 @record
 class Sensor(Declared):
-    """A value that a server gives each frame, or that is missing.
+    """A value that a server publishes each frame, or that is missing.
 
-    `unit` is the declared unit (or nothing) and `factor` what one of it is in base units: a value enters
-    times `factor`. `low`, `high` (inclusive,
-    clamped to) and `default`, which fills an array, are in base units.
+    `unit` is the declared unit, if any, and `factor` its size in base units: a reading is multiplied by it.
+    `low` and `high` (inclusive; readings are clamped to them) and `default`, which fills an array, are in
+    base units.
     """
 
     type: Type
@@ -50,7 +50,7 @@ class Sensor(Declared):
 
 @record
 class ActuatorField(Declared):
-    """One field of an actuator's command, in `unit`: a value leaves divided by `factor`.
+    """One field of an actuator's command; it is sent in `unit`, divided by `factor`.
 
     `low` and `high` are in base units.
     """
@@ -73,7 +73,7 @@ class Actuator(Declared):
     on_loss: Literal["stop", "degrade"] = "stop"
 
 
-class InUnit(Protocol):
+class HasFactor(Protocol):
     """A field of a command; `factor` is its declared unit in base units."""
 
     @property
@@ -83,9 +83,9 @@ class InUnit(Protocol):
 
 
 def in_declared_units(
-    values: tuple[ScalarValue, ...] | None, fields: Iterable[InUnit]
+    values: tuple[ScalarValue, ...] | None, fields: Iterable[HasFactor]
 ) -> tuple[ScalarValue, ...] | None:
-    """Return a command in the units in which its fields are declared, None for none; a bool has no unit."""
+    """Return a command in the declared units of its fields, None for None; a bool has no unit."""
     if values is None:
         return None
     return tuple(
@@ -121,7 +121,7 @@ def robot_in_base_units(robot: Robot) -> Robot:
 
 
 def sensors_in_base_units(sensors: Iterable[Sensor]) -> tuple[Sensor, ...]:
-    """Return the same sensors, each declared in base units: as the runtime gives their readings."""
+    """Return the same sensors, each declared in base units, in which the runtime has their readings."""
     return tuple(replace(sensor, factor=1.0) for sensor in sensors)
 
 
@@ -130,16 +130,16 @@ def sensors_in_base_units(sensors: Iterable[Sensor]) -> tuple[Sensor, ...]:
 
 @record
 class Let(Declared):
-    """A value computed once a frame. At file level it is missing when something that it reads is."""
+    """A value computed once a frame. At file level it is missing if something that it reads is missing."""
 
     expression: Expression
 
 
 @record
 class State(Declared):
-    """Memory: `next`, from the old values, is what it holds in the next frame (None: it never changes).
+    """Memory: `next`, computed from old values, is its value in the next frame (None: it never changes).
 
-    At file level it stays as it was in a frame in which something that `next` reads is missing.
+    At file level it is unchanged by a frame in which something that `next` reads is missing.
     """
 
     type: Scalar
@@ -162,7 +162,7 @@ class Machine(Declared):
     """A state with named phases.
 
     The first transition that applies takes effect in the next frame. A transition whose condition reads a
-    missing value does not apply, and its memory stays. Memory moves on in any phase.
+    missing value does not apply, and its memory is unchanged. The memory of all others advances in any phase.
     """
 
     type: Enum
@@ -187,7 +187,7 @@ class Command(Record):
 class Module(Declared):
     """M(P, phi): `when` is the applicability predicate P, `command` the transfer function phi (thesis 4.8.2).
 
-    Silent (not active, memory as it was) in a frame in which anything that `when`, `command`, `lets` or
+    It is silent (not active, memory unchanged) in a frame in which anything that `when`, `command`, `lets` or
     `states` read is missing.
     """
 
@@ -205,7 +205,7 @@ class Module(Declared):
 
 @record
 class PythonReading(Record):
-    """A value that a Python module is given each frame under `name`, as written in its file.
+    """An input of a Python module: a value that `step` gets each frame under `name`, as written in its file.
 
     `expression` is a sensor, a file-level let, a state or a machine.
     """
@@ -258,7 +258,7 @@ Wiring = Use | Chain
 
 @record
 class Wire(Declared):
-    """A named wire, or, where `actuator` is set, what drives that actuator (its name is then no wire)."""
+    """A named wire or, if `actuator` is set, the wiring of that actuator (`name` is then no wire)."""
 
     wiring: Wiring
     actuator: str | None = None
@@ -269,10 +269,10 @@ class Wire(Declared):
 
 @record
 class Limit(Record):
-    """A field of `actuator`, of a module's command, is at most (`<=`) or at least (`>=`) `bound`.
+    """A limit: a field of modules' commands to `actuator` is at most (`<=`) or at least (`>=`) `bound`.
 
-    It applies when `condition` is true or absent, or anything that the limit reads is missing. A bound that
-    reads something missing, or is not finite, stands at 0. Condition and bound keep their memory apart.
+    It applies if `condition` is true or absent, or if anything that the limit reads is missing. A bound that
+    reads something missing, or is not finite, is 0. Condition and bound have separate memory.
     """
 
     actuator: str
@@ -285,16 +285,16 @@ class Limit(Record):
 
 @record
 class Contract(Declared):
-    """A contract: must be true in every frame in which nothing that it reads is missing."""
+    """A contract: it must be true in every frame in which nothing that it reads is missing."""
 
     expression: Expression
 
 
 @record
 class Given(Record):
-    """A sensor's value in a test, from this step on, in base units; None: missing.
+    """A sensor's value in a test, from this step on, in base units; None for missing.
 
-    `index` selects one element. A scalar fills an array.
+    `index` selects one element; without it a scalar fills an array.
     """
 
     sensor: str
@@ -322,11 +322,11 @@ class Example(Declared):
 
 @record
 class Program(Record):
-    """A typed program; each part stands after the parts that it is computed from.
+    """A typed program.
 
-    `derived` and `wires` are sorted so; `modules`, `limits` and `contracts` are in the order written. `files`
-    are the texts that it was made of, its own last, each by its place: a relative path with `/` between its
-    parts, by which they import each other. A program that was built in memory has none.
+    `derived` and `wires` are sorted so that each follows those that it is computed from; `modules`, `limits`
+    and `contracts` are in the order written. `files` are its source texts, its own last, each with the
+    relative path (with `/`) by which they import each other. A program that was built in memory has none.
     """
 
     robot: Robot
@@ -340,10 +340,10 @@ class Program(Record):
 
 
 def expect_program(given: object) -> None:
-    """Check that what a library function was given is a program.
+    """Check that an argument of a library function is a program.
 
     Raises:
-        TypeError: it is something else.
+        TypeError: it is not.
     """
     if not isinstance(given, Program):
         raise TypeError(f"found {short(given)}; expected a program, as `colony.load` returns it")

@@ -1,4 +1,4 @@
-"""Types of the language: bool, quantities with a dimension, enums, and arrays of those.
+"""Types of the language: bools, quantities with a dimension, enums, and arrays of these.
 
 At run time a quantity and an enumerator are a float (in mm, s, deg), a bool is a bool, an array a tuple.
 """
@@ -34,7 +34,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Enum:
-    """An enum or a machine's phases: each member is carried as its number."""
+    """An enum or a machine's phases; each member is represented by its number."""
 
     name: str
     members: tuple[tuple[str, float], ...]
@@ -63,7 +63,7 @@ class Array:
 Type = Scalar | Array
 
 BOOL = Bool()
-PLAIN = Quantity()
+DIMENSIONLESS = Quantity()
 ZERO = Quantity(NUMBER, wild=True)
 DISTANCE = Quantity(LENGTH)
 DURATION = Quantity(TIME)

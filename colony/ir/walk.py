@@ -1,4 +1,4 @@
-"""Walks over a whole program: its expressions, and everything that they are made of."""
+"""Walks over the expressions of a whole program."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from colony.ir.expression import Expression, subexpressions
 from colony.ir.program import AnyModule, Let, Machine, Module, Program, PythonModule, State
 
 
-def nodes(program: Program) -> Iterator[Expression]:
-    """Yield all that the expressions of a program are made of, in the order of `expressions`."""
+def all_subexpressions(program: Program) -> Iterator[Expression]:
+    """Yield the expressions of a program and all their subexpressions, in the order of `expressions`."""
     for root in expressions(program):
         yield from subexpressions(root)
 
@@ -35,7 +35,7 @@ def expressions(program: Program) -> Iterator[Expression]:
 
 
 def expressions_of(module: AnyModule) -> tuple[Expression, ...]:
-    """Return all expressions of a module: if one reads something that is missing, the module is silent."""
+    """Return all expressions of a module, which is silent if one of them reads something missing."""
     match module:
         case Module(lets=lets, when=when, command=command, states=states):
             fields = command.fields if command else ()

@@ -1,4 +1,4 @@
-"""The network of a program as joints: one for every suppressor and inhibitor, behind all that it joins."""
+"""The network of a program as joints: one per suppressor or inhibitor, in topological order."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ class Joint:
     """A suppressor or inhibitor.
 
     Attributes:
-        name: Its own name, which cannot be that of a module or wire.
-        place: The wire, and the index of the dominant operand behind those of the chains around it.
-        chain: The chain that it is part of.
+        name: Name of the joint, which no module or wire can have.
+        place: Wire, indices of operands from the outermost chain inward, and index of the dominant operand.
+        chain: Chain that it is part of.
         dominant: Module or joint whose output dominates.
         inferior: Module or joint whose output is dominated.
     """
@@ -54,8 +54,8 @@ class Joints:
     """The network of a program.
 
     Attributes:
-        joints: All joints, each behind those that it joins.
-        wires: Module or joint that each named wire stands for.
+        joints: All joints, each after those that are its inputs.
+        wires: Module or joint of each named wire.
         roots: Module or joint that drives each wired actuator.
     """
 
@@ -65,7 +65,7 @@ class Joints:
 
 
 def joints_of(program: Program) -> Joints:
-    """Return the network of a program, joint by joint."""
+    """Return the network of a program as joints."""
     reader = _Reader()
     for wire in program.wires:
         found = reader.wiring(wire.wiring, (wire.name,))
@@ -77,7 +77,7 @@ def joints_of(program: Program) -> Joints:
 
 
 class _Reader:
-    """A reader of wiring. Mutable: the joints and wires so far. Recursive: only parentheses nest."""
+    """A reader of wiring. Mutable: the joints and wires so far. It recurses: only parentheses nest."""
 
     def __init__(self) -> None:
         self.joints: list[Joint] = []
@@ -85,7 +85,7 @@ class _Reader:
         self.roots: dict[str, str] = {}
 
     def wiring(self, wiring: Wiring, place: tuple[str, *tuple[int, ...]]) -> str:
-        """Add the joints of a wiring; return the module or joint that it is."""
+        """Add the joints of a wiring; return the module or joint at its output."""
         match wiring:
             case Use(name=name):
                 return self.wires.get(name, name)

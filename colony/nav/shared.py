@@ -19,7 +19,7 @@ CTracker also reads GoalDirection, along which the lights give the position, and
 starts downs the semaphores that an earlier Planner upped and no client took.
 
 Three more variables belong to the Navigator alone: GoalNumber, GoalReached and GoalAnswered. It is a compiled
-network, which knows variables and no semaphores, and a clerk that takes and gives these in its place
+network, which has access to variables only, and a clerk that handles the semaphores for it
 (`colony/nav/missions/clerk.py`). TrackStart is CTracker's own (`colony/vision/lights/track_goals.py`).
 """
 
@@ -46,17 +46,18 @@ GOAL_TYPE = "GoalType"
 """The mode: a `GoalKind` as a number."""
 
 LIGHT_OFFSET = "LightOffset"
-"""A list in millimeters: from where the goal was given to the first light, then from light to light."""
+"""List of distances in mm: from the robot's place when the goal was set to the first light, then from light
+to light."""
 
 CEILING_LIGHT = "CeilingLight"
-"""Number of lights of the present goal that were passed."""
+"""Number of lights of the present goal that the robot has passed."""
 
 OVERSHOOT = "Overshoot"
-"""Distance beyond the last light when CTracker was done, in millimeters along GoalDirection."""
+"""Distance of the robot beyond the last light when CTracker finished, in mm along GoalDirection."""
 
 GOAL_NUMBER = "GoalNumber"
-"""Set by the clerk: counts the goals taken, from 1. The network measures a goal's distance from where the
-robot was when this changed."""
+"""Set by the clerk: the number of the present goal, from 1. The network measures a goal's distance from the
+robot's place when this changes."""
 
 GOAL_REACHED = "GoalReached"
 """Set by the network: the GoalNumber of the goal that it has reached."""
@@ -65,28 +66,29 @@ GOAL_ANSWERED = "GoalAnswered"
 """Set by the clerk: the GoalNumber of the last goal for which it upped $RobotStatus."""
 
 TRACK_START = "TrackStart"
-"""Set by CTracker: where the robot was when a goal of lights was taken, x and y in mm; an empty list when its
-last light was passed."""
+"""Set by CTracker: the robot's place when CTracker took a goal of lights, x and y in mm; an empty list after
+the
+goal's last light."""
 
 FLOOR = "Floor"
-"""Set by the Planner: the name of the map of the floor that the robot is on."""
+"""Set by the Planner: the name of the map of the robot's floor."""
 
 POSE = "Pose"
-"""Set by the pose estimator (`colony/nav/pose/estimate.py`): where the robot is, as far as all sources know
-together, and how sure that is."""
+"""Set by the pose estimator (`colony/nav/pose/estimate.py`): the fused estimate of the robot's pose, with its
+covariance."""
 
 LIGHT_FIX = "LightFix"
 """Set by CTracker at each valid light: a `Fix` (`colony/nav/pose/fixes.py`) as a list."""
 
 PLATE_FIX = "PlateFix"
-"""Set by the plate finder at each plate that it knows from the map: likewise."""
+"""Set by the plate finder at each observation of a plate of the map: likewise."""
 
 MARKER_FIX = "MarkerFix"
-"""Set by the marker finder: likewise."""
+"""Set by the marker finder at each observation of a marker of the map: likewise."""
 
 PLATE_SEEN = "PlateSeen"
 """Set by the plate finder at each new plate: a list of the time in nanoseconds, the number of plates so far,
-what is written on it, and where its middle is, x and y in mm."""
+the plate's text, and the place of its middle, x and y in mm."""
 
 GOAL_VERIFIED = "GoalVerified"
 """Set by the Planner at the end of a plan with a plate to verify.
@@ -95,17 +97,17 @@ A `Verdict` (`colony/nav/missions/goal_verification.py`) as a number.
 """
 
 MARKER_BEARING = "MarkerBearing"
-"""Set by the marker finder: where the elevator's marker is seen, in degrees counterclockwise from ahead."""
+"""Set by the marker finder: the bearing of the elevator's marker, in degrees counterclockwise from ahead."""
 
 MARKER_FACING = "MarkerFacing"
-"""Set with it: how far the robot has to turn to face the doors squarely, in degrees counterclockwise."""
+"""Set with it: the turn that makes the robot face the doors squarely, in degrees counterclockwise."""
 
 MARKER_DISTANCE = "MarkerDistance"
-"""Set with it: how far the robot's middle is from the marker's, in mm."""
+"""Set with it: the distance of the robot's middle from the marker's, in mm."""
 
 ELEVATOR_CALL = "ElevatorCall"
 """Set by the Planner before a ride: a list of the elevator's node, the name of the map of this floor and of
-the other one. Empty when the ride is over."""
+the other one. Empty after the ride."""
 
 FLOOR_REACHED = "FloorReached"
 """Set by the operator of the buttons: 1 when the elevator stands at the other floor, else 0."""

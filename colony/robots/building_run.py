@@ -12,9 +12,9 @@ from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
 from colony.robots.driven_path import DrivenPath
-from colony.robots.expected import longest_ns
+from colony.robots.expected import time_limit_ns
 from colony.robots.recording import RunRecording, is_mcap, recording_into
-from colony.robots.request import Attendant, Driven, MisuseError, RunRequest
+from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
 from colony.robots.variants import OURS
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.observe.observer import FrameLog
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from colony.robots.mission import Mission
 
 
-def run_in_building(compiled: Compiled, request: RunRequest, attendant: Attendant) -> Driven:
-    """Run a program to the end, or until it is interrupted; return the result of the run and its way.
+def run_in_building(compiled: Compiled, request: RunRequest, ui: UserInterface) -> RunReport:
+    """Run a program to the end, or until it is interrupted; return the result of the run.
 
     Raises:
-        MisuseError: the robot has no room in the building, the way does not exist, or no recording can be
+        MisuseError: the robot has no room in the building, the route does not exist, or no recording can be
             written.
         DiagnosticError: the map is invalid (codes beginning with M), or the program needs something that the
             robot lacks.
@@ -39,9 +39,9 @@ def run_in_building(compiled: Compiled, request: RunRequest, attendant: Attendan
     mission = None
     if request.goal is not None:
         from colony.robots.mission import Mission
-        from colony.robots.way import way_of
+        from colony.robots.route import planned_route
 
-        mission = Mission(way_of(request), request)
+        mission = Mission(planned_route(request), request)
     clock = VirtualClock()
     floors, plant, path = _building(request, mission, clock)
     tally = Tally(compiled)
@@ -59,7 +59,7 @@ def run_in_building(compiled: Compiled, request: RunRequest, attendant: Attendan
     if request.record is not None:
         recording = recording_into(request.record, compiled, seed=request.seed)
         session.add(recording)
-    interrupted = _run(session, request, attendant, mission, recording)
+    interrupted = _run(session, request, ui, mission, recording)
     summary = tally.summary(
         seed=request.seed,
         duration_s=clock() / 1e9,
@@ -68,7 +68,9 @@ def run_in_building(compiled: Compiled, request: RunRequest, attendant: Attendan
     )
     if recording is not None:
         summary = replace(summary, broke_off=recording.broken_off)
-    return Driven(summary, None if mission is None else mission.arrival(clock()), floors, path.places)
+    return RunReport(
+        summary, None if mission is None else mission.mission_result(clock()), floors, path.places
+    )
 
 
 def _building(
@@ -93,7 +95,7 @@ def _building(
 def _run(
     session: VirtualSession,
     request: RunRequest,
-    attendant: Attendant,
+    ui: UserInterface,
     mission: Mission | None,
     recording: RunRecording | None,
 ) -> bool:
@@ -104,14 +106,14 @@ def _run(
     length_ns = request.length_ns
     if length_ns is None:
         assert mission is not None
-        length_ns = longest_ns(mission.plan, OURS.mm_s)
-    session.add(attendant.progress(length_ns))
+        length_ns = time_limit_ns(mission.plan, OURS.mm_s)
+    session.add(ui.progress(length_ns))
 
     def over() -> bool:
         broken_off = recording is not None and recording.broken_off is not None
         return broken_off or (mission is not None and mission.is_over())
 
-    with attendant.interruptible() as interrupted:
+    with ui.interruptible() as interrupted:
         try:
             pace = wall_clock() if request.realtime else None
             session.run(length_ns, stop=lambda: interrupted() or over(), pace=pace)
@@ -126,7 +128,7 @@ def _run(
 
 
 def wall_clock() -> Callable[[int], None]:
-    """Return a pace that sleeps until the wall clock has reached a moment."""
+    """Return a function that sleeps until the wall clock has reached a time of the run."""
     start = time.monotonic_ns()
 
     def pace(t_ns: int) -> None:

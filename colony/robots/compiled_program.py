@@ -1,4 +1,4 @@
-"""Compiled programs with the files of their Python modules: created from a program, and read."""
+"""Compiled programs with the files of their Python modules: compilation and reading."""
 
 from __future__ import annotations
 

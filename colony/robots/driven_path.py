@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 
-MOST_PLACES = 10_000
+MAX_PLACES = 10_000
 """Largest number of places; beyond it every second place is dropped."""
 
 SPACING_MM = 10.0
-"""Initial distance between two places in mm; it doubles whenever places are dropped."""
+"""Initial distance between two places in mm; it doubles each time places are dropped."""
 
 
 class DrivenPath:
     """A path with bounded memory. Mutable: its places, of which the last is always the newest."""
 
-    def __init__(self, *, most: int = MOST_PLACES) -> None:
-        self._most = most
+    def __init__(self, *, max_places: int = MAX_PLACES) -> None:
+        self._most = max_places
         self._spacing_mm = SPACING_MM
         self.places: list[tuple[float, float]] = []
 

@@ -1,28 +1,28 @@
-"""The expected time of a plan, the longest time of a run, and the radius of its goal."""
+"""The expected time of a plan, the time limit of a run, and the radius of its goal."""
 
 from __future__ import annotations
 
 from colony.nav.plan.plan import Plan
 
 CORNER_S = 10.0
-"""Seconds for a corner besides the way, and for the beginning and the end of a plan together."""
+"""Additional seconds for a corner, and for the beginning and the end of a plan together."""
 
 RIDE_S = 60.0
-"""Seconds for an elevator: the wait, its doors, the ride, the way in and out."""
+"""Seconds for an elevator ride, including the wait, the doors, and driving in and out."""
 
-PATIENCE = 3.0
-"""Largest multiple of the expected time that a run may take."""
+TIME_LIMIT_FACTOR = 3.0
+"""Time limit of a run, in multiples of its expected time."""
 
-AT_GOAL_MM = 1000.0
-"""Distance from the goal in mm beyond which a robot has not reached it, whatever it believes."""
+GOAL_RADIUS_MM = 1000.0
+"""Largest true distance in mm at which the goal counts as reached."""
 
 
 def expected_s(plan: Plan, mm_s: float) -> float:
     """Return the time in seconds of a plan without incidents, at a mean speed of `mm_s`."""
     turns_s = CORNER_S * (plan.modes.count("c") + 1)
-    return plan.way_mm / mm_s + turns_s + RIDE_S * plan.modes.count("v")
+    return plan.travel_mm / mm_s + turns_s + RIDE_S * plan.modes.count("v")
 
 
-def longest_ns(plan: Plan, mm_s: float) -> int:
+def time_limit_ns(plan: Plan, mm_s: float) -> int:
     """Return the time limit of a simulated run, in nanoseconds."""
-    return round(PATIENCE * expected_s(plan, mm_s) * 1e9)
+    return round(TIME_LIMIT_FACTOR * expected_s(plan, mm_s) * 1e9)

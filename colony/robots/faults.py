@@ -1,10 +1,10 @@
-"""Runs in virtual time with faults: processes die, freeze and restart; messages are lost, late or doubled.
+"""Runs in virtual time with faults: processes die, freeze and restart; messages get lost, late or doubled.
 
 Every command that leaves arbitration must be the reference interpreter's for that frame, or the idle one. The
 frames are reconstructed from the network traffic: the frames that servers published, and the Clock's ticks.
-Within an epoch they are consecutive, and the interpreter restarts with each epoch. If a server died while one
-of its frames was on its way, some clients may have received a frame that others did not, and that the Clock
-then declared void; either frame counts as the true one until a new epoch begins.
+Within an epoch they are consecutive, and the interpreter restarts with each epoch. If a server died while
+sending a frame, some clients may have received a frame that others did not, and that the Clock then declared
+void; both possibilities are accepted until a new epoch begins.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from colony.compile.pipeline import Compilation
 from colony.execute.compiled import Compiled
 from colony.ir.frame import Decision, Frame, Outcome, Reading
 from colony.ir.program import Actuator, Program, in_declared_units
-from colony.robots.scripted import SENSING, ScriptedRobot, Sent
+from colony.robots.scripted import SENSOR_SERVERS, ScriptedRobot, SentCommand
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Message, ServerFrame, Tick
 from colony.runtime.protocol.topics import activity, module_of
-from colony.runtime.transport.faults import Faults, Rates
+from colony.runtime.transport.faults import FaultRates, Faults
 from colony.runtime.transport.virtual import Delay, VirtualClock
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import Disagreement
@@ -30,55 +30,55 @@ from colony.verify.testing.agreement import Disagreement
 MS = 1_000_000
 FRAMES = 24
 """Frames of a run; the last few are without faults."""
-QUIET = 4
+QUIET_FRAMES = 4
 
 
 def with_faults(compilation: Compilation, trace: Sequence[Frame], seed: int) -> Disagreement | None:
     """Run a program over the readings of `trace`, cyclically, with faults from `seed`.
 
-    Frames are longer than the program says, so that losses show within a few of them.
+    Frames are longer than in the program, so that losses become visible within a few of them.
     """
     random = Random(seed)
     frame_ns = random.choice((250, 250, 100)) * MS
-    stage = _Stage(replace(compilation.compiled, frame_ns=frame_ns), trace, seed, random)
+    faulty_run = _FaultyRun(replace(compilation.compiled, frame_ns=frame_ns), trace, seed, random)
     try:
-        stage.run()
+        faulty_run.run()
     except Exception as raised:  # any exception of a process is a finding
-        frame = Frame(stage.now_ns, {})
+        frame = Frame(faulty_run.now_ns, {})
         found = f"a process raised {type(raised).__name__}: {raised}"
         return Disagreement(executor="", trace=(frame,), expected=Outcome(()), found=found)
-    return _judged(compilation.program, stage)
+    return _first_disagreement(compilation.program, faulty_run)
 
 
 # --- the run ---------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
+class _Traffic:
     """The recorded network traffic."""
 
     ticks: dict[int, Tick] = field(default_factory=dict)
     frames: dict[tuple[str, int], ServerFrame] = field(default_factory=dict)
     void: set[tuple[str, int]] = field(default_factory=set)
 
-    def note(self, message: Message) -> None:
+    def record(self, message: Message) -> None:
         match message:
             case Tick():
                 self.ticks.setdefault(message.k, message)
                 self.void.update(message.void)
-            case ServerFrame() if message.server in SENSING:
+            case ServerFrame() if message.server in SENSOR_SERVERS:
                 self.frames.setdefault((message.server, message.k), message)
             case _:
                 pass
 
 
-class _Stage:
+class _FaultyRun:
     """A run with faults. Mutable: the live processes, and their observed messages."""
 
     def __init__(self, compiled: Compiled, trace: Sequence[Frame], seed: int, random: Random) -> None:
         self._frame_ns = compiled.frame_ns
-        self._faulty_ns = (FRAMES - QUIET) * self._frame_ns
-        self.seen = _Seen()
+        self._faulty_ns = (FRAMES - QUIET_FRAMES) * self._frame_ns
+        self.traffic = _Traffic()
         self._clock = VirtualClock()
         self._faults = self._link(seed, random)
         self.robot = ScriptedRobot(
@@ -86,7 +86,7 @@ class _Stage:
             lambda tick: trace[tick.k % len(trace)].readings,
             clock=self._clock,
             seed=seed,
-            link=self._noting,
+            link=self._record_and_delay,
         )
         self.robot.start()
         self._plan(random)
@@ -100,17 +100,19 @@ class _Stage:
         self.robot.observer.close()
 
     def _link(self, seed: int, random: Random) -> Faults:
-        """Return faults that end with the quiet frames and spare the observer."""
+        """Return faults that end before the quiet frames, and spare the observer."""
         share = random.choice((0.0, 0.3, 1.0, 2.0))
-        rates = Rates(lost=0.02 * share, doubled=0.02 * share, late=0.03 * share, reordered=0.1 * share)
+        rates = FaultRates(
+            lost=0.02 * share, duplicated=0.02 * share, late=0.03 * share, reordered=0.1 * share
+        )
 
         def spared(sender: str, receiver: str, message: Message) -> bool:
             return receiver == self.robot.observer.address or self._clock.now_ns >= self._faulty_ns
 
-        return Faults(seed, rates, spares=spared)
+        return Faults(seed, rates, exempt=spared)
 
-    def _noting(self, sender: str, receiver: str, message: Message) -> Delay:
-        self.seen.note(message)
+    def _record_and_delay(self, sender: str, receiver: str, message: Message) -> Delay:
+        self.traffic.record(message)
         return self._faults(sender, receiver, message)
 
     def _plan(self, random: Random) -> None:
@@ -129,50 +131,63 @@ class _Stage:
 
 
 @dataclass(frozen=True, slots=True)
-class _Path:
+class _ReferenceRun:
     """The frames of an epoch, and the reference interpreter's outcomes."""
 
     frames: tuple[Frame, ...]
     outcomes: tuple[Outcome, ...]
 
 
-def _judged(program: Program, stage: _Stage) -> Disagreement | None:
+def _first_disagreement(program: Program, faulty_run: _FaultyRun) -> Disagreement | None:
     """Return the first command that the reference would not have sent, or the monitor's first finding."""
     actuators = {a.name: a for a in program.robot.actuators}
-    sent: dict[int, list[Sent]] = {}
-    for one in stage.robot.sent:
-        sent.setdefault(one.k, []).append(one)
-    places: dict[int, tuple[_Path, int, frozenset[str]]] = {}
-    for epoch in _epochs(stage.seen.ticks):
-        paths = [_path(program, stage.seen, epoch, void_counts=True)]
-        if any((s, t.k) in stage.seen.void & stage.seen.frames.keys() for t in epoch for s in SENSING):
-            paths.append(_path(program, stage.seen, epoch, void_counts=False))
-        unjudged = _unjudged(stage, actuators.values(), epoch)
+    sent: dict[int, list[SentCommand]] = {}
+    for command in faulty_run.robot.sent:
+        sent.setdefault(command.k, []).append(command)
+    places: dict[int, tuple[_ReferenceRun, int, frozenset[str]]] = {}
+    for epoch in _epochs(faulty_run.traffic.ticks):
+        paths = [_path(program, faulty_run.traffic, epoch, void_counts=True)]
+        if any(
+            (s, t.k) in faulty_run.traffic.void & faulty_run.traffic.frames.keys()
+            for t in epoch
+            for s in SENSOR_SERVERS
+        ):
+            paths.append(_path(program, faulty_run.traffic, epoch, void_counts=False))
+        unpredictable = _unpredictable(faulty_run, actuators.values(), epoch)
         for i, tick in enumerate(epoch):
-            places[tick.k] = paths[0], i, unjudged
-            for one in sent.get(tick.k, ()):
-                if one.actuator in unjudged:
+            places[tick.k] = paths[0], i, unpredictable
+            for command in sent.get(tick.k, ()):
+                if command.actuator in unpredictable:
                     continue
-                due = [d for p in paths for d in p.outcomes[i].decisions if d.actuator == one.actuator]
-                if not _allowed(one, due, actuators[one.actuator]):
-                    return _disagreement(paths[0], i, f"{one.actuator}: {_shown(one)} left arbitration")
-    for log in stage.robot.log.frames:
+                expected = [
+                    d for p in paths for d in p.outcomes[i].decisions if d.actuator == command.actuator
+                ]
+                if not _allowed(command, expected, actuators[command.actuator]):
+                    return _disagreement(
+                        paths[0], i, f"{command.actuator}: {_command_text(command)} left arbitration"
+                    )
+    for log in faulty_run.robot.log.frames:
         if log.tick.k in places:
-            path, i, unjudged = places[log.tick.k]
-            said = [text for text in log.disagreements if text.partition(":")[0] not in unjudged]
+            path, i, unpredictable = places[log.tick.k]
+            said = [text for text in log.disagreements if text.partition(":")[0] not in unpredictable]
             if said:
                 return _disagreement(path, i, f"the monitor says {'; '.join(said)}")
     return None
 
 
-def _unjudged(stage: _Stage, actuators: Iterable[Actuator], epoch: list[Tick]) -> frozenset[str]:
+def _unpredictable(
+    faulty_run: _FaultyRun, actuators: Iterable[Actuator], epoch: list[Tick]
+) -> frozenset[str]:
     """Return the actuators whose expected commands are unknown.
 
-    With `on_loss degrade`, a Python module without a known answer counts as inactive for others. So the
-    expected command is unknown if an announcer or DServer was down.
+    With `on_loss degrade`, a Python module without a known answer counts as inactive for other clients. The
+    expected command is therefore unknown if an announcer or DServer was down.
     """
-    tellers = {DSERVER.name, *(activity(DSERVER.name, module) for module in stage.robot.deployed.announced)}
-    blind = stage.robot.deployed.announced and any(tellers & set(tick.down) for tick in epoch)
+    sources = {
+        DSERVER.name,
+        *(activity(DSERVER.name, module) for module in faulty_run.robot.deployed.announced),
+    }
+    blind = faulty_run.robot.deployed.announced and any(sources & set(tick.down) for tick in epoch)
     return frozenset(a.name for a in actuators if blind and a.on_loss == "degrade")
 
 
@@ -185,34 +200,40 @@ def _epochs(ticks: Mapping[int, Tick]) -> Iterator[list[Tick]]:
     yield from by_start.values()
 
 
-def _path(program: Program, seen: _Seen, epoch: list[Tick], *, void_counts: bool) -> _Path:
+def _path(program: Program, traffic: _Traffic, epoch: list[Tick], *, void_counts: bool) -> _ReferenceRun:
     """Return the reference's outcomes in an epoch; with `void_counts`, void frames are "no value"."""
     interpreter = Interpreter(program)
     degrading = any(a.on_loss == "degrade" for a in program.robot.actuators)
     frames, outcomes = [], []
     for tick in epoch:
         readings: dict[str, Reading] = {}
-        for server in SENSING:
-            at = (server, tick.k)
-            if server not in tick.down and at in seen.frames and not (void_counts and at in seen.void):
-                readings |= {n: s.value for n, s in seen.frames[at].fields.items() if s is not None}
+        for server in SENSOR_SERVERS:
+            key = (server, tick.k)
+            if (
+                server not in tick.down
+                and key in traffic.frames
+                and not (void_counts and key in traffic.void)
+            ):
+                readings |= {n: s.value for n, s in traffic.frames[key].fields.items() if s is not None}
         frames.append(Frame(tick.t_ns, readings))
         lost = frozenset(map(module_of, tick.lost)) if degrading else frozenset[str]()
         outcomes.append(interpreter.step(frames[-1], lost))
-    return _Path(tuple(frames), tuple(outcomes))
+    return _ReferenceRun(tuple(frames), tuple(outcomes))
 
 
-def _allowed(one: Sent, due: Sequence[Decision], actuator: Actuator) -> bool:
-    if one.by is None:
-        return repr(one.values) == repr(in_declared_units(actuator.idle, actuator.fields))
-    return repr((one.by, one.values, one.fault)) in [repr((d.by, d.values, d.fault)) for d in due]
+def _allowed(command: SentCommand, expected: Sequence[Decision], actuator: Actuator) -> bool:
+    if command.by is None:
+        return repr(command.values) == repr(in_declared_units(actuator.idle, actuator.fields))
+    return repr((command.by, command.values, command.fault)) in [
+        repr((d.by, d.values, d.fault)) for d in expected
+    ]
 
 
-def _disagreement(path: _Path, at: int, found: str) -> Disagreement:
+def _disagreement(path: _ReferenceRun, at: int, found: str) -> Disagreement:
     return Disagreement(
         executor="", trace=path.frames[: at + 1], expected=path.outcomes[at], found=f"with faults: {found}"
     )
 
 
-def _shown(one: Sent) -> str:
-    return f"{one.by or 'nobody'} {one.values}" + (f" ({one.fault})" if one.fault else "")
+def _command_text(command: SentCommand) -> str:
+    return f"{command.by or 'nobody'} {command.values}" + (f" ({command.fault})" if command.fault else "")

@@ -27,7 +27,7 @@ from colony.runtime.library import camera, data, robot
 from colony.runtime.library.ask import Ask
 from colony.vision.level_camera import AHEAD, SIDE
 
-DEVICE_S = 10.0
+DEVICE_TIMEOUT_S = 10.0
 """Timeout in seconds for a device that may be about to start."""
 
 
@@ -38,23 +38,23 @@ class CameraMissingError(RobotConnectionError):
 class LiveMission:
     """The scripts that lead a robot along a plan, from `__enter__` on. Mutable: their progress.
 
-    The robot must stand before the first room; its base is set to that position. At the end the robot has no
-    goal, because no script is left to set the next one. It needs the camera that looks up; those that look to
-    the left and ahead are used if the robot has them, with images of the size that their finders expect.
+    The robot must stand before the first room; its base is set to that position. At the end the goal is
+    cleared, because no script is left to set the next one. The robot needs the camera that looks up. Cameras
+    that look to the left and ahead are used if they have images of the size that the finders expect.
 
     Args:
-        session: the process's session with the robot.
+        session: the session with the robot.
         building: the building that the robot is in.
-        plan: the way to its goal.
-        operator: the script that has elevator buttons pressed; by default none, and the robot relies on what
-            it sees.
+        plan: the path to its goal.
+        operator: the script that gets elevator buttons pressed; by default none, and the robot relies on its
+            sensors.
     """
 
     def __init__(
         self, session: Session, building: Building, plan: Plan, *, operator: Script | None = None
     ) -> None:
         self._session, self._building, self._plan = session, building.part(plan.floors), plan
-        self._operator = operator or nobody()
+        self._operator = operator or no_operator()
         self._scripts: LiveScripts | None = None
         self._began_s = time.monotonic()
         self.took_s = 0.0
@@ -112,24 +112,24 @@ class LiveMission:
         with self._session.connect("DServer", name=PLANNER) as store:
             store.do(data.set_many({FLOOR: first.start.floor, ELEVATOR_CALL: []}))
         with self._session.connect("RServer", name=PLANNER) as base:
-            _once_there(base, robot.position())
+            _retry_until_available(base, robot.position())
             base.do(robot.set_position(first.start.x_mm, first.start.y_mm, first.heading_deg))
         try:
-            with self._session.connect(CEILING_CAMERA, name=PLANNER) as eye:
-                _once_there(eye, camera.size())
+            with self._session.connect(CEILING_CAMERA, name=PLANNER) as camera_server:
+                _retry_until_available(camera_server, camera.size())
         except ServerNotFoundError as problem:
             hint = f"it finds its way by ceiling lights: serve it with `--camera {CEILING_CAMERA}=up`"
             raise CameraMissingError(f"{problem}; {hint}") from None
 
     def _cameras(self) -> frozenset[str]:
         """Return the robot's cameras that the scripts can use."""
-        there = {CEILING_CAMERA}
+        available = {CEILING_CAMERA}
         for name, geometry in ((SIDE_CAMERA, SIDE), (FRONT_CAMERA, AHEAD)):
-            with suppress(RobotConnectionError), self._session.connect(name, name=PLANNER) as eye:
-                size = eye.do(camera.size())
+            with suppress(RobotConnectionError), self._session.connect(name, name=PLANNER) as camera_server:
+                size = camera_server.do(camera.size())
                 if (size.width, size.height) == (geometry.columns, geometry.rows):
-                    there.add(name)
-        return frozenset(there)
+                    available.add(name)
+        return frozenset(available)
 
     def _verified(self, verdict: Verdict) -> None:
         self.verdict = verdict
@@ -143,17 +143,17 @@ class LiveMission:
         self.off_mm = math.hypot(here.x - goal.x_mm, here.y - goal.y_mm)
 
 
-def nobody() -> Script:
+def no_operator() -> Script:
     """Set `FloorReached`, in place of an operator.
 
-    A value left by an earlier operator would hold the robot back inside an elevator.
+    A value left by an earlier operator would keep the robot inside an elevator.
     """
     yield from do("DServer", data.set(FLOOR_REACHED, 1))
 
 
-def _once_there(server: Connection, ask: Ask[Any]) -> None:
+def _retry_until_available(server: Connection, ask: Ask[Any]) -> None:
     """Repeat a call until it succeeds: the device may have just been started."""
-    end = time.monotonic() + DEVICE_S
+    end = time.monotonic() + DEVICE_TIMEOUT_S
     while True:
         try:
             server.do(ask)

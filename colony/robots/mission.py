@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 
 from colony.nav.missions.goal_verification import Verdict
-from colony.robots.expected import AT_GOAL_MM
-from colony.robots.request import Arrival, RunRequest
+from colony.robots.expected import GOAL_RADIUS_MM
+from colony.robots.request import MissionResult, RunRequest
+from colony.robots.route import PLATE_TEXTS, Route
 from colony.robots.run_cameras import run_cameras
 from colony.robots.variants import CEILING_CAMERA, FRONT_CAMERA, OURS, PLANNER, SIDE_CAMERA
-from colony.robots.way import TOLD_OF_PLATE, Way
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER
 from colony.runtime.protocol.messages import Node
@@ -27,13 +27,13 @@ _AFTER_NS = 1_000_000
 
 
 class Mission:
-    """A way through a building to be driven. Mutable: the building, and the progress of its scripts."""
+    """A route through a building to be driven. Mutable: the building, and the progress of its scripts."""
 
-    def __init__(self, way: Way, request: RunRequest) -> None:
-        self._way, self.plan = way, way.plan
+    def __init__(self, route: Route, request: RunRequest) -> None:
+        self._route, self.plan = route, route.plan
         self.site = Site(
-            way.building,
-            way.plan,
+            route.building,
+            route.plan,
             Hazards.none() if request.hazards is None else Hazards(),
             seed=request.hazards or 0,
             noise_seed=request.seed,
@@ -42,7 +42,7 @@ class Mission:
         self._verdict = Verdict.UNSEEN
         scripts = {
             **OURS.scripts(
-                way.plan, self.site.building, cameras=frozenset(_CAMERAS), on_verdict=self._verified
+                route.plan, self.site.building, cameras=frozenset(_CAMERAS), on_verdict=self._verified
             ),
             "operator": operator(self.site.elevators, self.site.world, seed=request.seed),
         }
@@ -71,19 +71,23 @@ class Mission:
         """Return True if the planner is done, or a script has failed."""
         return self._scripts[PLANNER].ended or bool(self.problem)
 
-    def arrival(self, t_ns: int) -> Arrival:
+    def mission_result(self, t_ns: int) -> MissionResult:
         """Return the result of the mission."""
         where, when = self._place(), f"after {t_ns / 1e9:.1f} s"
         if self.problem:
-            return Arrival(arrived=False, text=f"{self._way.name}: broke off {when}, {where}: {self.problem}")
+            return MissionResult(
+                arrived=False, text=f"{self._route.name}: broke off {when}, {where}: {self.problem}"
+            )
         if not self._scripts[PLANNER].ended:
-            return Arrival(arrived=False, text=f"{self._way.name}: not done {when}, {where}")
+            return MissionResult(arrived=False, text=f"{self._route.name}: not done {when}, {where}")
         if not self._is_at_goal():
-            return Arrival(arrived=False, text=f"{self._way.name}: the planner was done {when}, {where}")
+            return MissionResult(
+                arrived=False, text=f"{self._route.name}: the planner was done {when}, {where}"
+            )
         speed = self.plan.distance_mm / (t_ns / 1e9) * 0.06
         driven = f"{self.plan.distance_mm / 1000:.1f} m, {speed:.1f} m/min"
-        arrived = f"{self._way.name}: arrived {when}, {where}; {driven}{TOLD_OF_PLATE[self._verdict]}"
-        return Arrival(arrived=True, text=arrived)
+        arrived = f"{self._route.name}: arrived {when}, {where}; {driven}{PLATE_TEXTS[self._verdict]}"
+        return MissionResult(arrived=True, text=arrived)
 
     def _verified(self, verdict: Verdict) -> None:
         self._verdict = verdict
@@ -98,7 +102,7 @@ class Mission:
         return math.hypot(pose.x_mm - goal.x_mm, pose.y_mm - goal.y_mm)
 
     def _is_at_goal(self) -> bool:
-        return self.site.floor == self._goal_floor and self._off_mm() <= AT_GOAL_MM
+        return self.site.floor == self._goal_floor and self._off_mm() <= GOAL_RADIUS_MM
 
     def _place(self) -> str:
         if self.site.floor != self._goal_floor:

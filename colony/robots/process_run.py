@@ -1,4 +1,4 @@
-"""A run of a program by processes: its clients, and servers that are started with them or run already."""
+"""A run of a program in processes: its clients, and servers that are started with them or already running."""
 
 from __future__ import annotations
 
@@ -16,14 +16,21 @@ from typing import TYPE_CHECKING
 from colony.execute.compiled import Compiled
 from colony.ir.program import Robot
 from colony.os_errors import naming
-from colony.robots.finding import running_robots, session_with
+from colony.robots.discovery import running_robots, session_with
 from colony.robots.recording import RunRecording, recording_into
-from colony.robots.request import Arrival, Attendant, Driven, MisuseError, RunAbortedError, RunRequest
+from colony.robots.request import (
+    MissionResult,
+    MisuseError,
+    RunAbortedError,
+    RunReport,
+    RunRequest,
+    UserInterface,
+)
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.jobs import client_jobs, expect_room, fresh_folder, keep_logs
+from colony.runtime.assembly.processes.jobs import check_disk_room, client_jobs, fresh_folder, keep_logs
 from colony.runtime.assembly.processes.run import LedRun, RunFailedError
-from colony.runtime.assembly.processes.standings import Standings
+from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
 from colony.runtime.protocol.bindings import bind
@@ -35,33 +42,33 @@ from colony.runtime.transport.live.run_directory import in_run_directory
 
 if TYPE_CHECKING:  # not every run plans or leads a mission
     from colony.robots.live_mission import LiveMission
-    from colony.robots.way import Way
+    from colony.robots.route import Route
 
-PLANT_S = 120.0
+PLANT_START_TIMEOUT_S = 120.0
 """Timeout in seconds for the simulator to start; without a cache it is compiled first."""
 
 
-def run_here(compiled: Compiled, place: Local, request: RunRequest, attendant: Attendant) -> Driven:
+def run_simulated(compiled: Compiled, place: Local, request: RunRequest, ui: UserInterface) -> RunReport:
     """Run a program on a simulated robot: start servers, clients and the plant, and end them with the run.
 
     Raises:
-        MisuseError: the way does not exist, or no recording can be written.
+        MisuseError: the route does not exist, or no recording can be written.
         DiagnosticError: the map is invalid (codes beginning with M), or the program needs something that the
             robot lacks.
         LiveError: the robot's processes cannot be joined; for example, another run of it is in progress.
         RunAbortedError: the run could not begin, or broke off.
     """
     from colony.nav.maps.stickrep.reader import load_map
-    from colony.robots.simulated import CompilingNotice, SimulatedRobot, TruthLog, jobs_of
+    from colony.robots.simulated import CompilationNotice, SimulatedRobot, TruthLog, jobs_of
 
     assert request.map_path is not None
-    way = _way_here(request) if request.goal is not None else None
-    run = _Run(compiled, place, request, attendant, way)
-    looking = dict(request.cameras)
-    if way is not None:
+    route = _single_floor_route(request) if request.goal is not None else None
+    run = _Run(compiled, place, request, ui, route)
+    cameras = dict(request.cameras)
+    if route is not None:
         from colony.robots.variants import CEILING_CAMERA
 
-        looking = {CEILING_CAMERA: "up", **looking}
+        cameras = {CEILING_CAMERA: "up", **cameras}
     building = load_map(request.map_path)
     truth = TruthLog(place)
     with run.led() as led:
@@ -69,85 +76,89 @@ def run_here(compiled: Compiled, place: Local, request: RunRequest, attendant: A
             map_path=request.map_path,
             seed=request.seed,
             state=run.folder,
-            cameras=looking,
+            cameras=cameras,
             fsync=request.fsync,
-            start=None if way is None else way.start,
+            start=None if route is None else route.start,
             hazards=request.hazards,
             held=request.held,
         )
         with in_run_directory(run.folder):
             jobs = (*jobs_of(place, robot, run.folder), *run.client_jobs())
-            expect_room(run.folder, len(jobs))
+            check_disk_room(run.folder, len(jobs))
         led.start(jobs)
-        notice = CompilingNotice(place, jobs[0].log, attendant.report)
+        notice = CompilationNotice(place, jobs[0].log, ui.report)
 
         def simulated() -> bool:
             notice.look()
             return truth.look()
 
-        begun = led.wait_for(simulated, run.stop, what="the simulator starts", most_s=PLANT_S)
+        begun = led.wait_for(
+            simulated, run.stop, what="the start of the simulator", timeout_s=PLANT_START_TIMEOUT_S
+        )
         interrupted = not begun or run.follow(led, meanwhile=truth.look)
         travel = truth.travel
         truth.close()
-    arrival = run.arrival(truth.places[-1] if truth.places else None)
-    return Driven(run.summary(interrupted, travel), arrival, (building,), {building.name: truth.places})
+    mission_result = run.mission_result(truth.places[-1] if truth.places else None)
+    return RunReport(
+        run.summary(interrupted, travel), mission_result, (building,), {building.name: truth.places}
+    )
 
 
-def run_there(compiled: Compiled, place: Place, request: RunRequest, attendant: Attendant) -> Driven:
-    """Run a program on a robot whose servers run already, on this machine or behind a gateway.
+def run_served(compiled: Compiled, place: Place, request: RunRequest, ui: UserInterface) -> RunReport:
+    """Run a program on a robot that is already running, on this machine or behind a gateway.
 
     Raises:
-        MisuseError: the robot does not run on this machine, or the way does not exist.
-        others: as `run_here`.
+        MisuseError: the robot does not run on this machine, or the route does not exist.
+        others: as `run_simulated`.
     """
     if isinstance(place, Local) and not place.directory.running():
         robots = ", ".join(running_robots()) or "none"
         raise MisuseError(
-            f"colony: error: nothing of `{place.robot}` runs on this machine (robots found: {robots}); "
+            f"colony: error: no process of `{place.robot}` runs on this machine (running robots: {robots}); "
             f"start it with `colony serve all --robot {place.robot} --map MAP`"
         )
-    way = None
+    route = None
     if request.goal is not None:
-        from colony.robots.way import way_of
+        from colony.robots.route import planned_route
 
-        way = way_of(request)
-    run = _Run(compiled, place, request, attendant, way)
+        route = planned_route(request)
+    run = _Run(compiled, place, request, ui, route)
     with run.led() as led:
         with _in_folder(place, run.folder):
             jobs = run.client_jobs()
-            expect_room(run.folder, len(jobs))
+            check_disk_room(run.folder, len(jobs))
         led.start(jobs)
         led.hold(request.held)
         interrupted = run.follow(led)
-    return Driven(run.summary(interrupted, None), run.arrival(None))
+    return RunReport(run.summary(interrupted, None), run.mission_result(None))
 
 
-def _way_here(request: RunRequest) -> Way:
-    """Return the way to drive; the simulator of processes has a single floor."""
-    from colony.robots.way import way_of
+def _single_floor_route(request: RunRequest) -> Route:
+    """Return the route to drive; with processes the simulator has a single floor."""
+    from colony.robots.route import planned_route
 
-    way = way_of(request)
-    if len(way.plan.floors) > 1:
-        floors = " to ".join(way.plan.floors)
+    route = planned_route(request)
+    if len(route.plan.floors) > 1:
+        floors = " to ".join(route.plan.floors)
         raise MisuseError(
-            f"{request.map_path}: error: the way leads from {floors}, and a simulated robot of processes "
-            "stays on its floor; leave out --processes to ride elevators"
+            f"{request.map_path}: error: the route leads from {floors}, but with --processes the simulated "
+            "robot stays on its floor; leave out --processes to ride elevators"
         )
-    return way
+    return route
 
 
 class _Run:
-    """The common part of both kinds of runs. Mutable: the observations of the run."""
+    """The common part of runs on simulated and on running robots. Mutable: the observations of the run."""
 
     def __init__(
-        self, compiled: Compiled, place: Place, request: RunRequest, attendant: Attendant, way: Way | None
+        self, compiled: Compiled, place: Place, request: RunRequest, ui: UserInterface, route: Route | None
     ) -> None:
         self._place = place
         self._request = request
-        self._attendant = attendant
-        self._way = way
+        self._ui = ui
+        self._route = route
         self._mission: LiveMission | None = None
-        self._compiled, more = compiled, _more_servers(compiled.robot, place)
+        self._compiled, more = compiled, _additional_servers(compiled.robot, place)
         self._bindings = bind(compiled.robot, (*SERVERS, *more))
         self._deployed = deployment(
             compiled,
@@ -157,11 +168,11 @@ class _Run:
             servers=tuple(server.name for server in more),
         )
         self._tally = Tally(compiled)
-        self._standings = Standings(self._deployed, file=os.path.abspath(request.file))
+        self._status_tracker = RunStatusTracker(self._deployed, file=os.path.abspath(request.file))
         self._window = Window(
             request.length_ns,
             frame_ns=compiled.frame_ns,
-            sinks=(self._tally, self._standings, attendant.progress(request.length_ns)),
+            sinks=(self._tally, self._status_tracker, ui.progress(request.length_ns)),
         )
         self._folder: Path | None = None
         self._recording: RunRecording | None = None
@@ -169,23 +180,23 @@ class _Run:
 
     @contextmanager
     def led(self) -> Iterator[LedRun]:
-        """Lead the run to the end of the `with`; its processes have ended then."""
-        with self._attendant.interruptible() as self._interrupted, ExitStack() as holds:
-            led = holds.enter_context(self._lead())
+        """Lead the run until the end of the `with`, when all its processes have ended."""
+        with self._ui.interruptible() as self._interrupted, ExitStack() as resources:
+            led = resources.enter_context(self._lead())
             self._folder = self._fresh_folder()
             if self._request.record is not None:
                 self._recording = self._begin_recording(self._request.record)
                 self._window.record(self._recording)
             try:
                 yield led
-                holds.close()
+                resources.close()
             except RunFailedError as problem:
                 raise RunAbortedError(str(problem)) from None
         if self._recording is not None:
             self._recording.expect_frames()
 
     def stop(self) -> bool:
-        """Return True if the run has to end early: it was interrupted, or its recording broke off."""
+        """Return True if the run must end early: it was interrupted, or its recording broke off."""
         return self._interrupted() or self._broke_off is not None
 
     @property
@@ -212,41 +223,41 @@ class _Run:
         )
 
     def follow(self, led: LedRun, *, meanwhile: Callable[[], object] = lambda: None) -> bool:
-        """Lead the run to its end, or to that of its way; return True if it was interrupted before."""
-        if self._way is None:
+        """Lead the run to its end, or to the end of its route; return True if it was interrupted before."""
+        if self._route is None:
             return not led.follow(self.stop, meanwhile=meanwhile)
         from colony.robots.live_mission import LiveMission
 
-        way, operator = self._way, None
-        if len(way.plan.floors) > 1:
-            operator = self._attendant.operator(way.building)
+        route, operator = self._route, None
+        if len(route.plan.floors) > 1:
+            operator = self._ui.operator(route.building)
         with session_with(self._place) as session:
-            self._mission = LiveMission(session, way.building, way.plan, operator=operator)
+            self._mission = LiveMission(session, route.building, route.plan, operator=operator)
             with self._mission as mission:
                 led.follow(lambda: self.stop() or mission.over, meanwhile=meanwhile)
                 return self.stop() and not mission.over
 
-    def arrival(self, place: tuple[float, float] | None) -> Arrival | None:
-        """Return the result of the way, None for a run without one.
+    def mission_result(self, place: tuple[float, float] | None) -> MissionResult | None:
+        """Return the result of the mission, None for a run without one.
 
         `place` is the robot's true place, if it is known.
         """
-        if self._way is None or self._mission is None:
+        if self._route is None or self._mission is None:
             return None
-        from colony.robots.way import TOLD_OF_PLATE
+        from colony.robots.route import PLATE_TEXTS
 
-        mission, name = self._mission, self._way.name
-        off_mm, by = mission.off_mm, " as it reckons"
+        mission, name = self._mission, self._route.name
+        off_mm, by = mission.off_mm, " by its odometry"
         if place is not None:
-            goal = self._way.plan.segments[-1].end
+            goal = self._route.plan.segments[-1].end
             off_mm, by = math.hypot(place[0] - goal.x_mm, place[1] - goal.y_mm), ""
         when, where = f"after {mission.took_s:.1f} s", f"{off_mm / 1000:.2f} m from the goal{by}"
         if mission.problem:
             text = f"{name}: broke off {when}, {where}: {mission.problem}"
         else:
             text = f"{name}: {'arrived' if mission.arrived else 'not done'} {when}, {where}"
-            text += TOLD_OF_PLATE[mission.verdict]
-        return Arrival(arrived=mission.arrived, text=text)
+            text += PLATE_TEXTS[mission.verdict]
+        return MissionResult(arrived=mission.arrived, text=text)
 
     def summary(self, interrupted: bool, travel: Travel | None) -> RunSummary:
         """Return the summary of the run."""
@@ -270,20 +281,20 @@ class _Run:
             servers,
             observer=observer,
             window=self._window,
-            standings=self._standings,
-            ended=self._tidy,
-            report=self._attendant.report,
+            status_tracker=self._status_tracker,
+            ended=self._clean_up,
+            report=self._ui.report,
         )
 
     def _fresh_folder(self) -> Path:
-        """Return an empty folder for the run; no other leader can be using it now."""
+        """Return an empty folder for the run, which no other leader can be using."""
         if isinstance(self._place, Local):
             folder = self._place.directory.path / "run"
             with in_run_directory(folder):
                 return fresh_folder(folder)
         return Path(mkdtemp(prefix="colony-run-"))
 
-    def _tidy(self) -> None:
+    def _clean_up(self) -> None:
         """Clean up after the processes: keep only their logs, and those only on the robot's machine."""
         if self._folder is not None:
             if isinstance(self._place, Local):
@@ -301,7 +312,7 @@ def _in_folder(place: Place, folder: Path) -> AbstractContextManager[None]:
     return in_run_directory(folder) if isinstance(place, Local) else naming(folder)
 
 
-def _more_servers(robot: Robot, place: Place) -> tuple[ServerSpec, ...]:
+def _additional_servers(robot: Robot, place: Place) -> tuple[ServerSpec, ...]:
     """Return the additional servers that the program's sensors read, by their own description.
 
     Servers that do not run, or do not describe themselves, are left out.

@@ -1,6 +1,6 @@
 """The files of a program's Python modules, with the modules that they import.
 
-Installed modules (the standard library, packages) are left out. Nothing is imported to find them.
+Installed modules (the standard library, packages) are left out. No module is imported in the search.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ def python_sources(names: Iterable[str], report: Callable[[str], None]) -> tuple
     `report` takes a warning about each file that cannot be read, which is left out.
     """
     found: dict[str, SourceFile] = {}
-    waiting, seen = list(names), set[str]()
-    while waiting:
-        name = waiting.pop()
-        if name in seen or name.partition(".")[0] == "colony":
+    pending, visited = list(names), set[str]()
+    while pending:
+        name = pending.pop()
+        if name in visited or name.partition(".")[0] == "colony":
             continue
-        seen.add(name)
+        visited.add(name)
         if "." in name:
-            waiting.append(name.rpartition(".")[0])
+            pending.append(name.rpartition(".")[0])
         spec = _find(name)
-        source = None if spec is None else _own(spec, report)
+        source = None if spec is None else _user_source(spec, report)
         if spec is not None and source is not None:
             found[source.place] = source
-            waiting += _imports(source.data, name, is_package=spec.submodule_search_locations is not None)
+            pending += _imports(source.data, name, is_package=spec.submodule_search_locations is not None)
     return tuple(found[place] for place in sorted(found))
 
 
@@ -66,7 +66,7 @@ def _find(name: str) -> ModuleSpec | None:
     return spec
 
 
-def _own(spec: ModuleSpec, report: Callable[[str], None]) -> SourceFile | None:
+def _user_source(spec: ModuleSpec, report: Callable[[str], None]) -> SourceFile | None:
     """Return the source of a module if it is a user's file; report one that cannot be read."""
     origin = Path(spec.origin) if spec.origin else None
     if origin is None or origin.suffix != ".py" or any(map(origin.resolve().is_relative_to, _INSTALLED)):
@@ -76,7 +76,7 @@ def _own(spec: ModuleSpec, report: Callable[[str], None]) -> SourceFile | None:
     try:
         return SourceFile(kind="python", place=place, data=read_file(origin, SOURCE_BYTES))
     except OSError as problem:
-        report(f"{origin}: warning: not in the recording: {reason(problem)}")
+        report(f"{origin}: warning: cannot be included in the recording: {reason(problem)}")
         return None
 
 

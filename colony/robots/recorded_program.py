@@ -23,7 +23,7 @@ def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
         DiagnosticError: A005, the recording does not have the whole program, or the program has errors.
     """
     if not any(s.place == run.program and s.kind == "behavior" for s in run.sources):
-        raise DiagnosticError([unusable(name, "the recording does not hold its program")])
+        raise DiagnosticError([unusable(name, "the recording does not contain its program")])
     try:
         for source in run.sources:
             path = folder / source.kind / source.place
@@ -35,16 +35,18 @@ def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
     root = folder / "behavior" / run.program
     tree = load_tree(root, run.program, shipped=root.parent / SHIPPED)
     inside = os.path.realpath(folder / "behavior")
-    strangers = [f.key for f in tree.files if not Path(f.key).is_relative_to(inside)]
-    if strangers:
-        raise DiagnosticError([unusable(name, f"its program imports `{strangers[0]}`, which is not in it")])
+    outside = [f.key for f in tree.files if not Path(f.key).is_relative_to(inside)]
+    if outside:
+        raise DiagnosticError(
+            [unusable(name, f"its program imports `{outside[0]}`, which the recording does not contain")]
+        )
     program, diagnostics = check_program(tree)
     if program is None:
         first = next(d for d in diagnostics if has_errors([d]))
-        raise DiagnosticError([unusable(name, f"its program does not check: {headline(first)}")])
+        raise DiagnosticError([unusable(name, f"its program has errors: {headline(first)}")])
     return program
 
 
 def unusable(name: str, message: str) -> Diagnostic:
     """Return A005: the reason why the program of the recording `name` cannot be used."""
-    return error("A005", Span(Source(name, ""), 0, 0), message, "name the behavior that was run as FILE")
+    return error("A005", Span(Source(name, ""), 0, 0), message, "give the behavior that was run as FILE")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from colony import __version__
-from colony.files import open_alone, reason
+from colony.files import open_exclusive, reason
 from colony.os_errors import limit_advice
 from colony.robots.request import MisuseError
 
@@ -28,10 +28,10 @@ def is_mcap(path: str | None) -> bool:
 class RunRecording:
     """The recording of a run, which may break off, for example when the disk is full.
 
-    A sink. Mutable: when it began, and why it broke off.
+    A sink. Mutable: its beginning, and the reason why it broke off.
 
     Args:
-        sink: writes the recording.
+        sink: the writer of the recording.
         path: the path of the file.
     """
 
@@ -62,12 +62,12 @@ class RunRecording:
 
     @property
     def broken_off(self) -> str | None:
-        """The length of a broken recording and the reason for its end, in words; None if it is complete."""
+        """The length of a truncated recording and the reason for its end; None if it is complete."""
         if self._problem is None:
             return None
         first_ns, last_ns = self._first_ns, self._sink.written_ns
         seconds = 0.0 if first_ns is None or last_ns is None else (last_ns - first_ns) / 1e9
-        return f"the recording {self._path} has only the first {seconds:.2f} s: {_why(self._problem)}"
+        return f"the recording {self._path} contains only the first {seconds:.2f} s: {_why(self._problem)}"
 
     def expect_frames(self) -> None:
         """Check that the first frame was written.
@@ -104,7 +104,7 @@ def recording_into(
         MisuseError: the file cannot be written, or another run is recording into it.
     """
     try:
-        opened = open_alone(path)
+        opened = open_exclusive(path)
         if not is_mcap(path):
             from colony.runtime.recordings.lines import Recording
 

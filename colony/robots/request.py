@@ -1,4 +1,4 @@
-"""The request for a run, the attendant who started it, and its result."""
+"""The request for a run, its user interface, and its result."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     from colony.nav.maps.building import Building
     from colony.nav.maps.stickrep.model import Map
     from colony.runtime.kit.script import Script
-    from colony.sim.plant.child import Look
+    from colony.sim.plant.child import ViewDirection
 
 
 class MisuseError(Exception):
-    """A named input cannot be used; the message is one line that begins with its name."""
+    """An input cannot be used; the message is one line that begins with the name of the input."""
 
 
 class RunAbortedError(Exception):
-    """A run of processes could not begin, or broke off; the message, of one line or several, says why."""
+    """A run could not begin, or broke off; the message, of one line or several, has the reason."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,18 +31,18 @@ class RunRequest:
     """The request for a run.
 
     Attributes:
-        file: the behavior, by its name for people.
-        map_path: the building; None for a robot that runs already.
+        file: the file of the behavior, as the user named it.
+        map_path: the map of the building; None for a robot that is already running.
         seed: the seed of chance and of the sensors' noise.
-        length_ns: the length of the run; None for one until it is interrupted, or its way is done.
-        held: variables of DServer, held as fresh as each frame.
-        realtime: True to keep a run in virtual time at the pace of the wall clock.
+        length_ns: the length of the run; None to run until it is interrupted, or its route is done.
+        held: variables of DServer that are kept at these values, and fresh in each frame.
+        realtime: True to run in virtual time no faster than the wall clock.
         record: the file of the recording; None for no recording.
         cameras: servers of cameras with their viewing directions; for runs of several processes.
         isolate: True to run each client in its own process; for runs of several processes.
-        fsync: True to make DServer's data survive a loss of power; for runs of several processes.
-        origin: the room where the way begins; None for no way.
-        goal: the room where the way ends; None for no way.
+        fsync: True to make DServer's data survive a power failure; for runs of several processes.
+        origin: the room where the route begins; None for no route.
+        goal: the room where the route ends; None for no route.
         hazards: the seed of the building's hazards; None for none.
     """
 
@@ -53,7 +53,7 @@ class RunRequest:
     held: Mapping[str, Value]
     realtime: bool = False
     record: str | None = None
-    cameras: Mapping[str, Look]
+    cameras: Mapping[str, ViewDirection]
     fsync: bool = False
     isolate: bool = False
     origin: str | None = None
@@ -62,14 +62,15 @@ class RunRequest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Attendant:
-    """The attendant of a run: it receives the run's reports, and may end it.
+class UserInterface:
+    """The user interface of a run, which receives its reports and may interrupt it.
 
     Attributes:
-        report: takes a description of each event, of one line or several; also from other threads.
+        report: takes the description of an event, of one line or several, from any thread.
         interruptible: returns a context in which the run may be interrupted; its value is a function that
             returns True if it was.
-        progress: returns a sink that follows a run of so many nanoseconds; None for one without an end.
+        progress: returns a sink that shows the progress of a run of so many nanoseconds; None for a run
+            without a fixed length.
         operator: returns a script that presses the buttons of a building's elevators.
     """
 
@@ -79,21 +80,21 @@ class Attendant:
     operator: Callable[[Building], Script]
 
 
-class Arrival(NamedTuple):
-    """The result of a way: `arrived`, a text for people, and the pictures of the other floors."""
+class MissionResult(NamedTuple):
+    """The result of a mission: `arrived`, a text for people, and the pictures of the other floors."""
 
     arrived: bool
     text: str
     pictures: tuple[str, ...] = ()
 
 
-class Driven(NamedTuple):
-    """The result of a run, and of its way if there was one.
+class RunReport(NamedTuple):
+    """The result of a run, and of its mission if there was one.
 
-    For a simulated robot it also has the floors, and the robot's true places on each, in mm.
+    For a simulated robot it also has the floors, and the robot's true places on each floor, in mm.
     """
 
     summary: RunSummary
-    arrival: Arrival | None
+    mission_result: MissionResult | None
     floors: tuple[Map, ...] = ()
     places: Mapping[str, Sequence[tuple[float, float]]] = {}

@@ -1,4 +1,4 @@
-"""The cameras of the robot of a run."""
+"""The simulated cameras of a robot."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ _LEVEL = {SIDE_CAMERA: SIDE, FRONT_CAMERA: AHEAD}
 
 
 def run_cameras(plant: Plant, site: Site, names: Iterable[str], *, seed: int) -> dict[str, CameraDriver]:
-    """Return the cameras of these names: the one that looks up, the one to the left, the one ahead.
+    """Return the cameras with these names; a robot has one that looks up, one to the left, and one ahead.
 
     Args:
         plant: the simulated robot.
         site: the building that it is in.
         names: the names of the cameras.
-        seed: the seed of the noise of the cameras that look along the floor.
+        seed: the seed of the noise of the level cameras.
 
     Raises:
-        ValueError: a robot has no such camera.
+        ValueError: the robot has no such camera.
     """
     return {name: SimulatedCamera(plant, _shutter(site, name, seed)) for name in sorted(names)}
 
@@ -52,6 +52,6 @@ def _level_eye(site: Site, name: str, seed: int) -> Callable[[], Camera]:
         above_floor_mm=geometry.height_mm,
     )
     radius_mm = site.world.config.radius_mm
-    return site.eyes(
+    return site.camera_per_floor(
         lambda floor, scenery: Camera(scene_of(floor, scenery), config, robot_radius_mm=radius_mm, seed=seed)
     )

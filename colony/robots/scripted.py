@@ -1,8 +1,8 @@
 """The processes of a robot for any program, in virtual time.
 
 DServer, clients, announcers and observer are the real ones; two servers publish given readings, and one takes
-all commands. Real servers serve a certain robot; these serve the sensors and actuators of every program, with
-readings of any kind, valid or not.
+all commands. Unlike real servers, these serve the sensors and actuators of every program, with any readings,
+valid or not.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
-from colony.runtime.protocol.deployment import ActuatorTable, Deployment, commanded_by
+from colony.runtime.protocol.deployment import ActuatorTable, Deployment, actuators_of
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Effect,
@@ -34,20 +34,20 @@ from colony.runtime.protocol.messages import (
     Tick,
     Wake,
 )
-from colony.runtime.servers.commanding import CommandDesk
+from colony.runtime.servers.commanding import CommandDispatcher
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.store.store import MemoryStore
 from colony.runtime.transport.virtual import Link, VirtualClock, perfect
 
-SENSING = ("Sensors0", "Sensors1")
-ACTING = "Actuators"
+SENSOR_SERVERS = ("Sensors0", "Sensors1")
+ACTUATOR_SERVER = "Actuators"
 
 Readings = Callable[[Tick], Mapping[str, Reading]]
 """A function that returns the readings of the sensors in the frame of a tick."""
 
 
-class Sent(NamedTuple):
-    """A command that left arbitration; values in declared units, `by` None for the idle command."""
+class SentCommand(NamedTuple):
+    """A command as sent to an actuator, in declared units; `by` is None for the idle command."""
 
     k: int
     actuator: str
@@ -80,18 +80,20 @@ class SensorServer(QuietNode):
         return fields
 
 
-class Actor(QuietNode):
+class ActuatorServer(QuietNode):
     """A server that takes the commands of every actuator, arbitrates, and records the results in `sent`."""
 
-    address = ACTING
+    address = ACTUATOR_SERVER
 
-    def __init__(self, deployed: Deployment, keep: int, sent: list[Sent]) -> None:
+    def __init__(self, deployed: Deployment, keep: int, sent: list[SentCommand]) -> None:
         self._run = deployed.run
-        self._publisher = Publisher(ACTING, lambda tick: {}, keep=keep)
-        commanded = commanded_by(deployed, ACTING)
-        self._desk = CommandDesk(commanded, timing(deployed.frame_ns), lambda *_: None, told=self._told)
+        self._publisher = Publisher(ACTUATOR_SERVER, lambda tick: {}, keep=keep)
+        commanded = actuators_of(deployed, ACTUATOR_SERVER)
+        self._commands = CommandDispatcher(
+            commanded, timing(deployed.frame_ns), lambda *_: None, on_dispatch=self._on_dispatch
+        )
         self._sent = sent
-        self.listens = (*self._publisher.listens, topics.requests(ACTING))
+        self.listens = (*self._publisher.listens, topics.requests(ACTUATOR_SERVER))
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         """Arbitrate the requests of each frame."""
@@ -99,24 +101,24 @@ class Actor(QuietNode):
             case Tick():
                 yield from self._publisher.handle(message)
                 if message.run == self._run:
-                    yield from self._desk.tick(message, now_ns)
+                    yield from self._commands.tick(message, now_ns)
                 else:
-                    yield from self._desk.finish(now_ns)
+                    yield from self._commands.finish(now_ns)
             case Fetch():
                 yield from self._publisher.handle(message)
             case Request():
-                yield from self._desk.request(message, now_ns)
+                yield from self._commands.request(message, now_ns)
             case Wake():
-                yield from self._desk.wake(now_ns)
+                yield from self._commands.wake(now_ns)
             case _:
                 pass
 
-    def _told(self, actuator: ActuatorTable, dispatch: Dispatch, now_ns: int) -> None:
+    def _on_dispatch(self, actuator: ActuatorTable, dispatch: Dispatch, now_ns: int) -> None:
         values = in_declared_units(dispatch.values, actuator.fields)
-        self._sent.append(Sent(dispatch.k, actuator.name, dispatch.by, values, dispatch.fault))
+        self._sent.append(SentCommand(dispatch.k, actuator.name, dispatch.by, values, dispatch.fault))
 
 
-class Log:
+class FrameCollector:
     """A sink that keeps the frames in `frames`. Mutable."""
 
     def __init__(self) -> None:
@@ -157,16 +159,16 @@ class ScriptedRobot(VirtualRobot):
         link: Link = perfect,
         isolate: bool = False,
     ) -> None:
-        self.sent: list[Sent] = []
-        self.log = Log()
+        self.sent: list[SentCommand] = []
+        self.log = FrameCollector()
         bindings, store = _bindings(compiled.robot), MemoryStore()
 
         def servers(deployed: Deployment, keep: int) -> Builders:
             builders: dict[str, Callable[[], Node]] = {
-                ACTING: lambda: Actor(deployed, keep, self.sent),
+                ACTUATOR_SERVER: lambda: ActuatorServer(deployed, keep, self.sent),
                 DSERVER.name: lambda: DServer(deployment=deployed, keep=keep, store=store),
             }
-            for server in SENSING:
+            for server in SENSOR_SERVERS:
                 names = tuple(b.sensor for b in bindings.sensors if b.server == server)
                 builders[server] = partial(SensorServer, server, readings, names, keep)
             return builders
@@ -191,7 +193,7 @@ def _bindings(robot: Robot) -> Bindings:
         sensors=tuple(
             SensorBinding(
                 sensor=s.name,
-                server=SENSING[i % len(SENSING)],
+                server=SENSOR_SERVERS[i % len(SENSOR_SERVERS)],
                 field=s.name,
                 within_ns=None,
                 factor=s.factor,
@@ -200,7 +202,7 @@ def _bindings(robot: Robot) -> Bindings:
             for i, s in enumerate(robot.sensors)
         ),
         actuators=tuple(
-            ActuatorBinding(actuator=a.name, server=ACTING, command=a.name, places=())
+            ActuatorBinding(actuator=a.name, server=ACTUATOR_SERVER, command=a.name, places=())
             for a in robot.actuators
         ),
     )

@@ -9,17 +9,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from colony.robots.request import MisuseError, RunAbortedError
-from colony.robots.simulated import CompilingNotice, SimulatedRobot, device_of, jobs_of, plant_spec
+from colony.robots.simulated import CompilationNotice, SimulatedRobot, device_of, jobs_of, plant_spec
 from colony.runtime.assembly.processes import child
 from colony.runtime.assembly.processes.children import Children, described
-from colony.runtime.assembly.processes.ending import Ending, on_signals
-from colony.runtime.assembly.processes.jobs import SERVERS, expect_room, fresh_folder, job_of, server_parts
-from colony.runtime.assembly.processes.run import ENDING_S, LOOK_S
-from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, name_of, said_of
+from colony.runtime.assembly.processes.jobs import (
+    SERVERS,
+    check_disk_room,
+    fresh_folder,
+    job_of,
+    server_parts,
+)
+from colony.runtime.assembly.processes.run import HEALTH_CHECK_INTERVAL_S, SHUTDOWN_GRACE_S
+from colony.runtime.assembly.processes.shutdown import Shutdown, on_signals
+from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, name_of, place_spec
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.place import Local
 from colony.runtime.transport.live.run_directory import in_run_directory
-from colony.sim.plant.child import SIMULATOR, Look, NoRoomError, serve
+from colony.sim.plant.child import SIMULATOR, NoRoomError, ViewDirection, serve
 from colony.sim.plant.servers import PlantDevices
 
 Report = Callable[[str], None]
@@ -39,7 +45,7 @@ class Settings:
 
     map_path: str | None
     seed: int
-    cameras: Mapping[str, Look]
+    cameras: Mapping[str, ViewDirection]
     state: Path
     fsync: bool
     listen: str | None
@@ -56,29 +62,29 @@ def serve_one(server: str, place: Local, settings: Settings, report: Report) -> 
         DiagnosticError: the map is invalid.
         RunAbortedError: its stored data cannot be read, or nothing more can be stored.
     """
-    ending = Ending()
-    with on_signals(ending):
+    shutdown = Shutdown()
+    with on_signals(shutdown):
         if server == SIMULATOR:
-            _simulate(place, settings, ending, report)
+            _simulate(place, settings, shutdown, report)
         else:
-            _serve(_part(server, place, settings), place, settings, ending, report)
+            _serve(_part(server, place, settings), place, settings, shutdown, report)
 
 
-def _simulate(place: Local, settings: Settings, ending: Ending, report: Report) -> None:
-    told = f"{SIMULATOR} of {place.robot} runs; Ctrl-C ends it"
+def _simulate(place: Local, settings: Settings, shutdown: Shutdown, report: Report) -> None:
+    message = f"{SIMULATOR} of {place.robot} runs; Ctrl-C ends it"
     try:
-        serve(plant_spec(place, _robot(settings)), ending, ready=lambda: report(told), tell=report)
+        serve(plant_spec(place, _robot(settings)), shutdown, ready=lambda: report(message), report=report)
     except NoRoomError as problem:
         raise MisuseError(str(problem)) from None
 
 
-def _serve(part: Part, place: Local, settings: Settings, ending: Ending, report: Report) -> None:
+def _serve(part: Part, place: Local, settings: Settings, shutdown: Shutdown, report: Report) -> None:
     name = name_of(part)
     where = settings.listen if isinstance(part, GatewayPart) else place.directory.socket(name)
-    told = f"{name} of {place.robot} listens at {where}; Ctrl-C ends it"
-    spec = Spec(place=said_of(place), part=part)
+    message = f"{name} of {place.robot} listens at {where}; Ctrl-C ends it"
+    spec = Spec(place=place_spec(place), part=part)
     try:
-        child.run(spec, ending, devices=PlantDevices(), ready=lambda: report(told))
+        child.run(spec, shutdown, devices=PlantDevices(), ready=lambda: report(message))
     except (child.StartupError, StoreError) as problem:
         raise RunAbortedError(str(problem)) from None
 
@@ -87,9 +93,9 @@ def serve_all(
     place: Local,
     settings: Settings,
     report: Report,
-    attending: AbstractContextManager[Callable[[], bool]],
+    interruptible: AbstractContextManager[Callable[[], bool]],
 ) -> None:
-    """Start all servers and the plant, and restart those that die, until `attending` ends.
+    """Start all servers and the plant, and restart those that die, until `interruptible` ends.
 
     Raises:
         LiveError: all of them are served already, or the gateway's endpoint or security is invalid.
@@ -106,28 +112,28 @@ def serve_all(
     if settings.listen is not None and settings.security is not None:
         parse_endpoint(settings.listen)
         read_security(settings.security)
-    with attending as stop, place.directory.claim(SUPERVISOR):
+    with interruptible as stop, place.directory.claim(SUPERVISOR):
         robot, folder = _robot(settings), place.directory.path / "served"
         with in_run_directory(folder):
             jobs = [*jobs_of(place, robot, fresh_folder(folder))]
             if settings.listen is not None:
                 jobs.append(job_of(place, _part("Gateway", place, settings), folder, SERVERS))
-            expect_room(folder, len(jobs))
+            check_disk_room(folder, len(jobs))
         children = Children()
         try:
             for job in jobs:
                 children.start(job)
             report(f"{place.robot}: {', '.join(job.name for job in jobs)}; Ctrl-C ends them")
-            notice = CompilingNotice(place, jobs[0].log, report)
+            notice = CompilationNotice(place, jobs[0].log, report)
             while not stop():
                 notice.look()
                 for death in children.poll():
                     if death.pause_s is None:
                         raise RunAbortedError(described(death))
                     report(described(death))
-                time.sleep(LOOK_S)
+                time.sleep(HEALTH_CHECK_INTERVAL_S)
         finally:
-            children.stop(ENDING_S)
+            children.stop(SHUTDOWN_GRACE_S)
 
 
 def _robot(settings: Settings) -> SimulatedRobot:

@@ -16,15 +16,15 @@ from colony.runtime.assembly.processes.spec import Device, write_spec
 from colony.runtime.observe.summary import Travel
 from colony.runtime.transport.live.place import Local
 from colony.sim.compiling import COMPILING
-from colony.sim.plant.child import SIMULATOR, Look, PlantSpec, plant_socket
+from colony.sim.plant.child import SIMULATOR, PlantSpec, ViewDirection, plant_socket
 from colony.sim.plant.control import PlantControl
 
 PLANT = "colony.sim.plant.child"
-SERVERS_OF_PLANT = "colony.sim.plant.servers"
+PLANT_SERVERS = "colony.sim.plant.servers"
 
 
-class CompilingNotice:
-    """A notice that the simulator is being compiled, read from its process's `log`. Mutable."""
+class CompilationNotice:
+    """A watcher of the simulator's log that reports when the simulator is being compiled. Mutable."""
 
     def __init__(self, place: Local, log: Path, report: Callable[[str], None]) -> None:
         self._socket = plant_socket(place.directory.path)
@@ -36,26 +36,31 @@ class CompilingNotice:
         """Read the log until it contains the notice, or the simulator is ready."""
         if self._over:
             return
-        told = COMPILING in last_lines(self._log)
-        if told:
+        compiling = COMPILING in last_lines(self._log)
+        if compiling:
             self._report(COMPILING)
-        self._over = told or self._socket.exists()
+        self._over = compiling or self._socket.exists()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedRobot:
     """The settings of a simulated robot.
 
-    They are the building, the seed of the sensors' noise, the folder of data that survives the death of a
-    server, servers of cameras with their viewing directions, whether DServer's data survives a loss of power,
-    the start (None for the map's), the seed of the building's hazards (None for none), and the variables that
-    DServer holds.
+    Attributes:
+        map_path: the map of the building.
+        seed: the seed of the sensors' noise.
+        state: the folder of data that survives the death of a server.
+        cameras: servers of cameras with their viewing directions.
+        fsync: True to make DServer's data survive a power failure.
+        start: the initial pose, x and y in mm and the heading in degrees; None for that of the map.
+        hazards: the seed of the building's hazards; None for none.
+        held: variables that DServer keeps at these values.
     """
 
     map_path: str
     seed: int
     state: Path
-    cameras: Mapping[str, Look] = field(default_factory=dict)
+    cameras: Mapping[str, ViewDirection] = field(default_factory=dict)
     fsync: bool = False
     start: tuple[float, float, float] | None = None
     hazards: int | None = None
@@ -81,14 +86,14 @@ def device_of(place: Local) -> Device:
 
 
 def jobs_of(place: Local, robot: SimulatedRobot, folder: Path) -> tuple[Job, ...]:
-    """Return the jobs of its processes, the slowest one first; their specs are written into `folder`."""
-    told = folder / f"{SIMULATOR}.json"
-    write_spec(told, plant_spec(place, robot))
+    """Return the jobs of the robot's processes, the slowest first, and write their specs into `folder`."""
+    spec_file = folder / f"{SIMULATOR}.json"
+    write_spec(spec_file, plant_spec(place, robot))
     plant = Job(
         name=SIMULATOR,
         module=PLANT,
-        arguments=(str(told),),
-        log=told.with_suffix(".log"),
+        arguments=(str(spec_file),),
+        log=spec_file.with_suffix(".log"),
         wave=HARDWARE,
         essential=True,
     )
@@ -99,18 +104,18 @@ def jobs_of(place: Local, robot: SimulatedRobot, folder: Path) -> tuple[Job, ...
         fsync=robot.fsync,
         held=dict(robot.held),
     )
-    return (plant, *server_jobs(place, parts, folder, hardware=SERVERS_OF_PLANT))
+    return (plant, *server_jobs(place, parts, folder, hardware=PLANT_SERVERS))
 
 
-LOOK_NS = 100_000_000
+POLL_INTERVAL_NS = 100_000_000
 """Nanoseconds between two observations of the robot's true place."""
 
 
 class TruthLog:
-    """The true way of a simulated robot, read from the plant's control channel. Mutable: the way so far.
+    """The true path of a simulated robot, read from the plant's control channel. Mutable: the path so far.
 
-    A restarted plant begins at the map's start; its way is added to that of the previous one. A frozen plant
-    that resumes is the same one: its own count of the way continues.
+    A restarted plant begins at the start of the map; its travel is added to that of the previous one. A
+    frozen plant that resumes continues its own count.
     """
 
     def __init__(self, place: Local) -> None:
@@ -128,11 +133,11 @@ class TruthLog:
         now_ns = time.monotonic_ns()
         if now_ns < self._next_ns:
             return self._control is not None
-        self._next_ns = now_ns + (LOOK_NS if self._control is not None else LOOK_NS // 5)
+        self._next_ns = now_ns + (POLL_INTERVAL_NS if self._control is not None else POLL_INTERVAL_NS // 5)
         try:
             if self._control is None:
                 self._control = PlantControl(self._socket, timeout_s=0.5)
-                self._count_on(self._control.began_ns)
+                self._switch_plant(self._control.began_ns)
             truth = self._control.truth(self._robot)
         except (OSError, ValueError):
             self.close()
@@ -147,7 +152,7 @@ class TruthLog:
         if control is not None:
             control.close()
 
-    def _count_on(self, plant: int) -> None:
+    def _switch_plant(self, plant: int) -> None:
         """Add a plant's travel to the total if another plant has replaced it."""
         if plant != self._plant:
             self._plant = plant
@@ -155,7 +160,7 @@ class TruthLog:
 
     @property
     def places(self) -> Sequence[tuple[float, float]]:
-        """The way so far; the last place is the newest."""
+        """The path so far; the last place is the newest."""
         return self._path.places
 
     @property

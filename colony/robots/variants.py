@@ -1,4 +1,4 @@
-"""The variants of navigation: the behavior and the scripts around it, ours or as printed in the thesis."""
+"""The variants of navigation: a behavior and its scripts, ours or as printed in the thesis."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from colony.nav.missions.goal_verification import plate_at
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.planner import OnSegment, OnVerdict, planner
 from colony.nav.pose.estimate import pose_estimator
-from colony.nav.pose.tracker import ALL, Source
+from colony.nav.pose.tracker import EVERY_SOURCE, Source
 from colony.runtime.kit.script import Script
 from colony.shipped import Shipped
 from colony.sim.config import RobotConfig
@@ -33,11 +33,11 @@ PLANNER = "planner"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variant:
-    """A way to navigate.
+    """A variant of navigation.
 
     Attributes:
         name: "ours", or "thesis" for the algorithms as printed.
-        behavior: the Navigator.
+        behavior: the file of the Navigator.
         mm_s: the robot's expected mean speed in mm/s, without incidents.
         robot: the configuration of the robot.
     """
@@ -54,23 +54,23 @@ class Variant:
         on_segment: OnSegment | None = None,
         *,
         compensate: bool = True,
-        sources: frozenset[Source] = ALL,
+        sources: frozenset[Source] = EVERY_SOURCE,
         cameras: frozenset[str] = frozenset({CEILING_CAMERA}),
         on_plate: OnPlate | None = None,
         on_verdict: OnVerdict | None = None,
     ) -> Mapping[str, Script]:
-        """Return the clients around the Navigator, in their order within a moment.
+        """Return the scripts around the Navigator, in their order of execution.
 
         Args:
-            plan: the way to drive.
-            building: all floors of the plan; the first one is where it begins.
-            on_segment: called with the number, from 0, and the segment at the beginning of each segment.
+            plan: the plan to drive.
+            building: all floors of the plan, the first one first.
+            on_segment: callback at the beginning of each segment, with its number, from 0, and the segment.
             compensate: True to subtract the overshoot of lights from the distance that follows, as printed.
-            sources: the sources of the pose estimate. Without `LIGHTS` the tracker sees none, and counts them
-                by the pose alone.
+            sources: the sources of the pose estimate. Without `LIGHTS` the tracker counts lights by the pose
+                alone.
             cameras: the cameras of the robot.
-            on_plate: called with each plate that is found.
-            on_verdict: called with the verdict on the goal's plate, if the robot has a camera for plates.
+            on_plate: callback for each plate that is found.
+            on_verdict: callback for the verdict on the goal's plate, if the robot has a camera for plates.
         """
         thesis = self.name == "thesis"
         lights = thesis or Source.LIGHTS in sources
@@ -114,9 +114,11 @@ def _finders(
 
 OURS = Variant(name="ours", behavior=Shipped.BEHAVIOR.path("navigator"), mm_s=250.0)
 
-# As printed, the odometry's heading alone guides the robot along a corridor of two lights or none, and around
-# its corner. That needs calibrated wheels: these drift by an eighth of a degree per meter, those of our robot
-# by nearly one.
+# The printed algorithms rely on the odometry's heading alone along a corridor of at most two lights, and
+# around
+# its corner. They need calibrated wheels: these drift by an eighth of a degree per meter, those of our robot
+# by
+# nearly one.
 THESIS = Variant(
     name="thesis",
     behavior=Shipped.BEHAVIOR.path("thesis_navigator"),

@@ -1,4 +1,4 @@
-"""The runtime as an executor: frames go as messages from servers to clients and back, in virtual time."""
+"""The runtime as an executor: servers and clients exchange messages in virtual time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Tick
 from colony.runtime.transport.virtual import VirtualClock
 
-_BETWEEN_NS = 1_000_000_000
+_TRACE_GAP_NS = 1_000_000_000
 """Nanoseconds from the last frame of a trace to the first one of the next."""
 
 
@@ -20,11 +20,11 @@ _LATEST_NS = 2**61
 
 
 class VirtualExecutor:
-    """An executor that runs a program by its clients over a perfect transport (an `ir.frame.Executor`).
+    """An executor that runs a program with its clients over a perfect transport (an `ir.frame.Executor`).
 
-    One run of the robot goes through all traces: each is an epoch, in which all memory is reset, as after a
-    loss during a run. Messages of one moment arrive in an order drawn from `seed`, on which the outcome does
-    not depend. Mutable: the robot, and its time.
+    One run of the robot executes all traces. Each trace is an epoch that begins with a reset of all memory,
+    as after a loss during a run. Messages at the same time arrive in an order drawn from `seed`, which must
+    not affect the outcome. Mutable: the robot, and its time.
 
     Raises:
         DiagnosticError: a Python module cannot be imported or built.
@@ -60,16 +60,16 @@ class VirtualExecutor:
     def step(self, frame: Frame) -> Outcome:
         """Decide one frame."""
         if self._ahead_ns is None:
-            self._ahead_ns = self._clock.now_ns + _BETWEEN_NS - frame.t_ns
+            self._ahead_ns = self._clock.now_ns + _TRACE_GAP_NS - frame.t_ns
         t_ns = frame.t_ns + self._ahead_ns
         self._frame = frame
         self._k += 1
         self._transport.run_until(t_ns)
         self._transport.inject(topics.TICKS, Tick(k=self._k, t_ns=t_ns, start=self._start, run=RUN))
         self._transport.run_until(t_ns + 1)
-        return self._outcome(self._taken())
+        return self._outcome(self._take_log())
 
-    def _taken(self) -> FrameLog:
+    def _take_log(self) -> FrameLog:
         logs = self._robot.log.frames
         found = next((log for log in logs if log.tick.k == self._k), None)
         logs.clear()
@@ -93,4 +93,4 @@ class VirtualExecutor:
 
 
 class DecisionError(Exception):
-    """The runtime did not decide a frame correctly; the text describes what it did."""
+    """The runtime did not decide a frame correctly; the message has the details."""

@@ -1,6 +1,6 @@
 """The behaviors and maps that come with colony, by name: `wander`, `loop`.
 
-They are at the top of the repository, and in a wheel in this folder.
+They are at the top of the repository; in a wheel they are in this folder.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ _FOLDER = _HERE if (_HERE / "behaviors").is_dir() else _HERE.parents[1]
 
 
 def errors_page() -> str:
-    """Return docs/errors.md: each code, when it is reported and what to do."""
+    """Return docs/errors.md, which explains each code."""
     return (_HERE / "errors.md" if _FOLDER == _HERE else _FOLDER / "docs" / "errors.md").read_text("utf-8")
 
 
 @unique
 class Shipped(Enum):
-    """A kind of file that is shipped: its folder and the suffix of its files."""
+    """A kind of shipped file, with its folder and the suffix of its files."""
 
     BEHAVIOR = ("behaviors", ".colony")
     MAP = ("maps", ".stickrep")
@@ -46,31 +46,31 @@ class Shipped(Enum):
         return self.folder / f"{name}{self.suffix}"
 
     def find(self, given: str) -> str:
-        """Return where the file is: at the path `given`, with or without its suffix, or the shipped one.
+        """Return the path of a file: `given`, with or without its suffix, or that of a shipped file.
 
-        Where there is none, `given` is returned as it is, and reading it says what is wrong.
+        If there is neither, return `given` unchanged: reading it reports the error.
         """
         own = self.own(given)
         return own if own is not None else str(self.named(given) or given)
 
     def own(self, given: str | os.PathLike[str]) -> str | None:
-        """Return the path of a user's own file, `given` or that with the suffix; None where there is none.
+        """Return the path of a user's file, `given` with or without the suffix; None if there is none.
 
-        A folder is no file; a link that leads nowhere is one, which cannot be read.
+        A folder does not count as a file; a dangling symbolic link does, although it cannot be read.
         """
         paths = (os.fspath(given), f"{os.fspath(given)}{self.suffix}")
         return next((path for path in paths if os.path.lexists(path) and not os.path.isdir(path)), None)
 
     def named(self, name: str, folder: Path | None = None) -> Path | None:
-        """Return the file with this name, `wander` or `wander.colony`; None where there is none.
+        """Return the file with this name, `wander` or `wander.colony`; None if there is none.
 
-        It is looked for in `folder`, where that is given, in place of what comes with colony.
+        It is searched for in `folder`, by default among the shipped files.
         """
         path = (folder or self.folder) / f"{name.removesuffix(self.suffix)}{self.suffix}"
         return path if os.path.basename(name) == name and os.path.isfile(path) else None
 
     def hint(self, given: str) -> str | None:
-        """Return what to try in place of `given`, which was not found; None for a path like no name."""
+        """Return a suggestion for `given`, which was not found; None if there is none."""
         close = did_you_mean(Path(given).stem, self.names())
         if close is None and not Path(given).suffix and os.path.basename(given) == given:
             return f"{self.value[0]} that come with colony: {', '.join(self.names())}"

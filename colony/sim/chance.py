@@ -1,11 +1,11 @@
-"""Chance by counting: a number that depends on a seed and on what it is for, and on nothing else.
+"""Counter-based random numbers: a number depends only on a seed and on the event that it is for.
 
-Where a generator is asked one number after the other, who asks first changes what the next one gets. Here the
-event itself is the question (the third crossing of a joint, pixel 7 of the image taken at 2.5 s), so that the
-same event has the same chance whatever else happens. The mixing is splitmix64's (Steele, Lea, Flood 2014).
+The numbers of a sequential generator depend on the order of the calls. Here the event itself is the argument
+(the third crossing of a joint, pixel 7 of the image taken at 2.5 s), so that an event has the same number
+whatever else happens. The hash is that of splitmix64 (Steele, Lea, Flood 2014).
 
-These helpers are part of compiled functions in other files, whose kept code is renewed when those files
-change, and not when this one does.
+These helpers are part of compiled functions in other files, whose cached code is renewed when those files
+change, but not when this one does.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ import numpy as np
 from colony.sim.compiled import inlined
 
 SLIPS, CROSS_TALK, PEOPLE, PIXELS = range(4)
-"""The uses of chance: the first argument after the seed."""
+"""The random streams: the first argument after the seed."""
 
 SEEDS = 2**62
-"""Seeds are taken modulo this: compiled functions know 64-bit numbers only."""
+"""Modulus of seeds: compiled functions have only 64-bit numbers."""
 
 
 @inlined
-def mixed(seed: int, stream: int, event: int, part: int) -> np.uint64:
+def random_bits(seed: int, stream: int, event: int, part: int) -> np.uint64:
     """Return 64 random bits for a part of an event."""
     bits = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(stream) * np.uint64(0xD1B54A32D192ED03)
     bits ^= bits >> np.uint64(29)
@@ -39,7 +39,7 @@ def mixed(seed: int, stream: int, event: int, part: int) -> np.uint64:
 @inlined
 def chance(seed: int, stream: int, event: int, part: int) -> float:
     """Return a uniform number in [0, 1)."""
-    return float(mixed(seed, stream, event, part) >> np.uint64(11)) * 2.0**-53
+    return float(random_bits(seed, stream, event, part) >> np.uint64(11)) * 2.0**-53
 
 
 @inlined

@@ -1,13 +1,13 @@
-"""Compilation of the simulator's inner loops with numba, kept on disk where the disk allows it.
+"""Compilation of the simulator's inner loops with numba, cached on disk if possible.
 
-Compiled functions say in their annotations what they take: `float`, `int`, an array type of this file, or a
-`NamedTuple` of those. The annotations are the signature, so that everything is compiled when it is defined
-and nothing is compiled twice.
+The annotations of a compiled function are its signature: `float`, `int`, an array type of this file, or a
+`NamedTuple` of those. So a function is compiled once, when it is defined.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pickle import UnpicklingError
 from typing import Any, ForwardRef, TypeVar, cast
 
 import numba
@@ -36,34 +36,51 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def compiled(function: F) -> F:
-    """Compile a function that returns nothing, now; later processes load it from the cache.
+    """Compile a function that returns nothing; later processes load it from the cache.
 
-    Divisions follow IEEE 754 and raise nothing. Nothing is reassociated, so results are the same bit for
-    bit in every run on one machine.
+    Divisions follow IEEE 754 and raise nothing. Operations are not reassociated, so results are bit-identical
+    in every run on a machine.
     """
     names = {**function.__annotations__}
     del names["return"]
     signature = numba.void(*(_native(name, function.__globals__) for name in names.values()))
     try:
-        return cast(F, numba.njit(signature, cache=True, nogil=True, error_model="numpy")(function))
+        dispatcher = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        _compile_or_load(dispatcher, signature)
     except (RuntimeError, OSError) as failure:
         if isinstance(failure, RuntimeError) and "cannot cache" not in str(failure):
             raise
-        return cast(F, numba.njit(signature, nogil=True, error_model="numpy")(function))
+        dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
+        dispatcher.compile(signature)
+    dispatcher.disable_compile()
+    return cast(F, dispatcher)
+
+
+def _compile_or_load(dispatcher: Any, signature: object) -> None:
+    """Compile, or load from the cache; where its index is damaged, or of another version, begin a new one.
+
+    Numba unpickles an index before it looks whether that is current, so a class that has another name since
+    is an AttributeError.
+    """
+    try:
+        dispatcher.compile(signature)
+    except (AttributeError, EOFError, ImportError, UnpicklingError, ValueError):
+        dispatcher._cache.flush()
+        dispatcher.compile(signature)
 
 
 def inlined(function: F) -> F:
-    """Mark a helper of compiled functions: it becomes part of each of them."""
+    """Mark a helper that is inlined into compiled functions."""
     return cast(F, numba.njit(inline="always", error_model="numpy")(function))
 
 
 def called(function: F) -> F:
-    """Mark a helper of compiled functions that is large or used in many places: they call it."""
+    """Mark a helper that compiled functions call, because it is large or used in many places."""
     return cast(F, numba.njit(nogil=True, error_model="numpy")(function))
 
 
 def _native(annotation: str | ForwardRef, names: Mapping[str, Any]) -> Any:
-    """Return Numba's type for an annotation of the module whose global names are given."""
+    """Return Numba's type for an annotation; `names` are the globals of its module."""
     name = annotation.__forward_arg__ if isinstance(annotation, ForwardRef) else annotation
     if name in _NATIVE:
         return _NATIVE[name]

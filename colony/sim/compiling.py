@@ -1,26 +1,26 @@
-"""A notice that the simulator is being compiled, which takes long enough to surprise a user."""
+"""A notice that the simulator is being compiled, which takes several seconds."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-COMPILING = "compiling the simulator: some 20 s, once where the result can be kept (see NUMBA_CACHE_DIR)"
+COMPILING = "compiling the simulator: about 20 s, once if the result can be cached (see NUMBA_CACHE_DIR)"
 
 
 @contextmanager
-def told_when_compiling(tell: Callable[[str], None]) -> Iterator[None]:
-    """Call `tell` with `COMPILING` once, when numba begins to compile; not when it loads from the cache."""
+def announcing_compilation(report: Callable[[str], None]) -> Iterator[None]:
+    """Call `report` with `COMPILING` when numba begins to compile; not when it loads from its cache."""
     from numba.core import event
 
     class Listener(event.Listener):
         def __init__(self) -> None:
-            self.told = False
+            self.reported = False
 
         def on_start(self, event: object) -> None:
-            if not self.told:
-                self.told = True
-                tell(COMPILING)
+            if not self.reported:
+                self.reported = True
+                report(COMPILING)
 
         def on_end(self, event: object) -> None:
             pass

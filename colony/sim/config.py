@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from colony.runtime.servers.drivers import BaseLimits
 
 CHANNELS = 24
-"""Sonars, and infrared channels, 15 degrees apart counterclockwise: 12 ahead, 18 left, 0 back, 6 right."""
+"""Number of sonars, and of infrared channels, 15 degrees apart counterclockwise: 12 is ahead, 18 left."""
 
 SPACING_DEG = 360.0 / CHANNELS
 AHEAD = CHANNELS // 2
@@ -19,24 +19,25 @@ class RobotConfig:
     """A differential-drive robot with a round hull; lengths in mm, angles in degrees, times in seconds.
 
     Attributes:
-        radius_mm: radius of the hull, which is bumper all around.
-        wheel_base_mm: from wheel to wheel.
-        max_velocity_mm_s, max_turn_deg_s: what commands are clamped to, either sign.
-        acceleration_mm_s2, turn_acceleration_deg_s2: how fast the speeds follow the commands.
-        sonar_ring_mm: from the robot's center to each transducer; readings count from the transducer.
-        sonar_range_mm: the reading where nothing echoes.
-        sonar_least_mm: nothing reads less.
-        sonar_half_beam_deg: half the opening of the cone that a transducer hears; below 90.
-        sonar_critical_deg: a wall hit at a larger angle to its normal reflects the sound away.
-        sonar_noise_mm, sonar_noise: the standard deviation of an echo: so much, plus so much times the range.
-        infrared_range_mm: from the transducers' ring; seen or not seen, without noise.
-        infrared_wired: the channels that have a detector; the others never see anything.
-        wheel_scale: the standard deviation of each wheel's scale error, drawn once a robot (0.01 is 1 %).
-        wheel_slip_mm: the standard deviation of what a wheel miscounts on its first meter; on d meters it
-            is sqrt(d) times as much.
+        radius_mm: radius of the hull, which is a bumper all around.
+        wheel_base_mm: distance between the wheels.
+        max_velocity_mm_s, max_turn_deg_s: limits of the commands, in either direction.
+        acceleration_mm_s2, turn_acceleration_deg_s2: accelerations toward the commanded speeds.
+        sonar_ring_mm: distance of the transducers from the robot's center; readings count from the
+            transducer.
+        sonar_range_mm: the reading without an echo.
+        sonar_least_mm: the smallest reading.
+        sonar_half_beam_deg: half the beam width of a transducer, below 90.
+        sonar_critical_deg: critical angle to the normal, beyond which a wall reflects the sound away.
+        sonar_noise_mm, sonar_noise: standard deviation of an echo: a constant, plus a multiple of the range.
+        infrared_range_mm: range from the ring of transducers, without noise.
+        infrared_wired: the channels that have a detector; the others never detect anything.
+        wheel_scale: standard deviation of each wheel's scale error, drawn once per robot (0.01 is 1 %).
+        wheel_slip_mm: standard deviation of a wheel's error over the first meter; over d meters it is sqrt(d)
+            times as much.
 
     Raises:
-        ValueError: a number is not finite or not in its range.
+        ValueError: a number is not finite, or out of range.
     """
 
     radius_mm: float = 400.0
@@ -81,7 +82,7 @@ class RobotConfig:
 
 
 IDEAL = RobotConfig(sonar_noise_mm=0.0, sonar_noise=0.0, wheel_scale=0.0, wheel_slip_mm=0.0)
-"""RoME without errors: what it senses is what is there, and the odometry is the true pose."""
+"""RoME without errors: sensors are exact, and the odometry is the true pose."""
 
 
 def limits_of(config: RobotConfig) -> BaseLimits:

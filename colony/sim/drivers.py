@@ -1,7 +1,7 @@
-"""The devices of simulated robots, as the servers of a robot want them.
+"""Drivers of simulated devices, for the servers of a robot.
 
-Several robots may share a world and a clock; the world is brought up to the clock's present whenever one of
-its devices is read or commanded, so that time passes for all of them alike.
+Several robots may share a world and a clock. The world catches up with the clock whenever a device is read or
+commanded, so that time is the same for all robots.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ from colony.sim.world.world import MAX_STEP_S, World
 class Plant:
     """A world in step with a clock, which gives nanoseconds. Mutable: the time that the world has reached.
 
-    `moving` are called with the seconds of each step after it. They move what is neither a robot nor a
-    person, such as `colony.sim.world.elevators.Elevators.advance`.
+    `step_callbacks` are called with the seconds of each step after it. They move what is neither a robot nor
+    a person, such as `colony.sim.world.elevators.Elevators.advance`.
     """
 
     def __init__(
-        self, world: World, clock: Callable[[], int], moving: Sequence[Callable[[float], None]] = ()
+        self, world: World, clock: Callable[[], int], step_callbacks: Sequence[Callable[[float], None]] = ()
     ) -> None:
         self.world = world
         self._clock = clock
-        self._moving = tuple(moving)
+        self._step_callbacks = tuple(step_callbacks)
         self._reached_ns = clock()
 
     def catch_up(self) -> int:
-        """Let time pass up to the present, which is returned."""
+        """Advance the world to the present, and return the time."""
         now = self._clock()
         while self._reached_ns < now:
             step = min(now - self._reached_ns, int(MAX_STEP_S * 1e9))
             self.world.advance(step / 1e9)
-            for move in self._moving:
+            for move in self._step_callbacks:
                 move(step / 1e9)
             self._reached_ns += step
         return now
 
 
 def base_state(world: World, robot: int, t_ns: int) -> BaseState:
-    """Return what the base of a robot reports: odometry and bumpers, not the true pose."""
+    """Return the reported state of a robot's base: odometry and bumpers, not the true pose."""
     pose, speed, bumper = world.odometry(robot), world.speed(robot), world.bumper(robot)
     return BaseState(
         t_ns=t_ns,
@@ -60,7 +60,7 @@ def base_state(world: World, robot: int, t_ns: int) -> BaseState:
 
 
 class SimulatedBase:
-    """The base of robot number `robot`, whose state changes only with time. Mutable: the newest one."""
+    """The base of robot number `robot`. Mutable: its latest state."""
 
     register_bits: int | None = None
 
@@ -110,7 +110,7 @@ class SimulatedCamera:
 
     Args:
         plant: the world and its clock.
-        take: takes an image of the present; its argument is the time. The image may be drawn when it is read.
+        take: takes an image at the present, which is its argument; the image may be drawn when it is read.
     """
 
     def __init__(self, plant: Plant, take: Callable[[int], Shot]) -> None:

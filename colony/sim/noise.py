@@ -1,4 +1,4 @@
-"""The random numbers of the robots' own errors: a stream a robot, so that none depends on other robots."""
+"""Random numbers for the robots' own errors: one stream per robot, independent of other robots."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ _BLOCK = 512
 
 
 class Noise:
-    """Standard normal numbers for robots, from a seed. Mutable: how many were taken.
+    """Standard normal numbers for robots, from a seed. Mutable: the position in the streams.
 
-    They are drawn ahead in blocks; where these begin and end makes no difference.
+    They are drawn in blocks, whose size does not affect the numbers.
     """
 
     def __init__(self, robots: int, seed: int) -> None:
-        """Begin the streams."""
+        """Start the streams."""
         seeds = np.random.SeedSequence(seed).spawn(robots)
-        self._generators = [np.random.default_rng(one) for one in seeds]
+        self._generators = [np.random.default_rng(child) for child in seeds]
         self._at = 0
         self.table: Floats2 = np.empty((robots, 0))
 
-    def first(self, count: int) -> Floats2:
+    def peek(self, count: int) -> Floats2:
         """Return the next `count` numbers of each stream, (robots, count), without taking them."""
         drawn = [generator.standard_normal(count) for generator in self._generators]
         return np.array(drawn).reshape(len(self._generators), count)
@@ -30,7 +30,7 @@ class Noise:
     def take(self, count: int) -> int:
         """Take `count` numbers of each stream, and return their first column in `table`, (robots, k).
 
-        `table` is another array after that.
+        `table` may be a new array afterwards.
         """
         if self._at + count > self.table.shape[1]:
             rest = self.table[:, self._at :]

@@ -1,4 +1,4 @@
-"""Images of simulated cameras: taken at once, and drawn when their rows are read, only the rows that are."""
+"""Images of simulated cameras, which are taken at once and drawn row by row when they are read."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class CeilingShot:
 class LevelShot:
     """A shot by a robot's camera that looks along the floor, at `t_ns`.
 
-    Robots, people and doors are remembered as they were when the shot was taken.
+    It shows robots, people and doors at the time of the shot.
     """
 
     channels = 1

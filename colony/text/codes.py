@@ -1,9 +1,9 @@
-"""The codes of everything that is reported outside of the front end, each with its subject.
+"""The codes of all diagnostics outside the front end, each with its subject.
 
 Codes are stable: a code keeps its meaning, and a retired code is not reused. `docs/errors.md` describes
 when each occurs and how to fix it. M is about maps, F about the frames of a trace, R about binding a program
-to a robot, P about modules written in Python, T about what tests found, C about compiled programs, A about
-recordings to be audited, V about what proofs found. The front end's own are in `colony.dsl.errors`.
+to a robot, P about modules written in Python, T about failed tests, C about compiled programs, A about
+recordings to be audited, V about results of proofs. Those of the front end are in `colony.dsl.errors`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ CODES: dict[str, str] = {
     "M020": "the lights of turning spaces do not pair",
     "M021": "edges cross",
     "M022": "the start is not in free space",
-    "M023": "too much for a map",
+    "M023": "a map is too large",
     "M024": "a ring is traced the wrong way round",
     "M025": "there is no such node",
     "M026": "linked places do not face each other",
@@ -39,11 +39,11 @@ CODES: dict[str, str] = {
     "M028": "a map with elevators does not say which floor it is",
     "M029": "an elevator leads nowhere",
     "M030": "an elevator does not lead back",
-    "M031": "two maps of a building say the same of themselves",
+    "M031": "two maps of a building have the same name or floor",
     "F001": "a line is not JSON",
     "F002": "a frame is not an object",
-    "F003": "a frame has no proper time",
-    "F004": "the time of frames does not rise",
+    "F003": "a frame has no valid time",
+    "F004": "the times of frames do not increase",
     "F005": "an unknown sensor in a frame",
     "F006": "an array of the wrong length in a frame",
     "F007": "the frames are not text",
@@ -57,18 +57,18 @@ CODES: dict[str, str] = {
     "P001": "a class in Python cannot be imported and built",
     "P002": "a module in Python is not deterministic",
     "T001": "an expectation is false",
-    "T002": "an expectation says nothing",
+    "T002": "an expectation has no value",
     "T003": "a contract is broken in a test",
-    "T004": "an element is set of an array that is missing",
+    "T004": "an element of a missing array is set",
     "C001": "a compiled program cannot be run",
     "A001": "the recording cannot be read",
     "A002": "the file is no recording of a run",
     "A003": "there is nothing to audit in a recording",
-    "A004": "what is recorded is none of the program",
+    "A004": "the recording is of another program",
     "A005": "the program of a recording cannot be used",
     "A006": "the recording is damaged",
-    "V001": "what was compiled is not the network",
-    "V002": "what was compiled is neither proved nor refuted",
+    "V001": "the compiled form differs from the network",
+    "V002": "the compiled form is neither proved nor refuted",
     "V010": "a contract can be broken",
     "V011": "a contract is neither proved nor refuted",
     "V020": "a module can never get through",
@@ -77,12 +77,12 @@ CODES: dict[str, str] = {
     "V023": "an inhibitor changes nothing",
     "V024": "a time constant changes nothing",
     "V025": "a command can leave its range",
-    "V026": "a contract says nothing",
-    "V027": "a contract promises nothing",
+    "V026": "a contract never has a value",
+    "V027": "a contract is vacuous",
     "V028": "nothing reads a sensor",
     "V029": "modules are always active together",
     "V030": "a robot drives on without a sensor",
-    "V031": "a time constant holds too little",
+    "V031": "a time constant holds back too little",
     "V040": "a name that neither behavior has",
     "V041": "the robots of two behaviors differ",
     "V042": "there is nothing to compare",

@@ -1,7 +1,7 @@
 """Errors and warnings as data, and the one place where they are rendered.
 
-A stage that finds something wrong appends a `Diagnostic` to a list and goes on; what cannot go on raises
-`DiagnosticError` with all that was found. Nothing else in the project formats a message for a person.
+A stage that finds a problem appends a `Diagnostic` to a list and continues; if it cannot continue, it raises
+`DiagnosticError` with all findings so far.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Severity = Literal["error", "warning"]
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """Another place that a finding is about, and what is there: "first declared here"."""
+    """Another place that a finding refers to, with a note such as "first declared here"."""
 
     span: Span
     text: str
@@ -25,7 +25,7 @@ class Label:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic:
-    """One finding: a stable code, where, what was found and expected, and what to do about it."""
+    """A finding: its stable code, its place, what was found and expected, and a hint at the remedy."""
 
     code: str
     span: Span
@@ -36,7 +36,7 @@ class Diagnostic:
 
 
 class DiagnosticError(Exception):
-    """A stage that failed; `diagnostics` holds everything that it found, at least one."""
+    """The failure of a stage; `diagnostics` holds all its findings, at least one."""
 
     def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
@@ -63,7 +63,7 @@ def _place(span: Span) -> str:
     return f"{span.source.name}:{line}:{column}"
 
 
-_WIDEST_LINE = 160
+_MAX_LINE_WIDTH = 160
 
 
 def render(diagnostic: Diagnostic) -> str:
@@ -81,9 +81,9 @@ def _excerpt(span: Span) -> list[str]:
     line, column = span.source.position(span.start)
     text = span.source.line(line)
     width = min(max(span.end - span.start, 1), max(len(text) - column + 1, 1))
-    if len(text) > _WIDEST_LINE:
-        left = max(0, column - 1 - _WIDEST_LINE // 2)
-        text = text[left : left + _WIDEST_LINE]
+    if len(text) > _MAX_LINE_WIDTH:
+        left = max(0, column - 1 - _MAX_LINE_WIDTH // 2)
+        text = text[left : left + _MAX_LINE_WIDTH]
         column -= left
         width = min(width, max(len(text) - column + 1, 1))
     shown = "".join(c if c.isprintable() else " " for c in text)
@@ -124,7 +124,7 @@ def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Sort by file (as first met) and place, and drop duplicates."""
+    """Sort by file (in order of first occurrence) and place, and drop duplicates."""
     files: dict[int, int] = {}
     unique: dict[tuple[int, int, str, str], Diagnostic] = {}
     for d in diagnostics:

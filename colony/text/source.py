@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class Source:
-    """A text with the name that it goes by in messages (usually the path as the user typed it)."""
+    """A text with its name in messages (usually the path as the user typed it)."""
 
     def __init__(self, name: str, text: str) -> None:
         self.name = name
@@ -68,4 +68,4 @@ class Span(NamedTuple):
 
 
 NOWHERE = Span(Source("<none>", ""), 0, 0)
-"""The span of things that no text declares, such as programs built in memory."""
+"""The span of parts without a source text, as of programs built in memory."""

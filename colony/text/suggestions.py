@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-_LONGEST_NAME = 64
+_MAX_NAME_LENGTH = 64
 """Maximum number of characters of a name that are compared: external input may be of any length."""
 
 
 def did_you_mean(name: str, known: Iterable[str], *, most: int = 1, cutoff: float = 0.6) -> str | None:
     """Return a hint with the known names that are closest to `name`; None where none is close.
 
-    Case makes no difference. Names are as close as `difflib` says, `cutoff` or more.
+    Case is ignored. Names are close if their `difflib` ratio is `cutoff` or more.
 
     Example:
         >>> did_you_mean("rserver", ["PServer", "RServer"])
@@ -22,6 +22,6 @@ def did_you_mean(name: str, known: Iterable[str], *, most: int = 1, cutoff: floa
     folded: dict[str, list[str]] = {}
     for one in dict.fromkeys(known):
         folded.setdefault(one.casefold(), []).append(one)
-    closest = get_close_matches(name[:_LONGEST_NAME].casefold(), folded, n=most, cutoff=cutoff)
+    closest = get_close_matches(name[:_MAX_NAME_LENGTH].casefold(), folded, n=most, cutoff=cutoff)
     found = [one for key in closest for one in folded[key]][:most]
     return f"did you mean {' or '.join(f'`{one}`' for one in found)}?" if found else None

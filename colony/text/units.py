@@ -1,7 +1,7 @@
 """Physical dimensions and the units of the language.
 
-Inside, lengths are millimeters, times seconds and angles degrees. The table is our own because the
-language has eight units and the general libraries cost a quarter of a second to import.
+Internally, lengths are in millimeters, times in seconds and angles in degrees. The language has ten units, so
+it needs no general library, which would take a quarter of a second to import.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ BASE_UNITS: dict[str, tuple[Dimension, Fraction]] = {
 
 
 class Unit(NamedTuple):
-    """A unit as written, its dimension, and how many base units (mm, s, deg) it is, exactly."""
+    """A unit as written, its dimension, and its exact factor to the base unit (mm, s, deg)."""
 
     text: str
     dimension: Dimension

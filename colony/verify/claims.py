@@ -1,4 +1,4 @@
-"""Contract expressions that proofs create: about modules, wires and commands."""
+"""Constructors for the contract expressions that proofs ask about."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TRUE = ir.Constant(type=BOOL, value=True)
 
 
 def active(name: str) -> ir.Expression:
-    """Return the claim that a module or wire puts a command on its output."""
+    """Return the expression "`name`, a module or wire, has an active output"."""
     return ir.IsActive(type=BOOL, name=name)
 
 
@@ -39,12 +39,12 @@ def negation(e: ir.Expression) -> ir.Expression:
 
 
 def binary(operator: Binary, left: ir.Expression, right: ir.Expression) -> ir.Expression:
-    """Return an operation that gives a bool."""
+    """Return an operation whose result is a bool."""
     return ir.BinaryOperation(type=BOOL, operator=operator, left=left, right=right)
 
 
 def implies(left: ir.Expression, right: ir.Expression) -> ir.Expression:
-    """Return an implication."""
+    """Return the expression "`left` implies `right`"."""
     return binary(Binary.IMPLIES, left, right)
 
 

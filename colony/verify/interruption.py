@@ -17,59 +17,69 @@ if TYPE_CHECKING:
     from sys import UnraisableHookArgs
     from types import FrameType
 
-_AGAIN_S = 0.01
-"""Seconds before a lost Ctrl-C is sent again: by then Python has left the code that swallowed it."""
+_RESEND_DELAY_S = 0.01
+"""Seconds before a lost Ctrl-C is sent again, by when Python has left the code that swallowed it."""
 
 _INTERRUPT_INTERVAL_S = 0.05
-"""Seconds between two requests to z3 to give up: a request before z3 has begun is lost."""
+"""Seconds between two interrupts of z3: one that comes before z3 has begun is lost."""
 
 
-class _Resent:
-    """Ctrl-C, sent again where it was lost. Mutable.
+class _InterruptResender:
+    """Sends a lost Ctrl-C again. Mutable.
 
-    No code can catch a KeyboardInterrupt in a callback of C, or while an object is deleted: Python prints it
-    and drops it.
+    Python prints and drops a KeyboardInterrupt that is raised in a callback from C or while an object is
+    deleted; no code can catch it.
     """
 
     def __init__(self) -> None:
         self._before = sys.unraisablehook
         self._timer: threading.Timer | None = None
-        self._owed = False
+        self._is_pending = False
 
     def hook(self, lost: UnraisableHookArgs) -> None:
         """Stand in for `sys.unraisablehook`."""
-        if not issubclass(lost.exc_type, KeyboardInterrupt):
+        if not _is_interrupt(lost.exc_value):
             self._before(lost)
             return
-        self._owed = True
-        self._timer = threading.Timer(_AGAIN_S, self._send)
+        self._is_pending = True
+        self._timer = threading.Timer(_RESEND_DELAY_S, self._send)
         self._timer.daemon = True
         self._timer.start()
 
     def close(self) -> bool:
-        """Send nothing any more; return True if one is still to come."""
+        """Stop sending; return True if a lost Ctrl-C is still to be sent."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer.join()
-        return self._owed
+        return self._is_pending
 
     def _send(self) -> None:
-        self._owed = False
+        self._is_pending = False
         signal.raise_signal(signal.SIGINT)
 
 
-@contextmanager
-def _z3_gives_up() -> Iterator[None]:
-    """Have z3 leave SIGINT alone, and end its work when one comes.
+def _is_interrupt(problem: BaseException | None) -> bool:
+    """Return True for Ctrl-C, also for one that came while ctypes converted an argument for z3.
 
-    z3 replaces the handler of SIGINT while it answers a question, and forgets a Ctrl-C that comes just when
-    it has the answer. Without its handler the signal stays with Python, whose own handler has to wait for
-    the end of the question: so a thread, which the signal wakes, interrupts z3 until that handler has run.
+    ctypes raises that one as an ArgumentError, which names it in its text alone.
+    """
+    if isinstance(problem, ctypes.ArgumentError):
+        return KeyboardInterrupt.__name__ in str(problem)
+    return isinstance(problem, KeyboardInterrupt)
+
+
+@contextmanager
+def _z3_interruptible() -> Iterator[None]:
+    """Interrupt z3 on SIGINT, in place of z3's own handler.
+
+    z3 replaces the handler of SIGINT during a check, and loses a Ctrl-C that arrives as the check ends.
+    Python's handler loses none, but cannot run before the check ends. So the signal wakes a thread, which
+    interrupts z3 until that handler has run.
     """
     import z3
 
-    awake, wakes = socket.socketpair()
-    wakes.setblocking(False)
+    receiver, sender = socket.socketpair()
+    sender.setblocking(False)
     handled = threading.Event()
     before = signal.getsignal(signal.SIGINT)
 
@@ -79,7 +89,7 @@ def _z3_gives_up() -> Iterator[None]:
             before(number, frame)
 
     def watch() -> None:
-        while number := awake.recv(1):
+        while number := receiver.recv(1):
             while number[0] == signal.SIGINT and not handled.wait(_INTERRUPT_INTERVAL_S):
                 z3.main_ctx().interrupt()
             handled.clear()
@@ -87,7 +97,7 @@ def _z3_gives_up() -> Iterator[None]:
     watcher = threading.Thread(target=watch, daemon=True)
     z3.set_param("ctrl_c", False)
     signal.signal(signal.SIGINT, handle)
-    fd = signal.set_wakeup_fd(wakes.fileno(), warn_on_full_buffer=False)
+    fd = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
     watcher.start()
     try:
         yield
@@ -96,29 +106,29 @@ def _z3_gives_up() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
         z3.set_param("ctrl_c", True)
         handled.set()
-        wakes.close()
+        sender.close()
         watcher.join()
-        awake.close()
+        receiver.close()
 
 
 @contextmanager
-def interruptions() -> Iterator[None]:
-    """Make every Ctrl-C a KeyboardInterrupt in the main thread, soon after where it cannot be at once.
+def reliable_interrupts() -> Iterator[None]:
+    """Turn every Ctrl-C into a KeyboardInterrupt in the main thread, if need be with a short delay.
 
-    One that comes while ctypes converts an argument for z3 is raised by ctypes as an ArgumentError, which
-    names it in its text alone.
+    If it arrives while ctypes converts an argument for z3, ctypes raises an ArgumentError, which names the
+    KeyboardInterrupt only in its text.
     """
-    before, resent = sys.unraisablehook, _Resent()
-    sys.unraisablehook = resent.hook
+    before, resender = sys.unraisablehook, _InterruptResender()
+    sys.unraisablehook = resender.hook
     try:
-        with _z3_gives_up() if installed("z3") else nullcontext():
+        with _z3_interruptible() if installed("z3") else nullcontext():
             yield
     except ctypes.ArgumentError as problem:
-        if KeyboardInterrupt.__name__ not in str(problem):
+        if not _is_interrupt(problem):
             raise
         raise KeyboardInterrupt from None
     finally:
         sys.unraisablehook = before
-        lost = resent.close()
+        lost = resender.close()
     if lost:
         raise KeyboardInterrupt

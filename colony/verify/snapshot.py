@@ -16,13 +16,13 @@ _NONE: Mapping[str, Any] = {}
 class Snapshot(NamedTuple):
     """The inputs of one frame in base units, where a `Frame` has them in declared units.
 
-    Proofs need their own form: a reading that is divided by its unit and multiplied again may differ in the
-    last bit, and a counterexample at the edge of a comparison would then break nothing.
+    Proofs need base units: a reading that is converted to its unit and back may differ in the last bit, and
+    a counterexample at the edge of a comparison would then break nothing.
 
     Attributes:
         t_ns: Time of the frame.
-        readings: Value of each sensor that is there; the others are missing.
-        answers: Fields that modules in Python command; a module that is absent is not applicable.
+        readings: Value of each sensor; a sensor that is absent is missing.
+        answers: Command of each module in Python; a module that is absent is not applicable.
     """
 
     t_ns: int
@@ -31,6 +31,6 @@ class Snapshot(NamedTuple):
 
 
 def snapshot_of(program: Program, frame: Frame) -> Snapshot:
-    """Return a frame as the interpreter takes it: clamped to ranges, without readings that cannot be."""
+    """Return a frame as the interpreter sees it: clamped to ranges, without faulty readings."""
     sensed = {s.name: sense(s, frame.readings.get(s.name), s.factor)[0] for s in program.robot.sensors}
     return Snapshot(frame.t_ns, {name: value for name, value in sensed.items() if value is not None})

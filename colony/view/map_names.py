@@ -1,8 +1,8 @@
-"""The places of names in the picture of a map: corners, doors and elevators, behind their walls, legibly.
+"""Label placement for the picture of a map: names of corners, doors and elevators, behind their walls.
 
-Every name has a few possible places, the best first; it takes the first one where it touches no wall and no
-other name, and is left out if there is none. Names are placed in the order of importance: elevators, doors,
-then corners.
+Every name has a few candidate places, the best first. It takes the first one where it touches no wall and no
+other name, and is left out if there is none. Names are placed in order of importance: elevators, doors, then
+corners.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import walls_of
 
 FONT_POINTS = 8.0
-_APART_POINTS = 3.0
+_GAP_POINTS = 3.0
 _SHIFTS = ((6.0, 0.0), (6.0, 7.0), (6.0, -7.0), (17.0, 0.0), (17.0, 8.0), (17.0, -8.0))
 """Distances of a name behind its wall and along it, in points; the best first."""
 _HEIGHT = 1.25  # of a line of text, in font sizes
-_AXIS = 0.98  # a wall whose direction has a component of so much is taken for one along that axis
+_AXIS = 0.98  # minimum component of a wall's direction along an axis to count as parallel to it
 
 Rank = Literal["elevator", "door", "corner"]
 _RANKS: tuple[Rank, ...] = ("elevator", "door", "corner")
@@ -56,9 +56,9 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Name:
-    """A name in the picture: its text, the middle of where it stands, whether it is turned to read upward.
+    """A placed name: its text, its center, and True for `upright` if it reads upward.
 
-    `box` is the room that it takes.
+    `box` is the area that it takes.
     """
 
     text: str
@@ -69,22 +69,22 @@ class Name:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Wanted:
-    """A name that is to be placed: where its door or corner is, and which way is behind the wall."""
+class _NameRequest:
+    """A name to be placed: the place of its door or corner, and the direction behind the wall (`out`)."""
 
     text: str
     rank: Rank
     at: Point
     out: Point
-    line: tuple[int, int]  # which side of which ring, so that names beside each other are turned alike
+    line: tuple[int, int]  # ring and side, so that neighboring names have one orientation
 
 
 def place_names(drawn: Map, mm_per_point: float) -> tuple[Name, ...]:
-    """Place the names of a map's doors, elevators and corners, as far as there is room.
+    """Place the names of a map's doors, elevators and corners where there is room.
 
     Args:
         drawn: the map.
-        mm_per_point: how much of the building a typographical point shows.
+        mm_per_point: millimeters of the building per typographical point.
     """
     walls = walls_of(drawn).segments
     wanted = sorted(_wanted(drawn), key=lambda w: _RANKS.index(w.rank))
@@ -100,7 +100,7 @@ def place_names(drawn: Map, mm_per_point: float) -> tuple[Name, ...]:
     return tuple(placed)
 
 
-def _wanted(drawn: Map) -> Iterator[_Wanted]:
+def _wanted(drawn: Map) -> Iterator[_NameRequest]:
     leads = {elevator.node: elevator.file for elevator in reversed(drawn.elevators)}
     for i, ring in enumerate(drawn.rings):
         nodes, side = corners(ring), 0
@@ -110,14 +110,14 @@ def _wanted(drawn: Map) -> Iterator[_Wanted]:
             side += node.turn_deg != 0.0
             if node.corner:
                 out = Point(after.x + before.x, after.y + before.y)
-                yield _Wanted(text=node.name, rank="corner", at=here, out=out, line=(i, side))
+                yield _NameRequest(text=node.name, rank="corner", at=here, out=out, line=(i, side))
             if edge.kind is not EdgeKind.WALL:
                 middle = Point((here.x + there.x) / 2, (here.y + there.y) / 2)
                 text = _without_side(node.name)
                 if node.name in leads:
                     text += f" ↕ {leads[node.name].rpartition('/')[2].removesuffix('.stickrep')}"
                 rank: Rank = "elevator" if edge.kind is EdgeKind.ELEVATOR else "door"
-                yield _Wanted(text=text, rank=rank, at=middle, out=after, line=(i, side))
+                yield _NameRequest(text=text, rank=rank, at=middle, out=after, line=(i, side))
 
 
 def _without_side(name: str) -> str:
@@ -131,17 +131,17 @@ def _left_of(here: Point, there: Point) -> Point:
     return Point(-(there.y - here.y) / length, (there.x - here.x) / length)
 
 
-def _crowded_lines(wanted: Sequence[_Wanted], mm_per_point: float) -> set[tuple[int, int]]:
-    """Return the walls from west to east whose doors' names do not fit beside each other."""
+def _crowded_lines(wanted: Sequence[_NameRequest], mm_per_point: float) -> set[tuple[int, int]]:
+    """Return the walls from west to east on which the names of the doors do not fit side by side."""
     crowded = set()
-    along: dict[tuple[int, int], list[_Wanted]] = {}
+    along: dict[tuple[int, int], list[_NameRequest]] = {}
     for one in wanted:
         if one.rank != "corner" and abs(one.out.y) > _AXIS:
             along.setdefault(one.line, []).append(one)
     for line, names in along.items():
         names.sort(key=lambda w: w.at.x)
         for left, right in pairwise(names):
-            room = (_width(left.text, left.rank) + _width(right.text, right.rank)) / 2 + _APART_POINTS
+            room = (_width(left.text, left.rank) + _width(right.text, right.rank)) / 2 + _GAP_POINTS
             if right.at.x - left.at.x < room * mm_per_point:
                 crowded.add(line)
     return crowded
@@ -154,8 +154,8 @@ def _width(text: str, rank: Rank) -> float:
     return float(TextPath((0, 0), text, size=FONT_POINTS, prop=font).get_extents().width)
 
 
-def _places(one: _Wanted, turned: bool, mm_per_point: float) -> Iterator[tuple[bool, Point, Box]]:
-    """Yield the possible places of a name: whether upright, its middle, and the room that it takes."""
+def _places(one: _NameRequest, turned: bool, mm_per_point: float) -> Iterator[tuple[bool, Point, Box]]:
+    """Yield the candidate places of a name: True if upright, its center, and the area that it takes."""
     width, height = _width(one.text, one.rank), _HEIGHT * FONT_POINTS
     length = math.hypot(one.out.x, one.out.y) or 1.0
     out = Point(one.out.x / length, one.out.y / length)
@@ -166,7 +166,7 @@ def _places(one: _Wanted, turned: bool, mm_per_point: float) -> Iterator[tuple[b
             reach_x = (gap + wide / 2) * out.x + aside * out.y
             reach_y = (gap + high / 2) * out.y - aside * out.x
             at = Point(one.at.x + reach_x * mm_per_point, one.at.y + reach_y * mm_per_point)
-            half_x, half_y = (0.5 * mm_per_point * (side + _APART_POINTS) for side in (wide, high))
+            half_x, half_y = (0.5 * mm_per_point * (side + _GAP_POINTS) for side in (wide, high))
             yield upright, at, Box(at.x - half_x, at.y - half_y, at.x + half_x, at.y + half_y)
 
 

@@ -1,7 +1,7 @@
-"""Pictures of maps: walls, doors, elevators and lights, and the ways that robots took.
+"""Pictures of maps: walls, doors, elevators and lights, and the paths of robots.
 
-Figures are built without matplotlib's global state, and a picture depends on nothing but what is drawn: SVG
-files come out the same byte for byte.
+Figures are built without matplotlib's global state, and a picture depends on its content only: the same
+content gives the same SVG file, byte for byte.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ PictureFormat = Literal["png", "svg"]
 _INK, _MUTED, _PAPER, _FLOOR = "#2b2f36", "#7a8290", "#eceef1", "#ffffff"
 _DOOR, _ELEVATOR, _LIGHT, _LINK = "#c8752a", "#7a4fb5", "#f2c53d", "#0f8f86"
 _PATHS = ("#1769d6", "#0f9d76", "#c2335f", "#5d6b00", "#8a3fb8", "#00879e")
-_LEAST_INCHES, _MOST_INCHES = 11.0, 24.0
+_MIN_INCHES, _MAX_INCHES = 11.0, 24.0
 _MM_PER_INCH = 6_500.0  # pictures of large buildings are larger, so that names are legible
 _EDGE_POINTS = 16.0
 _TITLE_POINTS, _STRIP_POINTS = 40.0, 28.0
@@ -48,7 +48,7 @@ def picture_format(path: str | os.PathLike[str]) -> PictureFormat:
     """Return the format that a file's suffix asks for.
 
     Raises:
-        ValueError: the ending is another one.
+        ValueError: the suffix is neither `.png` nor `.svg`.
     """
     match Path(path).suffix.lower():
         case ".png":
@@ -69,8 +69,8 @@ def draw_map(
 
     Args:
         drawn: the map.
-        paths: the ways of robots, each (n, 2) or (n, 3), x and y in mm, in the order in which they were
-            driven; places that are not finite are left out.
+        paths: the paths of robots, each (n, 2) or (n, 3), x and y in mm, in driving order; points that are
+            not finite are left out.
         title: the title; the map's name by default.
         names: names of the robots in the legend.
     """
@@ -102,7 +102,7 @@ def draw_map(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Sheet:
-    """The scale of a picture, and the part of the plane that the building and its names take, in mm."""
+    """The scale of a picture, and the bounding box of the building and its names, in mm."""
 
     low_x: float
     low_y: float
@@ -116,19 +116,19 @@ class _Sheet:
         return (self.high_x - self.low_x) / self.mm_per_point
 
     def above(self, points: float) -> float:
-        """Return the y that is so far above the building and its names."""
+        """Return the y coordinate that is `points` above the building and its names."""
         return self.high_y + points * self.mm_per_point
 
     def below(self, points: float) -> float:
-        """Return the y that is so far below the building and its names."""
+        """Return the y coordinate that is `points` below the building and its names."""
         return self.low_y - points * self.mm_per_point
 
 
 def _sheet_for(drawn: Map, walls: Walls) -> tuple[_Sheet, tuple[Name, ...]]:
-    """Return the sheet for a map, and where its names are on it."""
+    """Return the sheet for a map, and the placed names on it."""
     low_x, low_y, high_x, high_y = walls.bounds
     long_side = max(high_x - low_x, high_y - low_y)
-    scale = long_side / (72.0 * min(max(_LEAST_INCHES, long_side / _MM_PER_INCH), _MOST_INCHES))
+    scale = long_side / (72.0 * min(max(_MIN_INCHES, long_side / _MM_PER_INCH), _MAX_INCHES))
     names = place_names(drawn, scale)
     boxes = [Box(low_x, low_y, high_x, high_y), *(name.box for name in names)]
     sheet = _Sheet(
@@ -145,7 +145,7 @@ def _draw_legend(axes: Axes, sheet: _Sheet) -> float:
     """Explain the marks, beside the scale bar if there is room, else in rows below it.
 
     Returns:
-        How much of the sheet is used below the building and its names, in points.
+        Height that the sheet needs below the building and its names, in points.
     """
     labels = axes.get_legend_handles_labels()[1]
     widths = [_LEGEND_MARK_POINTS + _LETTER_POINTS * len(label) for label in labels]
@@ -162,7 +162,7 @@ def _draw_legend(axes: Axes, sheet: _Sheet) -> float:
 
 
 def _fit(figure: Figure, axes: Axes, sheet: _Sheet, below_points: float) -> None:
-    """Give a figure its size, and show in it just what is drawn, to scale."""
+    """Set the size of a figure so that it shows exactly the drawn area, to scale."""
     edge = _EDGE_POINTS * sheet.mm_per_point
     low_x, high_x = sheet.low_x - edge, sheet.high_x + edge
     low_y, high_y = sheet.below(below_points), sheet.above(_TITLE_POINTS)

@@ -1,4 +1,4 @@
-"""Pictures of experiments: the ways that robots took, and how far from their goals they came to stand."""
+"""Pictures of experiments: the paths of robots, and the errors of their final positions."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _BIN_MM = 20.0
 _DPI = 150
 
 
-class Drive(NamedTuple):
-    """A way, x and y in mm, and whether it led to the goal."""
+class DrivenPath(NamedTuple):
+    """The path of a run, x and y in mm, and True if it reached the goal."""
 
     path: Sequence[tuple[int, int]]
     reached: bool
     seed: int
 
 
-def draw_paths(drawn: Map, drives: Sequence[Drive], title: str) -> Figure:
-    """Draw a map with the ways of many runs: failed ones on top, a cross where each ended."""
+def draw_paths(drawn: Map, drives: Sequence[DrivenPath], title: str) -> Figure:
+    """Draw a map with the paths of many runs: failed ones on top, a cross where each ended."""
     figure = draw_map(drawn, [np.empty((0, 2))], title, ["runs"])
     axes = figure.axes[0]
     for legend in [axes.get_legend(), *figure.legends]:
@@ -47,7 +47,7 @@ def draw_paths(drawn: Map, drives: Sequence[Drive], title: str) -> Figure:
 
 
 def draw_errors(along_mm: Sequence[float], title: str) -> Figure:
-    """Draw a histogram of how far beyond their goals robots came to stand; up to a meter."""
+    """Draw a histogram of the distances by which robots overshot their goals, up to a meter."""
     figure = Figure(figsize=(8.0, 4.0), dpi=_DPI, facecolor=_PAPER, layout="constrained")
     axes = figure.add_subplot()
     values = np.clip(np.array(along_mm, dtype=float), -1000.0, 1000.0)

@@ -1,4 +1,4 @@
-"""Pictures of plans: the way on the map, with the mode of each segment and the lights that are tracked."""
+"""Pictures of plans: the path on the map, with the mode of each segment and the lights to be tracked."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _COLORS = {
     GoalKind.ELEVATOR: "#7a4fb5",
 }
 _LETTER_APART_MM = 1400.0
-"""A segment that is shorter has no room for its letter."""
+"""Minimum length of a segment that has room for its letter."""
 
 
 def draw_plan(drawn: Map, plan: Plan, title: str | None = None) -> Figure:
@@ -27,11 +27,11 @@ def draw_plan(drawn: Map, plan: Plan, title: str | None = None) -> Figure:
 
     Args:
         drawn: the map of the floor.
-        plan: made with that map, or with a building that it is a floor of.
+        plan: a plan for that map, or for a building with that floor.
         title: the title.
     """
     segments = [s for s in plan.segments if drawn.name in (s.start.floor, s.end.floor)]
-    stretches = _stretches(segments, drawn.name)
+    stretches = _path_parts(segments, drawn.name)
     figure = draw_map(drawn, stretches, title or f"{plan.origin} to {plan.goal}", ["plan"])
     axes = figure.axes[0]
     for segment in segments:
@@ -40,8 +40,8 @@ def draw_plan(drawn: Map, plan: Plan, title: str | None = None) -> Figure:
     return figure
 
 
-def _stretches(segments: list[Segment], floor: str) -> list[np.ndarray]:
-    """Return the parts of the way on one floor, each in one go."""
+def _path_parts(segments: list[Segment], floor: str) -> list[np.ndarray]:
+    """Return the contiguous parts of the path on one floor."""
     parts: list[list[tuple[float, float]]] = [[]]
     for segment in segments:
         if segment.start.floor == floor:

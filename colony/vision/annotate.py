@@ -1,4 +1,4 @@
-"""Draws what detectors found into the picture in which they found it."""
+"""Draws detections into the image in which they were found."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.vision.image_files import MOST_PIXELS, MOST_SIDE, Rgb
-from colony.vision.spotting import Detector, Spot
+from colony.vision.detectors import Detection, Detector
+from colony.vision.image_files import MAX_PIXELS, MAX_SIDE, Rgb
 
-LEAST_COLUMNS = 480
-"""A picture with fewer columns is drawn enlarged, so that the writing in it can be read."""
+MIN_COLUMNS = 480
+"""Least width of a drawn image: a smaller one is enlarged, so that the labels in it can be read."""
 
 _COLORS = {Detector.PLATES: (40, 220, 60), Detector.MARKERS: (255, 150, 0), Detector.LIGHTS: (255, 60, 200)}
 """Red, green and blue."""
@@ -21,39 +21,39 @@ _COLORS = {Detector.PLATES: (40, 220, 60), Detector.MARKERS: (255, 150, 0), Dete
 _SUBPIXEL_BITS = 4
 
 
-def annotate(image: Rgb, found: Iterable[tuple[Detector, Spot]]) -> Rgb:
-    """Return the picture with each spot's outline and its label above it, (rows, columns, 3).
+def annotate(image: Rgb, found: Iterable[tuple[Detector, Detection]]) -> Rgb:
+    """Return the image with the outline of each detection and its label above it, (rows, columns, 3).
 
-    It is enlarged by a whole number where it has less than 480 columns, as far as an image may be large.
+    An image of less than 480 columns is enlarged by a whole number, within the largest size of an image.
     """
     import cv2
 
     rows, columns = image.shape[:2]
-    most = min(math.isqrt(MOST_PIXELS // (rows * columns)), MOST_SIDE // max(rows, columns))
-    factor = max(1, min(-(-LEAST_COLUMNS // columns), most))
+    most = min(math.isqrt(MAX_PIXELS // (rows * columns)), MAX_SIDE // max(rows, columns))
+    factor = max(1, min(-(-MIN_COLUMNS // columns), most))
     canvas = np.ascontiguousarray(image.repeat(factor, axis=0).repeat(factor, axis=1))
-    for detector, spot in found:
-        corners = (np.array(spot.corners) + 0.5) * factor - 0.5
+    for detector, detection in found:
+        corners = (np.array(detection.corners) + 0.5) * factor - 0.5
         fixed = np.rint(np.clip(corners, -1e4, 1e4 + canvas.shape[1]) * 2**_SUBPIXEL_BITS).astype(np.int32)
         color, thick = _COLORS[detector], max(1, canvas.shape[1] // 480)
         cv2.polylines(canvas, [fixed], True, color, thick, cv2.LINE_AA, _SUBPIXEL_BITS)
-        _write(canvas, label_of(detector, spot), corners, color)
+        _write(canvas, label_of(detector, detection), corners, color)
     return canvas
 
 
-def label_of(detector: Detector, spot: Spot) -> str:
-    """Return the label of a spot, in a few letters."""
+def label_of(detector: Detector, detection: Detection) -> str:
+    """Return the label of a detection, in a few letters."""
     match detector:
         case Detector.PLATES:
-            return spot.label or "plate"
+            return detection.label or "plate"
         case Detector.MARKERS:
-            return spot.label
+            return detection.label
         case Detector.LIGHTS:
             return "light"
 
 
 def encode_png(image: Rgb) -> bytes:
-    """Encode a picture as a PNG file."""
+    """Encode an image as a PNG file."""
     import cv2
 
     _, data = cv2.imencode(".png", image[:, :, ::-1])
@@ -61,7 +61,7 @@ def encode_png(image: Rgb) -> bytes:
 
 
 def _write(canvas: Rgb, text: str, corners: NDArray[Any], color: tuple[int, int, int]) -> None:
-    """Write text above a spot, on black, and within the picture."""
+    """Write text above a detection, on black, and within the image."""
     import cv2
 
     rows, columns = canvas.shape[:2]

@@ -1,7 +1,7 @@
 """Decoding of image files: PNG, JPEG, BMP, WebP or TIFF.
 
-They are gray or in color, with 8 or 16 bits a channel, with or without transparency. The error message for a
-file that is no image, is damaged, or is too large for the detectors is one line.
+Images are gray or in color, with 8 or 16 bits per channel, with or without transparency. Errors about files
+that are no image, damaged, or too large for the detectors are one line.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.text.wording import listed
-from colony.vision.gray_images import LEAST_PIXELS
+from colony.vision.gray_images import MIN_PIXELS
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -22,36 +22,36 @@ if TYPE_CHECKING:
 Rgb = NDArray[np.uint8]
 """(rows, columns, 3), each channel from 0 to 255."""
 
-MOST_BYTES = 64 * 2**20
+MAX_BYTES = 64 * 2**20
 """Largest size of a file."""
 
-MOST_PIXELS, MOST_SIDE = 50_000_000, 30_000
+MAX_PIXELS, MAX_SIDE = 50_000_000, 30_000
 """Largest size of an image: pixels in all, and pixels in a row or a column."""
 
-_AT_MOST = f"at most {MOST_PIXELS // 10**6} million"
+_AT_MOST = f"at most {MAX_PIXELS // 10**6} million"
 _FORMATS = ("PNG", "JPEG", "BMP", "WEBP", "TIFF")
 
 
 class ImageFormatError(ValueError):
-    """Bytes that are no image that can be looked at; the message says why."""
+    """Bytes are not a usable image; the message says why."""
 
 
 def decode_image(data: bytes) -> Rgb:
     """Decode an image file: upright by its orientation tag, and on white where it is transparent.
 
-    Of a file with several pictures it is the first one. Levels of 16 bits are reduced to 8.
+    A file with several images gives the first one. Levels of 16 bits are reduced to 8.
 
     Raises:
-        ImageFormatError: the file has no picture, or it is damaged, too large or too small.
+        ImageFormatError: the file has no image, or the image is damaged, too large or too small.
     """
     from PIL import Image, ImageOps, UnidentifiedImageError
 
     if not data:
         raise ImageFormatError("the file is empty; expected an image")
-    if len(data) > MOST_BYTES:
-        raise ImageFormatError(f"more than {MOST_BYTES // 2**20} MB; expected an image file that is smaller")
+    if len(data) > MAX_BYTES:
+        raise ImageFormatError(f"more than {MAX_BYTES // 2**20} MB; expected a smaller image file")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of what is odd in a file that can be read all the same
+        warnings.simplefilter("ignore")  # about oddities of files that can still be read
         try:
             with Image.open(io.BytesIO(data), formats=_FORMATS) as file:
                 _check_size(*file.size)
@@ -61,10 +61,10 @@ def decode_image(data: bytes) -> Rgb:
             raise
         except UnidentifiedImageError:
             expected = listed(_FORMATS, "or")
-            raise ImageFormatError(f"no image that can be read; expected {expected}") from None
+            raise ImageFormatError(f"not a readable image; expected {expected}") from None
         except Image.DecompressionBombError:
             raise ImageFormatError(f"an image of far more pixels than expected: {_AT_MOST}") from None
-        # The decoders raise whatever comes of bytes that make no sense: errors of zlib, struct, of an index.
+        # Decoders raise errors of many kinds for damaged data: of zlib, struct, indices.
         except Exception as problem:
             why = str(problem).splitlines()
             raise ImageFormatError(
@@ -74,12 +74,12 @@ def decode_image(data: bytes) -> Rgb:
 
 def _check_size(columns: int, rows: int) -> None:
     size = f"an image of {columns} x {rows} pixels"
-    if columns * rows > MOST_PIXELS:
+    if columns * rows > MAX_PIXELS:
         raise ImageFormatError(f"{size}; expected {_AT_MOST}")
-    if max(columns, rows) > MOST_SIDE:
-        raise ImageFormatError(f"{size}; expected at most {MOST_SIDE} a side")
-    if min(columns, rows) < LEAST_PIXELS:
-        raise ImageFormatError(f"{size}; expected at least {LEAST_PIXELS} x {LEAST_PIXELS}")
+    if max(columns, rows) > MAX_SIDE:
+        raise ImageFormatError(f"{size}; expected at most {MAX_SIDE} a side")
+    if min(columns, rows) < MIN_PIXELS:
+        raise ImageFormatError(f"{size}; expected at least {MIN_PIXELS} x {MIN_PIXELS}")
 
 
 def _rgb(image: Image.Image) -> Rgb:

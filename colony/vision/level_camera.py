@@ -1,4 +1,4 @@
-"""The geometry of the cameras that look along the floor (thesis sections 5.4.6 and 5.7).
+"""The geometry of level cameras, which look along the floor (thesis sections 5.4.6 and 5.7).
 
 One looks to the left, as sonar 18 does, for door plates, and one ahead for the markers of elevators. Their
 optical axes are level. A column of the image is a direction, rows grow downward, pixels are square, and pixel
@@ -19,7 +19,7 @@ class LevelCamera:
 
     Attributes:
         columns, rows: size of the image, in pixels.
-        view_deg: the full angle that the columns see, below 180.
+        view_deg: full horizontal angle of view, below 180.
         yaw_deg: its direction, counterclockwise from ahead: 90 is to the left.
         height_mm: height of the lens above the floor.
 

@@ -1,6 +1,6 @@
-"""The periods at which scripts look at images."""
+"""The periods of the scripts that process images."""
 
 from __future__ import annotations
 
 PERIOD_S, THESIS_PERIOD_S = 0.25, 0.5
-"""Seconds from one look to the next: ours, and as printed in the thesis."""
+"""Seconds between two images: Colony's, and the thesis's."""

@@ -1,6 +1,6 @@
 """The plates and markers of a map in the view of a camera at a pose, and their places in its image.
 
-The map is taken as it is: doors are shut, and no people stand before them.
+Doors are assumed to be shut, and no people in the way.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from colony.nav.maps.signs import (
 from colony.nav.maps.stickrep.geometry import Point, direction
 from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.walls import free_distance, walls_of
+from colony.vision.detections import Corner
 from colony.vision.level_camera import LevelCamera
-from colony.vision.sightings import Corner
 
-_LEAST_DEPTH_MM = 50.0
+_MIN_DEPTH_MM = 50.0
 _SLACK_MM = 20.0
 
 
@@ -63,9 +63,9 @@ def signs_in_view(
 def corners_of(
     sign: Plate | Marker, pose: tuple[float, float, float], camera: LevelCamera
 ) -> tuple[Corner, Corner, Corner, Corner] | None:
-    """Return the corners of a sign in the image, clockwise from the upper left one, whatever is before it.
+    """Return the corners of a sign in the image, clockwise from the upper left, even if the sign is hidden.
 
-    None if the camera does not look at its front, or is nearer than 50 mm.
+    None if the camera is behind the sign, or nearer than 50 mm.
     """
     wide = sign.end_mm - sign.start_mm
     high = PLATE_HEIGHT_MM if isinstance(sign, Plate) else STRIPE_HEIGHT_MM
@@ -73,11 +73,11 @@ def corners_of(
     if (sign.middle.x - pose[0]) * into.x + (sign.middle.y - pose[1]) * into.y <= 0.0:
         return None
     ends = []
-    for half in (-wide / 2, wide / 2):  # the left end first, as seen facing it
+    for half in (-wide / 2, wide / 2):  # the left end first, facing the sign
         dx = sign.middle.x + half * into.y - pose[0]
         dy = sign.middle.y - half * into.x - pose[1]
         depth, right = dx * ahead.x + dy * ahead.y, dx * ahead.y - dy * ahead.x
-        if depth < _LEAST_DEPTH_MM:
+        if depth < _MIN_DEPTH_MM:
             return None
         column = (camera.columns - 1) / 2.0 + camera.focal * right / depth
         rows = [camera.row_of(SIGN_HEIGHT_MM + side * high / 2, depth) for side in (1.0, -1.0)]

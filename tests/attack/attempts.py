@@ -12,7 +12,7 @@ import zenoh
 from colony.runtime.library.robot import Drive
 from colony.runtime.protocol import codec
 from colony.runtime.protocol.calls import Open
-from colony.runtime.protocol.messages import Call, Ready, Request, Right, Sent, Tick
+from colony.runtime.protocol.messages import Call, Ready, Request, Right, SentMessage, Tick
 from tests.attack.intruder import ABUSERS, Attack
 from tests.attack.lab import MARK
 from tests.cli.machine import ROBOT
@@ -132,7 +132,7 @@ def drive(attack: Attack) -> None:
     _send(attack, "Clock/ready", Ready(client="drive/cruise"))
 
 
-def _send(attack: Attack, topic: str, message: Sent) -> None:
+def _send(attack: Attack, topic: str, message: SentMessage) -> None:
     attack.session.put(f"{ROOT}/{topic}", codec.encode(message))
 
 

@@ -19,11 +19,11 @@ from typing import Literal, get_args
 import msgspec
 import zenoh
 
-from colony.runtime.assembly.processes.spec import Here, There, place_of, said_of
+from colony.runtime.assembly.processes.spec import LocalPlaceSpec, RemotePlaceSpec, place_of, place_spec
 from colony.runtime.library.robot import Drive
 from colony.runtime.protocol import codec
-from colony.runtime.protocol.calls import Nothing, Open
-from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.calls import NoArguments, Open
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.protocol.messages import Call, Fetch, Right
 from colony.runtime.transport.live import configuration
 from colony.runtime.transport.live.network import local_user
@@ -59,7 +59,7 @@ class Order(msgspec.Struct, frozen=True, kw_only=True):
     """What to send, where, and as which user. `rate` is messages a second, 0 as many as there go."""
 
     kind: Kind
-    place: Here | There
+    place: LocalPlaceSpec | RemotePlaceSpec
     user: str
     seconds: float
     most: int = 1_000_000
@@ -111,7 +111,7 @@ def flood(
     else:
         place, user = local(ROBOT, lab.machine.environment), local_user()
         rate = rate or LOCAL_RATE
-    order = Order(kind=kind, place=said_of(place), user=user, seconds=seconds, rate=rate, most=most)
+    order = Order(kind=kind, place=place_spec(place), user=user, seconds=seconds, rate=rate, most=most)
     made = Flood(order)
     try:
         yield made
@@ -136,7 +136,7 @@ def messages(order: Order) -> Iterator[tuple[str, bytes]]:
             yield from (call("command", n, "drive", Drive(velocity=0.0, turn=0.0)) for n in count(2))
         case "read calls":
             yield call("read", 1, "open", Open(name="flood"))
-            yield from (call("read", n, "position", Nothing()) for n in count(2))
+            yield from (call("read", n, "position", NoArguments()) for n in count(2))
         case "fetches":
             yield from (
                 (f"{server}/fetches/{order.user}", codec.encode(Fetch(server="RServer", k=k)))
@@ -145,7 +145,7 @@ def messages(order: Order) -> Iterator[tuple[str, bytes]]:
         case "malformed":
             yield from ((f"{server}/call/command/{connection}", os.urandom(64)) for _ in count())
         case "large":
-            yield from ((f"{server}/call/command/{connection}", bytes(LARGEST)) for _ in count())
+            yield from ((f"{server}/call/command/{connection}", bytes(MAX_MESSAGE_BYTES)) for _ in count())
         case "local calls":
             yield call("command", 1, "open", Open(name="flood"))
             yield from (call("command", n, "drive", Drive(velocity=0.0, turn=0.0)) for n in count(2))

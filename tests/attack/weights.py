@@ -15,16 +15,16 @@ from colony.runtime.kit.emergency import StopButton
 from colony.runtime.library import clock, data
 from colony.runtime.library.ask import STATUS
 from colony.runtime.protocol.calls import Open
-from colony.runtime.protocol.codec import LARGEST, VERSION
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES, VERSION
 from colony.runtime.protocol.messages import (
-    MOST_IN_BATCH,
+    MAX_BATCH_LENGTH,
     Batch,
     Call,
     Checkpoint,
     Fetch,
     Request,
     Sample,
-    Sent,
+    SentMessage,
     ServerFrame,
     Tick,
     Verdict,
@@ -71,21 +71,24 @@ def weights(user: str) -> Iterator[Weight]:
 def _calls(server: str, connection: str) -> Iterator[Weight]:
     yield Weight(server, "open", *_call(server, connection, 1, "open", Open(name="heavy")))
     raw = {
-        "deploy, 4 MiB of numbers": ("deploy", [0] * (LARGEST - ROOM)),
-        "deploy, 4 MiB of maps": ("deploy", [{}] * (LARGEST - ROOM)),
-        "status, 4 MiB": ("status", [0] * (LARGEST - ROOM)),
-        "set, 4 MiB": ("set", {"name": "x", "value": bytes(LARGEST - ROOM)}),
+        "deploy, 4 MiB of numbers": ("deploy", [0] * (MAX_MESSAGE_BYTES - ROOM)),
+        "deploy, 4 MiB of maps": ("deploy", [{}] * (MAX_MESSAGE_BYTES - ROOM)),
+        "status, 4 MiB": ("status", [0] * (MAX_MESSAGE_BYTES - ROOM)),
+        "set, 4 MiB": ("set", {"name": "x", "value": bytes(MAX_MESSAGE_BYTES - ROOM)}),
         "set_many, 4 MiB": ("set_many", {"values": {f"{i:05}": i for i in range(400_000)}}),
-        "no such method": ("x" * (LARGEST - ROOM), None),
+        "no such method": ("x" * (MAX_MESSAGE_BYTES - ROOM), None),
     }
     for number, (name, (method, arguments)) in enumerate(raw.items(), start=10):
         yield Weight(server, name, *_call(server, connection, number, method, arguments))
     yield Weight(
-        server, "deep", f"{server}/call/command/{connection}", bytes([VERSION]) + b"\x91" * (LARGEST - 1)
+        server,
+        "deep",
+        f"{server}/call/command/{connection}",
+        bytes([VERSION]) + b"\x91" * (MAX_MESSAGE_BYTES - 1),
     )
 
 
-def _frames(server: str) -> Iterator[tuple[str, str, Sent | Batch]]:
+def _frames(server: str) -> Iterator[tuple[str, str, SentMessage | Batch]]:
     yield (
         "request",
         f"{server}/requests",
@@ -93,7 +96,7 @@ def _frames(server: str) -> Iterator[tuple[str, str, Sent | Batch]]:
     )
     asking = Request(k=1, actuator="d", client="c", bid="silent")
     yield "batch", f"{server}/requests", Batch(messages=(asking,) * 200_000)
-    yield "batch of many", f"{server}/requests", Batch(messages=(asking,) * MOST_IN_BATCH)
+    yield "batch of many", f"{server}/requests", Batch(messages=(asking,) * MAX_BATCH_LENGTH)
     yield "fetch", f"{server}/fetches", Fetch(server="x" * 4_000_000, k=1)
     yield "tick", "Clock/ticks", Tick(k=1 << 62, t_ns=0, lost=("ab",) * 1_300_000)
     yield "tick that cannot be", "Clock/ticks", Tick(k=1 << 62, t_ns=0)
@@ -107,7 +110,7 @@ def _frames(server: str) -> Iterator[tuple[str, str, Sent | Batch]]:
     yield (
         "checkpoint",
         f"{server}/checkpoints",
-        Checkpoint(client="c", k=1, start=0, memory=bytes(LARGEST - ROOM)),
+        Checkpoint(client="c", k=1, start=0, memory=bytes(MAX_MESSAGE_BYTES - ROOM)),
     )
 
 
@@ -121,10 +124,10 @@ def _call(server: str, connection: str, number: int, method: str, arguments: obj
     return f"{server}/call/command/{connection}", _bytes(call)
 
 
-def _bytes(message: Sent | Batch) -> bytes:
+def _bytes(message: SentMessage | Batch) -> bytes:
     """The bytes of a message, also of one that is too large for its kind; as much as goes into the
     largest."""
-    return (bytes([VERSION]) + msgspec.msgpack.encode(message))[:LARGEST]
+    return (bytes([VERSION]) + msgspec.msgpack.encode(message))[:MAX_MESSAGE_BYTES]
 
 
 def bear(home: Session, weight: Weight, button: StopButton) -> Borne:

@@ -35,7 +35,7 @@ def contracts_held(printed: str) -> bool:
 
     On a busy machine the leader may miss a frame; what rests on memory cannot be judged for a while then.
     """
-    unknown = re.search(r"frames? not held to the program: memory was not known", printed)
+    unknown = re.search(r"frames? not checked: memory was unknown", printed)
     told = unknown or re.search(r"contracts? held in every frame", printed)
     return told is not None and "BROKEN" not in printed
 

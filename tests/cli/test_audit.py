@@ -96,7 +96,7 @@ def test_json_lines_agree(colony: Colony, recorded: Callable[..., Ran]) -> None:
     assert result.out.startswith("run.jsonl: rome, by roam.colony, 60 frames from 0 s to 2.95 s\n")
     without = colony("audit", "run.jsonl")
     assert (without.code, without.out) == (2, "")
-    assert "error[A005]: JSON lines do not hold the program" in without.err
+    assert "error[A005]: a recording as JSON lines does not contain its program" in without.err
 
 
 def test_as_json(colony: Colony, recorded: Callable[..., Ran]) -> None:
@@ -127,7 +127,7 @@ def test_another_winner(colony: Colony, recorded: Callable[..., Ran]) -> None:
     result = colony("audit", "run.mcap")
     assert result.code == 1
     lines = result.out.splitlines()
-    message = "something else was sent than the interpreter decides"
+    message = "the command sent is not the interpreter's"
     assert lines[3] == f"DIFFERS in 1 frame, first at 0.85 s (frame 17), drive: {message}"
     assert lines[4] == "  recorded:    by avoid, velocity = 500.0, turn = 0.0"
     assert lines[5] == "  interpreter: by cruise, velocity = 500.0, turn = 0.0"
@@ -345,19 +345,19 @@ MISUSE: list[tuple[bytes | None, str]] = [
     (b"\x89PNG....", "run.mcap:1:1: error[A002]: this is no recording: neither MCAP nor JSON lines"),
     (foreign(), "run.mcap:1:1: error[A002]: this is MCAP, but no recording of a run"),
     (b"\x89MCAP0\r\n\x01", "error[A002]: this is MCAP, but no recording of a run: it breaks off"),
-    (b'{"t": 0, "bumper": true}\n', "error[A003]: the recording holds no decision"),
+    (b'{"t": 0, "bumper": true}\n', "error[A003]: the recording contains no decision"),
     (b'{"t": 0, "near": 1}\n', "run.mcap:1:10: error[F005]: unknown sensor `near`"),
     (
         b'{"t": 0, "@tick": "x"}\n',
-        "run.mcap:1:1: error[A004]: what is recorded is no decision of this program",
+        "run.mcap:1:1: error[A004]: this is not a decision of this program",
     ),
     (b'{"t": 0, "drive": {"by": "cruise", "velocity": 1}}\n', "error[A004]"),
     (b'{"t": 0, "drive": {"fates": {"cruise": "asleep"}}}\n', "error[A004]"),
     (
         b'{"t": 0, "drive": 3}\n',
-        "error[A004]: what is recorded is no decision of this program: `drive` is no object",
+        "error[A004]: this is not a decision of this program: `drive` is not an object",
     ),
-    (b"", "run.mcap:1:1: error[A003]: the recording holds no frame"),
+    (b"", "run.mcap:1:1: error[A003]: the recording contains no frame"),
 ]
 
 
@@ -403,7 +403,7 @@ def test_progress_on_what_takes_long(
     colony: Colony, recorded: Callable[..., Ran], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorded()
-    monkeypatch.setattr("colony.cli.audit.PATIENCE_S", -1.0)
+    monkeypatch.setattr("colony.cli.audit.PROGRESS_DELAY_S", -1.0)
     result = colony("audit", "run.mcap")
     said = result.err.splitlines()
     assert said == sorted(said, key=lambda line: int(line.split()[0]))

@@ -42,7 +42,7 @@ def test_two_cameras_have_two_names(texts: tuple[str, ...]) -> None:
 def test_hazards_are_of_the_building(colony: Colony) -> None:
     refused = colony("serve", "PServer", "--robot", "r", "--hazards", "1")
     assert refused.code == 2
-    assert "--hazards goes with Simulator or all, not with PServer" in refused.err
+    assert "--hazards requires Simulator or all, which simulate the building; found PServer" in refused.err
 
 
 def test_a_server_shows_the_ceiling_above_the_robot(machine: Machine) -> None:

@@ -53,7 +53,7 @@ def test_errors_leave_no_output(colony: Colony, tmp_path: Path) -> None:
 def test_an_output_that_cannot_be_written(colony: Colony, behavior: Path, tmp_path: Path) -> None:
     code, _, err = colony("compile", behavior, "-o", tmp_path / "no" / "such" / "x.txt")
     assert code == 2
-    assert "cannot write: there is no such folder" in err
+    assert "cannot write: the folder does not exist" in err
 
 
 # --- proofs --------------------------------------------------------------------------------------
@@ -178,7 +178,7 @@ def test_a_compiled_program_is_known_by_its_content(colony: Colony, name: str) -
     Path(name).write_bytes(Path(name).read_bytes()[:-1])
     code, _, err = colony("run", name, *options)
     assert (code, err.count("\n")) == (2, 1)
-    assert "error[C001]: no compiled program that can be run: it is damaged" in err
+    assert "error[C001]: not a valid compiled program: it is damaged" in err
 
 
 GOES = """

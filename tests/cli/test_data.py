@@ -67,11 +67,11 @@ def test_misuse_is_one_line(machine: Machine, colony: Colony) -> None:
     for arguments, said in (
         (("list",), "no robot with a DServer runs on this machine"),
         (("get", "X", "--robot", ROBOT), ROBOT),
-        (("set", "X", "text"), "VALUE is no JSON"),
-        (("set", "X", "1" + "0" * 30 + ".0.0"), "VALUE is no JSON"),
+        (("set", "X", "text"), "VALUE is not valid JSON"),
+        (("set", "X", "1" + "0" * 30 + ".0.0"), "VALUE is not valid JSON"),
         (("delete",), "Missing argument"),
-        (("list", "--connect", "tls/rome.lab:7447"), "also wants --robot"),
-        (("list", "--connect", "tls/rome.lab:7447", "--robot", ROBOT), "also wants --security"),
+        (("list", "--connect", "tls/rome.lab:7447"), "requires --robot"),
+        (("list", "--connect", "tls/rome.lab:7447", "--robot", ROBOT), "requires --security"),
     ):
         done = colony("data", *arguments)
         assert (done.code, done.out, done.err.count("\n")) == (2, "", 1), arguments

@@ -37,7 +37,7 @@ def test_the_same_but_for_names(colony: Colony, a: Path, b: Path) -> None:
     assert (code, err) == (0, "")
     assert out.splitlines() == [
         f"A is {a}, B is {b}",
-        "the same: they are written alike, names aside",
+        "the same: they differ in names only",
         "`avoid` of A is `dodge` of B",
     ]
 
@@ -47,12 +47,12 @@ def test_a_difference_is_shown_frame_by_frame(colony: Colony, a: Path, b: Path) 
     assert code == 1
     head, verdict, columns, frame, rest, *matching = out.splitlines()
     assert head == f"A is {a}, B is {b}"
-    assert verdict == "DIFFERENT: told apart by one frame"
+    assert verdict == "DIFFERENT: shown by a run of one frame"
     assert columns.split() == ["time", "sonar", "drive", "of", "A", "drive", "of", "B"]
     assert "by cruise: velocity = 300 mm/s, turn = 0 deg/s" in frame
     assert "by dodge: velocity = 80 mm/s, turn = 0 deg/s" in frame
     assert "1000 mm" in frame
-    assert rest == "  all other sensors: missing (what they give makes no difference)"
+    assert rest == "  all other sensors: missing (their readings make no difference)"
     assert matching == ["only in A: `avoid`", "only in B: `dodge`"]
 
 
@@ -82,7 +82,7 @@ def test_what_is_ignored_makes_no_difference(colony: Colony, a: Path, b: Path) -
     assert colony("diff", "--ignore", "avoid", "--ignore", "dodge", a, b).code == 0
     code, out, err = colony("diff", "--ignore", "dodgy", a, b)
     assert (code, out) == (2, "")
-    assert "error[V040]: `dodgy` is no actuator, field or module of either behavior" in err
+    assert "error[V040]: neither behavior has the actuator, field or module `dodgy`" in err
     assert "did you mean `dodge`?" in err
 
 
@@ -91,7 +91,7 @@ def test_actuators_of_other_names(colony: Colony) -> None:
     assert colony("diff", "--actuator", "left=right", figure, figure).code == 0
     code, _, err = colony("diff", "--actuator", "left", figure, figure)
     assert code == 2
-    assert "`left` is no pair of actuators" in err
+    assert "`left` is not a pair of actuators" in err
     assert colony("diff", "--actuator", "left=rihgt", figure, figure).code == 2
 
 

@@ -97,4 +97,4 @@ def test_a_map_that_cannot_be_read(colony: Colony, tmp_path: Path) -> None:
 def test_a_picture_that_cannot_be_written(colony: Colony) -> None:
     code, _, err = colony("map", MAPS / "loop.stickrep", "-o", "no/where.png")
     assert code == 2
-    assert err == "no/where.png: error: cannot write: there is no such folder\n"
+    assert err == "no/where.png: error: cannot write: the folder does not exist\n"

@@ -21,7 +21,7 @@ def test_a_behavior_alone_checks_passes_its_tests_and_compiles(colony: Colony, t
     before = (tmp_path / "patrol.colony").read_text()
     code, _, err = colony("new", "patrol.colony")
     assert code == 2
-    assert "exists already" in err
+    assert "already exists" in err
     assert (tmp_path / "patrol.colony").read_text() == before
 
 

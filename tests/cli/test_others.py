@@ -35,7 +35,7 @@ def test_graphs(colony: Colony, behavior: Path, tmp_path: Path) -> None:
     assert "<graphml" in (tmp_path / "b.graphml").read_text()
     code, _, err = colony("graph", behavior, "-o", "b.bmp")
     assert code == 2
-    assert "ends in none of .svg, .dot, .graphml" in err
+    assert "expected a file ending in .svg, .dot or .graphml" in err
 
 
 def test_files_with_errors_are_told_and_the_others_tested(

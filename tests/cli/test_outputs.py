@@ -9,7 +9,7 @@ import click
 import pytest
 
 from colony.cli.outputs import check_output, write_whole
-from colony.files import open_alone
+from colony.files import open_exclusive
 from tests.cli.conftest import Colony
 from tests.paths import ROOT
 
@@ -148,11 +148,11 @@ def test_outputs_that_are_refused_beforehand(tmp_path: Path, monkeypatch: pytest
 
 def test_two_runs_do_not_record_into_one_file(tmp_path: Path) -> None:
     path = str(tmp_path / "run.jsonl")
-    with open_alone(path) as first:
+    with open_exclusive(path) as first:
         first.write(b"first")
         with pytest.raises(BlockingIOError):
-            open_alone(path)
+            open_exclusive(path)
     assert Path(path).read_bytes() == b"first"
-    with open_alone(path) as second:
+    with open_exclusive(path) as second:
         second.write(b"2")
     assert Path(path).read_bytes() == b"2"

@@ -61,7 +61,7 @@ def test_a_plan_over_two_floors_names_them(colony: Colony) -> None:
     code, out, _ = colony("plan", THIRD, "372R", "2:264L")
     assert code == 0
     rows = out.splitlines()[4:]
-    assert "rides aside" in out.splitlines()[1]
+    assert "without elevator rides" in out.splitlines()[1]
     ride = next(i for i, row in enumerate(rows) if row.startswith("V"))
     assert all(row.endswith("msu_engineering_3") for row in rows[:ride])
     assert all(row.endswith("msu_engineering_2") for row in rows[ride:])
@@ -78,7 +78,7 @@ def test_a_ride_alone_has_no_published_confidence(colony: Colony) -> None:
     ("origin", "goal", "message"),
     [
         ("201", "2055", "there is no goal `2055` in the map `loop`; did you mean `205`"),
-        ("201", "201", "`201` and `201` are one place; name a start and a goal that differ"),
+        ("201", "201", "`201` and `201` are the same place; name a start and a goal that differ"),
     ],
 )
 def test_no_plan_is_one_line_that_says_why(colony: Colony, origin: str, goal: str, message: str) -> None:

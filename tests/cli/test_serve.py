@@ -102,7 +102,7 @@ def test_one_server_at_a_time(machine: Machine, colony: Colony) -> None:
         assert f"{name} of {ROBOT} listens at {machine.directory.socket(name)}" in one.err
     second = colony("serve", "RServer", "--robot", ROBOT)
     assert second.code == 2
-    assert f"RServer of {ROBOT} runs already" in second.err
+    assert f"RServer of {ROBOT} is already running" in second.err
     with machine.session() as session, session.connect("RServer", name="test", priority=3) as base:
         until(machine.truth, "the plant answers")
         base.do(robot.go(200.0, lease=60.0))
@@ -126,7 +126,7 @@ def test_stop_passes_over_a_data_server_that_robots_share(machine: Machine, colo
     until(lambda: base.ended() or "listens at" in base.err, "RServer listens")
     unkept = colony("stop")
     assert (unkept.code, unkept.out) == (1, f"{ROBOT}: stopped; acknowledged by RServer\n")
-    assert "the Clock is not there" in unkept.err
+    assert "the Clock is down" in unkept.err
     clock = machine.start("serve", "Clock", "--robot", ROBOT)
     until(lambda: clock.ended() or "listens at" in clock.err, "the Clock listens")
     both = colony("stop")
@@ -165,10 +165,13 @@ SERVE_ALL = ("serve", "all", "--robot", "r", "--map", MAP)
 USERS = ("--connect", "tls/x:1", "--security", "f")
 
 BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
-    (("serve", "all", "--robot", "r"), "all also wants --map MAP"),
-    (("serve", "Gateway", "--robot", "r"), "Gateway also wants --listen"),
-    (("serve", "CServer", "--robot", "r"), "CServer also wants one --camera"),
-    (("serve", "RServer", "--robot", "r", "--listen", "tls/x:1"), "--listen and --security go together"),
+    (("serve", "all", "--robot", "r"), "all requires --map MAP"),
+    (("serve", "Gateway", "--robot", "r"), "Gateway requires --listen"),
+    (("serve", "CServer", "--robot", "r"), "CServer requires one --camera"),
+    (
+        ("serve", "RServer", "--robot", "r", "--listen", "tls/x:1"),
+        "--listen and --security require each other",
+    ),
     (("serve", "XServer", "--robot", "r"), "'XServer' is not one of"),
     (("serve", "RServer", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
     (("serve", "all", "--robot", "r", "--map", "nowhere"), "nowhere:1:1: error[M001]: cannot read the map"),
@@ -176,14 +179,14 @@ BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     (("stop", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
     (("stop", "--robot", "a/b", *USERS), "`a/b` cannot be the name of a robot"),
     (("data", "list", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
-    (("serve", "Clock", "--robot", "r", "--state", ""), "found an empty name; expected that of a folder"),
+    (("serve", "Clock", "--robot", "r", "--state", ""), "found an empty name; expected the name of a folder"),
     ((*SERVE_ALL, "--listen", "tls/localhost:0", "--security", "/dev/zero"), "it is not a regular file"),
-    ((*SERVE_ALL, "--listen", "tcp/localhost:0", "--security", "f"), "would go in the clear"),
+    ((*SERVE_ALL, "--listen", "tcp/localhost:0", "--security", "f"), "is unencrypted"),
     (("run", WANDER, "--robot", "", "--connect"), "`` cannot be the name of a robot"),
     (("stop",), "no robot runs on this machine"),
     (("stop", "--robot", "r"), "no robot `r` on this machine"),
-    (("ps", "--connect", "tls/x:1"), "also wants --robot NAME"),
-    (("ps", "--robot", "r", "--connect", "tls/x:1"), "also wants --security"),
+    (("ps", "--connect", "tls/x:1"), "requires --robot NAME"),
+    (("ps", "--robot", "r", "--connect", "tls/x:1"), "requires --security"),
 ]
 
 

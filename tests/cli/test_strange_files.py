@@ -206,7 +206,7 @@ def test_a_module_that_is_too_large_is_left_out_of_recordings(tmp_path: Path, co
     code, _, said = colony(*run)
     assert code == 0, said
     module = tmp_path / "large_plan.py"
-    assert f"{module}: warning: not in the recording: it is larger than 4 MiB\n" in said
+    assert f"{module}: warning: cannot be included in the recording: it is larger than 4 MiB\n" in said
 
 
 LIMITS = {
@@ -216,7 +216,7 @@ LIMITS = {
     "list of an experiment": lists.LIST_BYTES,
     "page that `colony experiment --write` changes": experiment_outputs.PAGE_BYTES,
     "clients that `colony compile --prove` reads": compile.CLIENTS_BYTES,
-    "a compiled program, `*.colonyc`": colonyc.LARGEST,
+    "a compiled program, `*.colonyc`": colonyc.MAX_BYTES,
     "program in a recording": mcap_reader.SOURCES_BYTES,
     "line of a recording, or of the standard input of `colony trace`": replay.LINE_BYTES,
 }
@@ -228,5 +228,5 @@ def test_the_limits_on_the_page_are_those_of_the_code() -> None:
         assert f"| {file} | {size_text(limit)} |" in page, file
     module = size_text(python_sources.SOURCE_BYTES)
     assert f"| module in Python, in a recording | {module}; a larger one is left out |" in page
-    pixels = image_files.MOST_PIXELS // 10**6
-    assert f"| picture | {size_text(image_files.MOST_BYTES)}, and {pixels} million pixels |" in page
+    pixels = image_files.MAX_PIXELS // 10**6
+    assert f"| picture | {size_text(image_files.MAX_BYTES)}, and {pixels} million pixels |" in page

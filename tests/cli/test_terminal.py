@@ -17,14 +17,14 @@ def test_lines_of_a_pipe_all_count_also_before_the_question() -> None:
     read, write = os.pipe()
     with open(read) as stream, open(write, "wb", buffering=0) as sender:
         terminal = Terminal(stream)
-        assert terminal.listen() == "nothing"
+        assert terminal.poll() == "nothing"
         sender.write(b"\nye")
-        terminal.forget()
-        assert [terminal.listen(), terminal.listen()] == ["line", "nothing"]
+        terminal.discard()
+        assert [terminal.poll(), terminal.poll()] == ["line", "nothing"]
         sender.write(b"s\n\n")
-        assert [terminal.listen(), terminal.listen(), terminal.listen()] == ["line", "line", "nothing"]
+        assert [terminal.poll(), terminal.poll(), terminal.poll()] == ["line", "line", "nothing"]
         sender.close()
-        assert [terminal.listen(), terminal.listen()] == ["end", "end"]
+        assert [terminal.poll(), terminal.poll()] == ["end", "end"]
 
 
 def test_what_stands_in_a_pipe_that_has_ended_is_still_heard() -> None:
@@ -33,7 +33,7 @@ def test_what_stands_in_a_pipe_that_has_ended_is_still_heard() -> None:
     os.close(write)
     with open(read) as stream:
         terminal = Terminal(stream)
-        assert [terminal.listen(), terminal.listen()] == ["line", "end"]
+        assert [terminal.poll(), terminal.poll()] == ["line", "end"]
 
 
 def test_what_was_typed_at_a_terminal_before_the_question_is_forgotten() -> None:
@@ -41,11 +41,11 @@ def test_what_was_typed_at_a_terminal_before_the_question_is_forgotten() -> None
     with open(screen) as stream, open(keyboard, "wb", buffering=0) as keys:
         terminal = Terminal(stream)
         keys.write(b"\n\n")
-        assert terminal.listen() == "line"
-        terminal.forget()
-        assert terminal.listen() == "nothing"
+        assert terminal.poll() == "line"
+        terminal.discard()
+        assert terminal.poll() == "nothing"
         keys.write(b"\n")
-        assert terminal.listen() == "line"
+        assert terminal.poll() == "line"
 
 
 _IN_BACKGROUND = """
@@ -85,9 +85,9 @@ def test_a_job_in_the_background_leaves_the_terminal_alone() -> None:
 
 @pytest.mark.parametrize("stream", [None, io.StringIO("\n")], ids=["none", "no file"])
 def test_without_a_standard_input_there_is_nobody(stream: io.StringIO | None) -> None:
-    assert Terminal(stream).listen() == "end"
+    assert Terminal(stream).poll() == "end"
 
 
 def test_an_empty_file_has_nobody() -> None:
     with open(os.devnull) as stream:
-        assert Terminal(stream).listen() == "end"
+        assert Terminal(stream).poll() == "end"

@@ -73,11 +73,11 @@ def test_all_memory_begins_anew_at_a_restart(colony: Colony, behavior: Path, bac
         ('{"near": 3, "t": 0.5}', "2:13", "F004", "0.5 s follows 0.5 s"),
         ('{"t": 0.25}', "2:2", "F004", "time must rise"),
         ('{"t": 1, "neer": 3}', "2:10", "F005", "unknown sensor `neer` (did you mean `near`?)"),
-        ('{"t": 1, "rays": [1, 2]}', "2:10", "F006", "`rays` has 3 elements, found 2"),
-        ('{"t": 1, "near": ' + "[" * 100_000, "2:1", "F001", "nests too deep"),
+        ('{"t": 1, "rays": [1, 2]}', "2:10", "F006", "`rays` must have 3 elements, found 2"),
+        ('{"t": 1, "near": ' + "[" * 100_000, "2:1", "F001", "nested too deeply"),
         ('{"t": 1, "near": ' + "9" * 5000 + "}", "2:1", "F001", "too many digits"),
-        ('{"t": 1, "near": 1, "near": 2}', "2:21", "F001", "`near` stands twice"),
-        ('{"t": 1, "t": 2}', "2:10", "F001", "`t` stands twice"),
+        ('{"t": 1, "near": 1, "near": 2}', "2:21", "F001", "`near` appears twice"),
+        ('{"t": 1, "t": 2}', "2:10", "F001", "`t` appears twice"),
     ],
 )
 def test_bad_frames_are_one_located_line(

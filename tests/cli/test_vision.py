@@ -110,7 +110,7 @@ def test_bad_files_are_told_and_the_others_looked_at(colony: Colony, side: Path,
     said = err.splitlines()
     assert [line.split(":")[0] for line in said] == files[:-1]
     assert said[0] == "empty.png: error: the file is empty; expected an image"
-    assert said[1] == "text.png: error: no image that can be read; expected PNG, JPEG, BMP, WEBP or TIFF"
+    assert said[1] == "text.png: error: not a readable image; expected PNG, JPEG, BMP, WEBP or TIFF"
     assert said[2].startswith("cut.png: error: the image is damaged: ")
     assert said[3] == "folder: error: Is a directory"
     assert said[4] == "dot.png: error: an image of 1 x 1 pixels; expected at least 4 x 4"
@@ -162,7 +162,7 @@ def test_outputs_that_cannot_be(colony: Colony, side: Path, tmp_path: Path) -> N
         (["side.png", "side.jpg"], "would both be drawn into `side.seen.png`"),
         (["side.png", "side.jpg", "-o", "x.png"], "2 files and one -o x.png; expected one file"),
         (["side.png", "-o", "x.gif"], "expected a file ending in .png"),
-        (["side.png", "-o", "no/x.png"], "cannot write: there is no such folder"),
+        (["side.png", "-o", "no/x.png"], "cannot write: the folder does not exist"),
         ([], "Missing argument"),
         (["side.png", "--detector", "doors"], "'doors' is not one of"),
     ):

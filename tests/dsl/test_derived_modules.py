@@ -86,7 +86,7 @@ def test_errors_of_the_base_are_told_once() -> None:
 def test_a_param_that_does_not_fit_in_the_base_is_told_where_it_is_set() -> None:
     text = "module a { param i = 3 when sonar[i] < 1 m }\nmodule b = a(i = 30)"
     assert findings(text) == ["2:1 E404"]
-    assert "line 1, in its base, is wrong: index 30 is outside the array" in messages(text)
+    assert "line 1, in the base module, is wrong: index 30 is outside the array" in messages(text)
 
 
 def test_a_param_of_the_wrong_type_is_told_at_its_value() -> None:

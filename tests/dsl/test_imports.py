@@ -277,8 +277,8 @@ def test_a_cycle_is_reported_where_it_closes(files: Files) -> None:
     assert files.findings("a") == ["c.colony:2:1 E104"]
     [found] = check_file(files.folder / "a.colony").diagnostics
     assert (
-        found.message
-        == "imports go round in a cycle: `a.colony` imports `b.colony` imports `c.colony` imports `a.colony`"
+        found.message == "files import each other in a cycle: "
+        "`a.colony` imports `b.colony` imports `c.colony` imports `a.colony`"
     )
 
 

@@ -21,7 +21,7 @@ from colony.cli.programs import compile_file
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.execute.code import Apply, Cell, Code, Kind, Literal, OldCell, PythonActive, SensorElement, Table
-from colony.execute.colonyc import LARGEST, VERSION, decode, encode, is_compiled, read
+from colony.execute.colonyc import MAX_BYTES, VERSION, decode, encode, is_compiled, read
 from colony.execute.compiled import Compiled
 from colony.execute.executor import ProgramExecutor
 from colony.execute.operators import Operator
@@ -125,12 +125,12 @@ def test_other_bytes_and_other_versions_are_refused(wander: Compiled, tmp_path: 
     data = encode(wander)
     assert "does not begin" in refused(b"")
     assert "does not begin" in refused(b"robot r {}")
-    assert f"another version than {VERSION}" in refused(data[:7] + bytes([VERSION + 1]) + data[8:])
+    assert f"version is not {VERSION}" in refused(data[:7] + bytes([VERSION + 1]) + data[8:])
     assert "damaged" in refused(data[:-1])
     assert "damaged" in refused(data + b"\0")
     large = tmp_path / "large.colonyc"
     with open(large, "wb") as file:
-        file.truncate(LARGEST + 1)
+        file.truncate(MAX_BYTES + 1)
     cut = tmp_path / "cut.colonyc"
     cut.write_bytes(data[:-1])
     for path in (large, tmp_path / "none.colonyc", tmp_path, cut):
@@ -286,11 +286,13 @@ def test_a_forged_program_is_refused(wander: Compiled, change: Callable[[Code], 
 @pytest.mark.parametrize("place", ["", ".", "..", "a/../../b", "/etc/x", "a\nb", "a\0b"])
 def test_sources_of_a_forged_program_stay_in_their_folder(wander: Compiled, place: str) -> None:
     sources = (replace(wander.sources[0], place=place), *wander.sources[1:])
-    assert "no place of a source" in refused(encode(replace(wander, sources=sources, root=place)))
+    assert "is not a relative path of a source" in refused(
+        encode(replace(wander, sources=sources, root=place))
+    )
 
 
 def test_sources_of_a_forged_program_are_one_each(wander: Compiled) -> None:
-    assert "twice" in refused(encode(replace(wander, sources=wander.sources * 2)))
+    assert "duplicate source" in refused(encode(replace(wander, sources=wander.sources * 2)))
     assert "not among the sources" in refused(encode(replace(wander, root="other.colony")))
 
 
@@ -339,7 +341,7 @@ def test_a_span_outside_the_sources_is_refused(wander: Compiled) -> None:
     count = len(wander.sources)
     outside = ((-1, 0, 0), (count, 0, 0), (0, -1, 0), (0, 2, 1), (0, 0, size + 1), (0, size + 1, size + 1))
     for place in outside:
-        assert "a span outside its sources" in refused(placed(wander, SpanShape(*place))), place
+        assert "a span is outside its source" in refused(placed(wander, SpanShape(*place))), place
 
 
 def test_a_program_without_sources_is_sent_without_places() -> None:

@@ -32,7 +32,7 @@ network {{ out = m }}
 """
 GO = "actuator go { velocity : mm/s, turn : deg/s } to DServer.go idle hold"
 MOODY = f"""{ROBOT}
-module m from python "colony.verify.testing.python_modules:Moody" {{
+module m from python "colony.verify.testing.python_modules:ErraticModule" {{
   param seed = 1 reads b commands go rate 1 s
 }}
 module n {{ when b do out(v = 1) }}
@@ -78,9 +78,9 @@ def test_a_class_that_cannot_be_built_is_named_with_what_to_do() -> None:
     program = load_text(MOODY)
     (call,) = lowered(program).python
     cases = (
-        ({"module_path": "colony.nowhere"}, "colony.nowhere:Moody", "ModuleNotFoundError"),
+        ({"module_path": "colony.nowhere"}, "colony.nowhere:ErraticModule", "ModuleNotFoundError"),
         ({"class_name": "Nobody"}, "colony.verify.testing.python_modules:Nobody", "AttributeError"),
-        ({"params": (("color", 1.0),)}, "colony.verify.testing.python_modules:Moody", "TypeError"),
+        ({"params": (("color", 1.0),)}, "colony.verify.testing.python_modules:ErraticModule", "TypeError"),
         (
             {"module_path": "tests.verify.scripted_modules", "class_name": "Leaving", "params": ()},
             "tests.verify.scripted_modules:Leaving",
@@ -95,7 +95,8 @@ def test_a_class_that_cannot_be_built_is_named_with_what_to_do() -> None:
         assert found.span == call.span
         assert found.message.startswith(f"`{path}` cannot be imported and built: {problem}: ")
         assert found.hint == (
-            "it is looked for beside the behavior and in this folder; its params are given by keyword"
+            "the class must be importable from the folder of the behavior or the current folder, "
+            "and take its params as keyword arguments"
         )
 
 

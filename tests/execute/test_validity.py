@@ -21,12 +21,12 @@ from colony.execute.code import (
     Winner,
 )
 from colony.execute.compiled import Compiled
-from colony.execute.validity import LATEST_NS, InvalidProgramError, check
+from colony.execute.validity import MAX_TIME_NS, InvalidProgramError, check
 from tests.programs import compilation, robot
 
 TEXT = f"""{robot()}
 module m {{ when held(a, 1 s) do out(v = four[0]) }}
-module p from python "colony.verify.testing.python_modules:Moody" {{
+module p from python "colony.verify.testing.python_modules:ErraticModule" {{
   param seed = 1 reads a commands base rate 1 s
 }}
 network {{ out = m  base = p }}
@@ -61,8 +61,8 @@ def with_one_more(compiled: Compiled, op: Op, kind: Kind) -> tuple[Compiled, int
         (Commanded("out"), Kind.BOOL, Commanded("nobody")),
         (Sent("out", 0), Kind.NUMBER, Sent("out", 1)),
         (Sent("base", 1), Kind.NUMBER, Sent("nobody", 0)),
-        (Literal(LATEST_NS), Kind.TIME, Literal(LATEST_NS + 1)),
-        (Literal(-LATEST_NS), Kind.TIME, Literal(-LATEST_NS - 1)),
+        (Literal(MAX_TIME_NS), Kind.TIME, Literal(MAX_TIME_NS + 1)),
+        (Literal(-MAX_TIME_NS), Kind.TIME, Literal(-MAX_TIME_NS - 1)),
         (OldCell(0), Kind.TIME, OldCell(-1)),
     ],
 )

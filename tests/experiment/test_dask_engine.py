@@ -33,7 +33,7 @@ def test_a_local_cluster_of_two_workers_gives_the_same_results() -> None:
 
 
 def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dask_engine, "REACHED_S", 0.5)
+    monkeypatch.setattr(dask_engine, "CONNECT_TIMEOUT_S", 0.5)
     engine = DaskEngine("tcp://127.0.0.1:9")
     with pytest.raises(WorkersLostError, match=r"no Dask scheduler at tcp://127.0.0.1:9"):
         list(engine.results(abs, [1]))

@@ -9,12 +9,12 @@ import pytest
 from colony.experiment.lists import (
     PUBLISHED_MAP,
     RunListError,
-    chosen,
+    csv_list,
     floors_list,
-    own_list,
     published_list,
     random_list,
     rooms_of,
+    selected_runs,
 )
 from colony.nav.maps.building import Building, load_building
 from colony.nav.plan.route import plan
@@ -35,7 +35,7 @@ def test_the_forty_published_runs() -> None:
 def test_ones_own_list(tmp_path: Path) -> None:
     path = tmp_path / "rounds.csv"
     path.write_text("From, To\n350R,376L\n\n 341L , 311R \n")
-    runs = own_list(path, BUILDING)
+    runs = csv_list(path, BUILDING)
     assert [(run.number, run.origin, run.goal) for run in runs] == [(1, "350R", "376L"), (2, "341L", "311R")]
 
 
@@ -46,19 +46,19 @@ def test_ones_own_list(tmp_path: Path) -> None:
         ("from,to\n", "no runs"),
         ("350R\n", r"rounds.csv:1: 1 fields; expected 2"),
         ("from,to\n350R,376L\n350R,376X\n", r"rounds.csv:3: .*goal `376X`"),
-        ("350R,350R\n", r"rounds.csv:1: `350R` and `350R` are one place"),
+        ("350R,350R\n", r"rounds.csv:1: `350R` and `350R` are the same place"),
     ],
 )
 def test_bad_lists_are_told_with_their_line(tmp_path: Path, text: str, told: str) -> None:
     path = tmp_path / "rounds.csv"
     path.write_text(text)
     with pytest.raises(RunListError, match=told):
-        own_list(path, BUILDING)
+        csv_list(path, BUILDING)
 
 
 def test_a_list_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(RunListError, match="cannot be read"):
-        own_list(tmp_path / "none.csv", BUILDING)
+        csv_list(tmp_path / "none.csv", BUILDING)
 
 
 def test_random_pairs_are_the_same_for_a_seed_and_can_be_driven() -> None:
@@ -88,7 +88,7 @@ def test_random_pairs_of_rooms_on_different_floors() -> None:
 def test_a_list_of_ones_own_tells_which_runs_take_an_elevator(tmp_path: Path) -> None:
     path = tmp_path / "rounds.csv"
     path.write_text("350R,376L\n350R,2:250R\n2:250R,2:235L\n")
-    runs = own_list(path, BUILDING)
+    runs = csv_list(path, BUILDING)
     assert [run.rides for run in runs] == [False, True, False]
     assert runs[2].floors == ("msu_engineering_2",)
 
@@ -107,7 +107,7 @@ def test_rooms_are_named_once() -> None:
 
 def test_runs_are_chosen_by_their_numbers() -> None:
     runs = published_list()
-    assert [run.number for run in chosen(runs, "1-3, 22")] == [1, 2, 3, 22]
+    assert [run.number for run in selected_runs(runs, "1-3, 22")] == [1, 2, 3, 22]
     for text, told in (("", "names no runs"), ("x", "names no runs"), ("41", "no run 41"), ("3-1", "no run")):
         with pytest.raises(RunListError, match=told):
-            chosen(runs, text)
+            selected_runs(runs, text)

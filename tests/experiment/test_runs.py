@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 
 from colony.experiment import auditing
-from colony.experiment.auditing import audit, audited
+from colony.experiment.auditing import audit, is_audited
 from colony.experiment.behavior import behavior_of
-from colony.experiment.conduct import Experiment, conduct, conduct_audit, of_experiment
+from colony.experiment.conduct import Experiment, conduct, conduct_audit, results_of
 from colony.experiment.lists import PUBLISHED_MAP, ListedRun, published_list
 from colony.experiment.parallel import PoolEngine, SerialEngine
 from colony.experiment.record import LightCount, ModeCount, RunKey, RunResult
 from colony.experiment.results import RUN_TABLE, Results
-from colony.experiment.runs import Run, RunSpec, chance_of, run
+from colony.experiment.runs import Run, RunSpec, run, seed_of
 from colony.ir.frame import Decision, Frame, Outcome
-from colony.nav.pose.tracker import ALL, Source
+from colony.nav.pose.tracker import EVERY_SOURCE, Source
 from colony.robots.variants import OURS, SIDE_CAMERA, Variant
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import robot
@@ -76,10 +76,10 @@ def test_a_run_is_the_same_again_and_another_with_another_seed(quiet: RunResult)
     assert run(_spec()) == quiet
     assert run(_spec(seed=2)).path != quiet.path
     chances = {
-        chance_of(RunKey("thesis", number, seed, "ours")) for number in range(1, 41) for seed in range(1, 26)
+        seed_of(RunKey("thesis", number, seed, "ours")) for number in range(1, 41) for seed in range(1, 26)
     }
     assert len(chances) == 1000
-    assert chance_of(RunKey("a", 3, 4, "ours")) == chance_of(RunKey("a", 3, 4, "thesis"))
+    assert seed_of(RunKey("a", 3, 4, "ours")) == seed_of(RunKey("a", 3, 4, "thesis"))
 
 
 def test_hazards_on_the_way_are_told() -> None:
@@ -190,11 +190,11 @@ def test_an_audit_finds_the_first_frame_that_differs(monkeypatch: pytest.MonkeyP
 
 def test_a_part_of_the_runs_is_audited_always_the_same() -> None:
     specs = [_spec(number, seed) for number in range(1, 41) for seed in range(1, 26)]
-    some = [spec for spec in specs if audited(spec, 0.05)]
+    some = [spec for spec in specs if is_audited(spec, 0.05)]
     assert 20 <= len(some) <= 80
     assert len({spec.key.number for spec in some}) > 15
-    assert all(audited(spec, 1.0) for spec in specs)
-    assert not any(audited(spec, 0.0) for spec in specs)
+    assert all(is_audited(spec, 1.0) for spec in specs)
+    assert not any(is_audited(spec, 0.0) for spec in specs)
 
 
 # --- experiments ------------------------------------------------------------------------------------------
@@ -218,7 +218,7 @@ def test_results_do_not_depend_on_where_the_work_is_done(tmp_path: Path) -> None
     for engine in (SerialEngine(), PoolEngine(2)):
         with Results(None, RUN_TABLE) as results:
             conduct(asked, run, results, engine)
-            found.append(of_experiment(asked, results))
+            found.append(results_of(asked, results))
     assert found[0] == found[1]
     assert [one.key.number for one in found[0]] == [1, 1, 2, 2]
 
@@ -226,12 +226,12 @@ def test_results_do_not_depend_on_where_the_work_is_done(tmp_path: Path) -> None
 def test_what_is_there_is_not_run_again(tmp_path: Path) -> None:
     path, asked, told = tmp_path / "r.sqlite", _experiment(1), []
     with Results(path, RUN_TABLE) as results:
-        conduct(asked, run, results, SerialEngine(), tell=lambda *args: told.append(args[:2]))
+        conduct(asked, run, results, SerialEngine(), on_progress=lambda *args: told.append(args[:2]))
     more = replace(asked, seeds=(1, 2))
     with Results(path, RUN_TABLE) as results:
-        conduct(more, run, results, SerialEngine(), tell=lambda *args: told.append(args[:2]))
-        assert len(of_experiment(more, results)) == 4
-        assert len(of_experiment(asked, results)) == 2
+        conduct(more, run, results, SerialEngine(), on_progress=lambda *args: told.append(args[:2]))
+        assert len(results_of(more, results)) == 4
+        assert len(results_of(asked, results)) == 2
     assert told == [(1, 2), (2, 2), (3, 4), (4, 4)]
 
 
@@ -243,7 +243,7 @@ def test_an_audit_of_an_experiment_is_of_one_run_at_least() -> None:
 def test_all_hazards_off_has_a_short_name() -> None:
     assert replace(_experiment(), hazards=Hazards.none()).label == "ours/no-hazards"
     assert replace(_experiment(), hazards=Hazards()).label == "ours"
-    seeing = replace(_experiment(), sources=ALL - {Source.LIGHTS}, cameras=frozenset({SIDE_CAMERA}))
+    seeing = replace(_experiment(), sources=EVERY_SOURCE - {Source.LIGHTS}, cameras=frozenset({SIDE_CAMERA}))
     assert seeing.label == "ours/no-people,no-lights,side-camera"
     assert {spec.key.variant for spec in seeing.specs()} == {seeing.label}
     assert all((spec.sources, spec.cameras) == (seeing.sources, seeing.cameras) for spec in seeing.specs())

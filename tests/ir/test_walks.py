@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from colony.ir.expression import Constant, MemoryCall, SensorValue, subexpressions
 from colony.ir.program import Module
-from colony.ir.walk import expressions, expressions_of, nodes
+from colony.ir.walk import all_subexpressions, expressions, expressions_of
 from colony.ir.wiring import joints_of
 from tests.programs import MS, program
 
@@ -33,7 +33,7 @@ def test_an_expression_comes_before_its_parts_in_the_order_written() -> None:
     assert whole is far
     assert isinstance(left, SensorValue)
     assert isinstance(right, Constant)
-    assert [n.duration_ns for n in nodes(OF) if isinstance(n, MemoryCall)] == [1000 * MS]
+    assert [n.duration_ns for n in all_subexpressions(OF) if isinstance(n, MemoryCall)] == [1000 * MS]
 
 
 def test_each_joint_stands_behind_what_it_joins() -> None:

@@ -10,23 +10,23 @@ import msgspec
 from colony.runtime.kit.script import Script
 from colony.runtime.library import data
 from colony.runtime.library.robot import PoseArguments, Position
-from colony.runtime.protocol.calls import Asked, Handler
+from colony.runtime.protocol.calls import CallId, Handler
 from tests.script_stage import FRAME_NS, ScriptStage, Server
 
 
 class Stage(ScriptStage):
     """Mutable: the time, the variables, the semaphores, the robot.
 
-    `calls` are the calls that change something, as (script, method, what is told by name), in their order.
+    `calls` are the calls that change something, as (script, method, arguments by name), in their order.
     """
 
     def __init__(self, **scripts: Script) -> None:
         self.x = self.y = self.heading = 0.0
         self.calls: list[tuple[str, str, dict[str, Any]]] = []
-        robot = {"position": self._position, "adjust_position": self._heard("adjust", self._adjust)}
+        robot = {"position": self._position, "adjust_position": self._recording("adjust", self._adjust)}
         super().__init__(scripts, Server("RServer", robot))
         self.data.handlers = dict(self.data.handlers) | {
-            method: self._heard(method, self.data.handlers[method])
+            method: self._recording(method, self.data.handlers[method])
             for method in ("set", "set_many", "create_semaphore", "signal")
         }
 
@@ -45,35 +45,35 @@ class Stage(ScriptStage):
             each_frame()
 
     def said(self, script: str, *methods: str) -> list[dict[str, Any]]:
-        """What a script told by methods."""
-        return [told for by, method, told in self.calls if by == script and method in methods]
+        """Return the arguments of a script's calls of these methods."""
+        return [arguments for by, method, arguments in self.calls if by == script and method in methods]
 
     def signal(self, semaphore: str) -> None:
-        """As somebody else does it."""
+        """Signal a semaphore as another client."""
         self.ask(data.signal(semaphore))
 
-    def _heard(self, method: str, handler: Handler) -> Handler:
-        def hear(asked: Asked, arguments: Any, now_ns: int) -> object:
-            self.calls.append((asked.caller.name, method, _told(arguments)))
+    def _recording(self, method: str, handler: Handler) -> Handler:
+        def record(asked: CallId, arguments: Any, now_ns: int) -> object:
+            self.calls.append((asked.caller.name, method, _arguments(arguments)))
             return handler(asked, arguments, now_ns)
 
-        return hear
+        return record
 
-    def _position(self, asked: Asked, arguments: object, now_ns: int) -> Position:
+    def _position(self, asked: CallId, arguments: object, now_ns: int) -> Position:
         return Position(x=self.x, y=self.y, heading=self.heading % 360.0, t_ns=now_ns)
 
-    def _adjust(self, asked: Asked, arguments: PoseArguments, now_ns: int) -> None:
+    def _adjust(self, asked: CallId, arguments: PoseArguments, now_ns: int) -> None:
         self.x, self.y = self.x + arguments.x, self.y + arguments.y
         self.heading += arguments.heading
 
 
-def _told(arguments: Any) -> dict[str, Any]:
+def _arguments(arguments: Any) -> dict[str, Any]:
     match arguments:
         case data.Set(name=name, value=value):
             return {name: msgspec.msgpack.decode(value)}
         case data.SetMany(values=values):
-            told: dict[str, Any] = msgspec.msgpack.decode(values)
-            return told
+            decoded: dict[str, Any] = msgspec.msgpack.decode(values)
+            return decoded
         case data.CreateSemaphore(name=name, value=value):
             return {name: value}
         case data.Named(name=name):

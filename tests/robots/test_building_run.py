@@ -15,7 +15,7 @@ from colony.dsl.load import load_file
 from colony.execute.compiled import Compiled
 from colony.nav.maps.building import Building
 from colony.robots.building_run import run_in_building
-from colony.robots.request import Attendant, MisuseError, RunRequest
+from colony.robots.request import MisuseError, RunRequest, UserInterface
 from colony.runtime.kit.script import Script
 from colony.runtime.observe.observer import FrameLog
 from tests.paths import MAPS, ROOT
@@ -45,8 +45,8 @@ class Watcher:
         yield lambda: self.frames >= self.most
 
     @property
-    def attendant(self) -> Attendant:
-        return Attendant(
+    def ui(self) -> UserInterface:
+        return UserInterface(
             report=print, interruptible=self.interruptible, progress=self.follow, operator=_nobody
         )
 
@@ -74,11 +74,11 @@ def request(record: Path | None = None) -> RunRequest:
 
 def test_a_run_tells_what_came_of_it() -> None:
     watcher = Watcher(10_000)
-    driven = run_in_building(wander(), request(), watcher.attendant)
+    driven = run_in_building(wander(), request(), watcher.ui)
     assert watcher.length_ns == 2_000_000_000
     assert driven.summary.frames == watcher.frames > 10
     assert not driven.summary.interrupted
-    assert driven.arrival is None
+    assert driven.mission_result is None
     (floor,) = driven.floors
     places = driven.places[floor.name]
     assert places[0] == (floor.start.x_mm, floor.start.y_mm)
@@ -89,11 +89,11 @@ def test_a_run_tells_what_came_of_it() -> None:
 
 def test_whoever_attends_a_run_may_end_it() -> None:
     watcher = Watcher(5)
-    driven = run_in_building(wander(), request(), watcher.attendant)
+    driven = run_in_building(wander(), request(), watcher.ui)
     assert driven.summary.interrupted
     assert driven.summary.frames == watcher.frames == 5
 
 
 def test_a_recording_that_cannot_be_written_is_misuse(tmp_path: Path) -> None:
     with pytest.raises(MisuseError, match=r"gone/run\.jsonl: error: cannot write: No such file or directory"):
-        run_in_building(wander(), request(tmp_path / "gone" / "run.jsonl"), Watcher(5).attendant)
+        run_in_building(wander(), request(tmp_path / "gone" / "run.jsonl"), Watcher(5).ui)

@@ -24,7 +24,7 @@ def test_a_robot_that_stands_adds_nothing() -> None:
 
 
 def test_a_long_path_stays_bounded_and_evenly_spaced() -> None:
-    path = DrivenPath(most=100)
+    path = DrivenPath(max_places=100)
     for step in range(200_000):
         path.add(7.0 * step, 0.0)
         assert len(path.places) <= 100

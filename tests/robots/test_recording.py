@@ -11,7 +11,7 @@ import pytest
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.compiled import Compiled
-from colony.files import open_alone
+from colony.files import open_exclusive
 from colony.ir.frame import Frame
 from colony.robots.recording import RunRecording
 from colony.robots.request import MisuseError
@@ -42,7 +42,7 @@ def broken_off(
 ) -> RunRecording:
     """A recording whose file may not get larger than `most` bytes."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    recording = RunRecording(sink(COMPILED, open_alone(str(path))), str(path))
+    recording = RunRecording(sink(COMPILED, open_exclusive(str(path))), str(path))
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
     try:
         for log in logs(PROGRAM, FRAMES):
@@ -62,7 +62,9 @@ def test_it_goes_as_far_as_is_said(tmp_path: Path, most: int) -> None:
         frames, _ = read(PROGRAM, path.read_bytes())
         assert 0 < len(frames) < len(FRAMES)
         seconds = frames[-1].frame.t_ns / 1e9
-        assert recording.broken_off == f"the recording {path} has only the first {seconds:.2f} s: {advice}"
+        assert (
+            recording.broken_off == f"the recording {path} contains only the first {seconds:.2f} s: {advice}"
+        )
         recording.expect_frames()
 
 
@@ -78,6 +80,6 @@ def test_one_without_frames_is_none(
 
 
 def written_before_frames(path: Path) -> int:
-    with open_alone(str(path)) as file:
+    with open_exclusive(str(path)) as file:
         mcap(COMPILED, file)
     return path.stat().st_size

@@ -50,7 +50,7 @@ def drive(plant: PlantProcess, frames: int) -> Travel:
 
 
 def seen(log: TruthLog, travel: Travel) -> None:
-    """Look until the log has got this far: it looks not too often."""
+    """ViewDirection until the log has got this far: it looks not too often."""
     wait_for(lambda: log.look() and log.travel == travel)
 
 

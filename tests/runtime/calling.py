@@ -7,10 +7,10 @@ from typing import Any
 import msgspec
 
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Nothing, Open
+from colony.runtime.protocol.calls import NoArguments, Open
 from colony.runtime.protocol.messages import Call, Right
 
-CLOSE: Ask[None] = Ask("close", Nothing(), None, "read")
+CLOSE: Ask[None] = Ask("close", NoArguments(), None, "read")
 """Ends a connection."""
 
 

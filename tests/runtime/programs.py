@@ -9,8 +9,8 @@ from colony.ir.expression import (
     Constant,
     Expression,
     Function,
-    Memory,
     MemoryCall,
+    MemoryFunction,
     SensorValue,
     SentField,
     Unary,
@@ -29,18 +29,18 @@ from colony.ir.program import (
     Use,
     Wire,
 )
-from colony.ir.types import BOOL, DISTANCE, PLAIN, Array, Value
+from colony.ir.types import BOOL, DIMENSIONLESS, DISTANCE, Array, Value
 from colony.runtime.protocol.fields import SPEED, TURN_RATE
 
 SONAR = Array(DISTANCE, 24)
 
 
 def number(value: float) -> Constant:
-    return Constant(type=PLAIN, value=value)
+    return Constant(type=DIMENSIONLESS, value=value)
 
 
 def constant(value: Value) -> Constant:
-    return Constant(type=BOOL if isinstance(value, bool) else PLAIN, value=value)
+    return Constant(type=BOOL if isinstance(value, bool) else DIMENSIONLESS, value=value)
 
 
 def nearest() -> Expression:
@@ -66,7 +66,7 @@ def robot(*extra: Sensor, frame_ms: int = 50, actuators: tuple[Actuator, ...] = 
                 within_ns=300_000_000,
             ),
             Sensor(name="bumper", type=BOOL, server="RServer", field="bumper"),
-            Sensor(name="chance", type=PLAIN, server="Runtime", field="random"),
+            Sensor(name="chance", type=DIMENSIONLESS, server="Runtime", field="random"),
             *extra,
         ),
         actuators=(drive(), *actuators),
@@ -93,7 +93,9 @@ def go(velocity: float, turn: float) -> Command:
 def roam(**changes: object) -> Program:
     """back_off suppresses (asleep inhibits (avoid suppresses cruise)), and a contract that can break."""
     bumper = SensorValue(type=BOOL, name="bumper")
-    held = MemoryCall(type=BOOL, function=Memory.HELD, arguments=(bumper,), cell=0, duration_ns=1_000_000_000)
+    held = MemoryCall(
+        type=BOOL, function=MemoryFunction.HELD, arguments=(bumper,), cell=0, duration_ns=1_000_000_000
+    )
     still = BinaryOperation(
         type=BOOL,
         operator=Binary.LESS_EQUAL,
@@ -106,7 +108,7 @@ def roam(**changes: object) -> Program:
             Module(name="cruise", when=constant(True), command=go(300.0, 0.0)),
             Module(name="avoid", when=less(nearest(), 700.0), command=go(60.0, 45.0)),
             Module(name="back_off", when=held, command=go(-200.0, 20.0)),
-            Module(name="asleep", when=less(SensorValue(type=PLAIN, name="chance"), 0.1)),
+            Module(name="asleep", when=less(SensorValue(type=DIMENSIONLESS, name="chance"), 0.1)),
         ),
         "wires": (
             Wire(

@@ -14,7 +14,7 @@ from colony.runtime.assembly.sharing import client_processes
 from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
-from colony.runtime.protocol.deployment import ActuatorTable, commanded_by, deployment
+from colony.runtime.protocol.deployment import ActuatorTable, actuators_of, deployment
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Announcement,
@@ -30,7 +30,7 @@ from colony.runtime.protocol.messages import (
     Wake,
     WakeAt,
 )
-from colony.runtime.servers.commanding import CommandDesk
+from colony.runtime.servers.commanding import CommandDispatcher
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.transport.virtual import Link, VirtualClock, VirtualTransport, perfect
 from tests.runtime.scripted import Log
@@ -73,7 +73,7 @@ class TraceServer(QuietNode):
         self._trace = trace
         self._publisher = Publisher(SERVER, self._read, keep=100)
         self._relay = ActivityRelay(SERVER, announced, keep=100)
-        self._desk = CommandDesk(commanded, TIMES, self._perform)
+        self._desk = CommandDispatcher(commanded, TIMES, self._perform)
         self.performed: list[tuple[int, str, tuple[ScalarValue, ...]]] = []
         listens = (*self._publisher.listens, *self._relay.listens, topics.requests(SERVER))
         self.listens = tuple(dict.fromkeys(listens))
@@ -143,7 +143,7 @@ def play(
     )
     log = Log()
     deployed = deployment(compiled, bindings, run="", seed=0)
-    server = TraceServer(trace, commanded_by(deployed, SERVER), compiled.announced)
+    server = TraceServer(trace, actuators_of(deployed, SERVER), compiled.announced)
     observer = build_observer(compiled, bindings, (log,), "")
     transport = VirtualTransport(VirtualClock(trace[0].t_ns), seed=order_seed, link=link)
     processes = client_processes(compiled, isolate=isolate)

@@ -248,8 +248,8 @@ def test_answers_that_are_given_decide_as_those_that_are_computed() -> None:
     computed = answered([GOOD, None, 42], *shots)
     Scripted.built.clear()
     of = compilation(TEXT.replace("RATE", ""))
-    given = ProgramExecutor(of.compiled, answered=True)
-    interpreter = Interpreter(of.program, answered=True)
+    given = ProgramExecutor(of.compiled, answers_given=True)
+    interpreter = Interpreter(of.program, answers_given=True)
     for frame, answer, outcome in zip(shots, answers, computed, strict=True):
         assert repr(given.step(frame, {"m": answer})) == repr(outcome)
         assert repr(interpreter.step(frame, answers={"m": answer})) == repr(outcome)

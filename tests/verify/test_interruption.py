@@ -14,7 +14,7 @@ from functools import partial
 import pytest
 import z3
 
-from colony.verify.interruption import interruptions
+from colony.verify.interruption import reliable_interrupts
 
 
 class Interrupted:
@@ -33,6 +33,13 @@ class Deleted:
         signal.raise_signal(signal.SIGINT)
 
 
+class DeletedByC:
+    """Something whose deletion is a call of C, in whose conversion Ctrl-C comes."""
+
+    def __del__(self) -> None:
+        absolute()(Interrupted())
+
+
 class Wrong:
     """An argument that C cannot take."""
 
@@ -46,19 +53,19 @@ def absolute() -> ctypes._NamedFuncPointer:
 def test_ctrl_c_in_a_conversion_is_a_keyboard_interrupt() -> None:
     with pytest.raises(ctypes.ArgumentError, match="KeyboardInterrupt"):
         absolute()(Interrupted())
-    with pytest.raises(KeyboardInterrupt), interruptions():
+    with pytest.raises(KeyboardInterrupt), reliable_interrupts():
         absolute()(Interrupted())
 
 
 def test_other_wrong_arguments_stay_what_they_are() -> None:
-    with pytest.raises(ctypes.ArgumentError), interruptions():
+    with pytest.raises(ctypes.ArgumentError), reliable_interrupts():
         absolute()(Wrong())
 
 
 def waits_on(after: Callable[[], object]) -> bool:
     """Whether work after something that lost a Ctrl-C came to its end."""
     ended = False
-    with suppress(KeyboardInterrupt), interruptions():
+    with suppress(KeyboardInterrupt), reliable_interrupts():
         after()
         for _ in range(10_000):
             time.sleep(0.001)
@@ -68,6 +75,10 @@ def waits_on(after: Callable[[], object]) -> bool:
 
 def test_ctrl_c_in_a_deletion_comes_soon_after() -> None:
     assert not waits_on(Deleted)
+
+
+def test_ctrl_c_in_a_conversion_of_a_deletion_comes_soon_after() -> None:
+    assert not waits_on(DeletedByC)
 
 
 def test_ctrl_c_in_a_callback_of_c_comes_soon_after() -> None:
@@ -84,7 +95,7 @@ def test_ctrl_c_in_a_callback_of_c_comes_soon_after() -> None:
 
 def test_ctrl_c_in_the_last_deletion_comes_at_the_end() -> None:
     hook = sys.unraisablehook
-    with pytest.raises(KeyboardInterrupt), interruptions():
+    with pytest.raises(KeyboardInterrupt), reliable_interrupts():
         Deleted()
     assert sys.unraisablehook is hook
 
@@ -97,7 +108,7 @@ def test_what_else_python_forgets_is_told_as_before(monkeypatch: pytest.MonkeyPa
         def __del__(self) -> None:
             raise OSError
 
-    with interruptions():
+    with reliable_interrupts():
         Failing()
     assert told == [OSError]
 
@@ -106,7 +117,7 @@ def answers(seconds: float, ask: Callable[[z3.Solver], object]) -> bool:
     """Ask z3 until Ctrl-C comes; return False if that went on for a minute."""
     ctrl_c = threading.Timer(seconds, signal.raise_signal, [signal.SIGINT])
     end = time.monotonic() + 60
-    with suppress(KeyboardInterrupt), interruptions():
+    with suppress(KeyboardInterrupt), reliable_interrupts():
         solver = z3.Solver()
         solver.push()
         ctrl_c.start()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.collections import LineCollection
 
-from colony.view.path_picture import Drive, draw_errors, draw_paths, encode
+from colony.view.path_picture import DrivenPath, draw_errors, draw_paths, encode
 from tests.buildings import HALLWAY
 
 FLOOR = HALLWAY
@@ -13,10 +13,10 @@ WAY = ((1000, 1000), (2000, 1000), (3000, 1500))
 
 def test_each_way_is_a_line_and_failed_ones_lie_on_top() -> None:
     drives = [
-        Drive(WAY, True, 1),
-        Drive(WAY[:2], False, 2),
-        Drive(WAY, True, 3),
-        Drive(WAY[:1], True, 4),
+        DrivenPath(WAY, True, 1),
+        DrivenPath(WAY[:2], False, 2),
+        DrivenPath(WAY, True, 3),
+        DrivenPath(WAY[:1], True, 4),
     ]
     figure = draw_paths(FLOOR, drives, "a title")
     lines = [c for c in figure.axes[0].collections if isinstance(c, LineCollection) and c.get_zorder() == 6]

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from colony.vision.image_files import MOST_BYTES, ImageFormatError, decode_image
+from colony.vision.image_files import MAX_BYTES, ImageFormatError, decode_image
 
 RAMP = np.arange(0, 240, 4, dtype=np.uint8).reshape(6, 10)
 
@@ -77,10 +77,10 @@ def test_pictures_are_upright_as_the_camera_tells() -> None:
     ("data", "why"),
     [
         (b"", "the file is empty"),
-        (b"robot r {\n}\n", "no image that can be read; expected PNG"),
-        (bytes(1000), "no image that can be read"),
-        (b"\x89PNG\r\n\x1a\n", "no image that can be read"),
-        (bytes(MOST_BYTES + 1), "more than 64 MB"),
+        (b"robot r {\n}\n", "not a readable image; expected PNG"),
+        (bytes(1000), "not a readable image"),
+        (b"\x89PNG\r\n\x1a\n", "not a readable image"),
+        (bytes(MAX_BYTES + 1), "more than 64 MB"),
     ],
 )
 def test_what_is_no_image(data: bytes, why: str) -> None:

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM
+from colony.vision.detectors import Detection, Detector
 from colony.vision.level_camera import LevelCamera
-from colony.vision.spotting import Detector, Spot
 from tests.vision.second_renderer import measure
 from tests.vision.second_renderer.lettering import FONTS, font_file, plate
 from tests.vision.second_renderer.measure import CORPUS, PAGE, Picture, Score, overlap, pictures, score
@@ -78,8 +78,8 @@ def test_the_corpus_is_what_it_says() -> None:
 def test_the_page_tells_of_this_corpus(scores: Scores) -> None:
     """Of the figures only what the corpus says: what is found may differ with the release of a library."""
     page = PAGE.read_text(encoding="utf-8")
-    for detector, told in scores.items():
-        assert f"| {detector} | {told.pictures} | {told.whole} | " in page
+    for detector, counts in scores.items():
+        assert f"| {detector} | {counts.pictures} | {counts.whole} | " in page
     for name in measure.SHOWN:
         assert f"second_renderer/{name}.jpg" in page
         assert (measure.PICTURES / f"{name}.jpg").is_file()
@@ -91,9 +91,9 @@ SQUARE = [[10.0, 10.0], [30.0, 10.0], [30.0, 20.0], [10.0, 20.0]]
 IMAGE = np.zeros((120, 240, 3), dtype=np.uint8)
 
 
-def _spot(shift: float, label: str = "12") -> tuple[Detector, Spot]:
+def _spot(shift: float, label: str = "12") -> tuple[Detector, Detection]:
     first, second, third, fourth = ((column + shift, row) for column, row in SQUARE)
-    return Detector.PLATES, Spot((first, second, third, fourth), label, 1.0, 1.0)
+    return Detector.PLATES, Detection((first, second, third, fourth), label, 1.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -109,10 +109,12 @@ def _spot(shift: float, label: str = "12") -> tuple[Detector, Spot]:
         ((_spot(60.0),), False, (0, 0, 0, 1)),
     ],
 )
-def test_what_counts(seen: tuple[tuple[Detector, Spot], ...], whole: bool, expected: tuple[int, ...]) -> None:
+def test_what_counts(
+    seen: tuple[tuple[Detector, Detection], ...], whole: bool, expected: tuple[int, ...]
+) -> None:
     target = {"kind": "plate", "text": "12", "corners": SQUARE, "whole": whole}
-    told = score(Detector.PLATES, [Picture("plates_00", IMAGE, (target,), seen)])
-    assert (told.whole, told.found, told.right, told.false) == expected
+    counts = score(Detector.PLATES, [Picture("plates_00", IMAGE, (target,), seen)])
+    assert (counts.whole, counts.found, counts.right, counts.false) == expected
 
 
 @pytest.mark.parametrize(("on", "shift", "expected"), [
@@ -124,9 +126,11 @@ def test_what_counts_of_lights(on: bool, shift: float, expected: tuple[int, ...]
     corners = [[far, -5.0], [far, 125.0], [near, 125.0], [near, -5.0]]
     target = {"kind": "light", "on": on, "corners": corners, "whole": False}
     start, end = near + shift, far + shift
-    spot = Spot(((start, -0.5), (end, -0.5), (end, 119.5), (start, 119.5)), "", 1.0, None)
-    told = score(Detector.LIGHTS, [Picture("ceiling_00", IMAGE, (target,), ((Detector.LIGHTS, spot),))])
-    assert (told.whole, told.found, told.false) == expected
+    detection = Detection(((start, -0.5), (end, -0.5), (end, 119.5), (start, 119.5)), "", 1.0, None)
+    counts = score(
+        Detector.LIGHTS, [Picture("ceiling_00", IMAGE, (target,), ((Detector.LIGHTS, detection),))]
+    )
+    assert (counts.whole, counts.found, counts.false) == expected
 
 
 def test_the_overlap_of_outlines() -> None:
@@ -141,7 +145,7 @@ def test_the_overlap_of_outlines() -> None:
 
 @pytest.fixture(scope="module")
 def renderer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Load the renderer, which keeps compiled kernels in the home of who loads it first."""
+    """Load the renderer, which keeps compiled kernels in the home of the user that loads it first."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HOME", str(tmp_path_factory.mktemp("home")))
         pytest.importorskip("mitsuba", reason="the extra `renderer` is not installed")
@@ -198,9 +202,9 @@ def test_the_corpus_is_of_these_scenes() -> None:
     from tests.vision.second_renderer.__main__ import scenes
     from tests.vision.second_renderer.render import truth
 
-    told = json.loads((CORPUS / "truth.json").read_text(encoding="utf-8"))
-    images = {Path(image["file"]).stem: image for image in told["images"]}
-    made = {name: make for name, _, make in scenes(told["seed"], told["walls"])}
+    counts = json.loads((CORPUS / "truth.json").read_text(encoding="utf-8"))
+    images = {Path(image["file"]).stem: image for image in counts["images"]}
+    made = {name: make for name, _, make in scenes(counts["seed"], counts["walls"])}
     assert list(made) == list(images)
     for name in ("plates_02", "walls_24", "markers_05", "ceiling_02"):
         assert truth(made[name]()) == images[name]["targets"]
@@ -220,7 +224,7 @@ def test_its_camera_is_a_level_camera() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "counts"),
     [
         (["--seed", "-1"], "`-1` is no seed; expected a whole number from 0 on"),
         (["--seed", "1", "--count", "0"], "`0` is no number of walls"),
@@ -230,7 +234,7 @@ def test_its_camera_is_a_level_camera() -> None:
 @pytest.mark.usefixtures("renderer")
 def test_sets_that_cannot_be_are_refused(
     arguments: list[str],
-    told: str,
+    counts: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -240,7 +244,7 @@ def test_sets_that_cannot_be_are_refused(
     monkeypatch.setattr("sys.argv", ["renderer", *arguments, "-o", str(tmp_path / "set")])
     with pytest.raises(SystemExit, match="2"):
         command.main()
-    assert told in capsys.readouterr().err
+    assert counts in capsys.readouterr().err
     assert not (tmp_path / "set").exists()
 
 

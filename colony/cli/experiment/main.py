@@ -1,4 +1,4 @@
-"""`colony experiment`: run a list of runs many times in simulation, and report the results."""
+"""`colony experiment`: many simulated runs of a list of routes, and statistics of their results."""
 
 from __future__ import annotations
 
@@ -15,66 +15,83 @@ from colony.cli.shipped_files import map_option
 from colony.extras import expect_extras
 
 if TYPE_CHECKING:
-    from colony.cli.experiment.outputs import Found
+    from colony.cli.experiment.outputs import ExperimentOutcome
     from colony.experiment.auditing import AuditedRun
     from colony.experiment.conduct import Experiment
     from colony.experiment.parallel import Engine
     from colony.experiment.studies import Study
 
 
-def _part(context: click.Context, option: click.Parameter, value: float) -> float:
+def _fraction(context: click.Context, option: click.Parameter, value: float) -> float:
     """Return a fraction from 0 to 1; a click range would let NaN through."""
     if not 0.0 <= value <= 1.0:
-        raise click.BadParameter(f"`{value:g}`; expected a part of the runs, from 0 to 1")
+        raise click.BadParameter(f"`{value:g}`; expected a fraction of the runs, from 0 to 1")
     return value
 
 
-@click.command("experiment", short_help="run a list of runs many times over, and count")
+@click.command("experiment", short_help="simulate many runs, and report statistics")
 @click.argument("runs", metavar="LIST")
 @map_option
 @click.option(
     "--seeds",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Seeds a run. [default: 25 of `thesis`, 5 of `plates`, 2 of `lights`, else 1]",
+    help="Seeds per run. [default: 25 for `thesis`, 5 for `plates`, 2 for `lights`, else 1]",
 )
-@click.option("--runs", "chosen", metavar="NUMBERS", help="Only these runs of the list, as 1-5,22.")
+@click.option("--runs", "chosen", metavar="NUMBERS", help="Only these runs of the list, such as 1-5,22.")
 @click.option(
     "--pairs",
     type=click.IntRange(1, 100_000),
     metavar="N",
-    help="With `random` and `floors`. [default: 200, 100]",
+    help="With `random` and `floors`: the number of pairs. [default: 200 and 100]",
 )
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
     default=1,
     show_default=True,
-    help="With `random` and `floors`: of the pairs.",
+    help="With `random` and `floors`: the seed from which pairs are drawn.",
 )
-@click.option("--variant", type=click.Choice(["ours", "thesis"]), default="ours", show_default=True)
 @click.option(
-    "--hazards/--no-hazards", default=True, show_default=True, help="What goes wrong in a building."
+    "--variant",
+    type=click.Choice(["ours", "thesis"]),
+    default="ours",
+    show_default=True,
+    help="The algorithms: ours, or as printed in the thesis.",
 )
-@click.option("--no-hazard", multiple=True, metavar="NAME", help="All but this one. May be repeated.")
+@click.option(
+    "--hazards/--no-hazards",
+    default=True,
+    show_default=True,
+    help="Simulate hazards of the building (docs/hazards.md).",
+)
+@click.option("--no-hazard", multiple=True, metavar="NAME", help="Leave out this hazard. May be repeated.")
 @click.option(
     "--no-source",
     multiple=True,
     metavar="NAME",
-    help="Estimate the pose without it: sonar, local-maps, lights, plates or markers. May be repeated.",
+    help="Estimate the pose without this source: sonar, local-maps, lights, plates or markers. "
+    "May be repeated.",
 )
 @click.option(
-    "--side-camera", is_flag=True, help="The robot looks for door plates, and is corrected by them."
+    "--side-camera",
+    is_flag=True,
+    help="Give the robot a camera that finds door plates, which correct its pose.",
 )
 @click.option(
     "--audit",
     type=float,
-    callback=_part,
+    callback=_fraction,
     default=0.0,
-    metavar="PART",
-    help="Hold this part of the runs, 0 to 1, against the reference interpreter.",
+    metavar="FRACTION",
+    help="Compare this fraction of the runs, 0 to 1, with the reference interpreter.",
 )
-@click.option("--workers", type=click.IntRange(min=1), help="Processes. [default: one a core]")
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="The number of processes. [default: one per core]",
+)
 @click.option(
     "--engine",
     default="pool",
@@ -87,13 +104,19 @@ def _part(context: click.Context, option: click.Parameter, value: float) -> floa
     "--output",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="PATH",
-    help="Keep the results there (SQLite); what is there already is not run again.",
+    help="The file of results (SQLite); runs that it already contains are not repeated.",
 )
 @click.option(
-    "--plot", type=click.Path(file_okay=False, path_type=Path), metavar="DIR", help="Draw the paths there."
+    "--plot",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="FOLDER",
+    help="Draw the paths into this folder.",
 )
 @click.option(
-    "--write", type=click.Path(dir_okay=False, path_type=Path), metavar="PAGE", help="Put the tables there."
+    "--write",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PAGE",
+    help="Insert the tables into this Markdown page.",
 )
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(
@@ -106,18 +129,19 @@ def command(
     format_: str,
     **asked_for: Any,
 ) -> None:
-    """Run a list of runs in simulation, each with many seeds, and say how they went.
+    """Simulate a list of runs, each with many seeds, and report the results.
 
-    LIST is `thesis`, the forty published runs; `random`, random pairs of rooms of a map; `floors`, random
-    pairs of rooms on different floors, with elevators between; or a CSV file with two columns, from and to.
-    `plates` counts what finders make of door plates on the eleven published walks past them, and `lights` how
-    well ceiling lights are detected on the forty runs. `sources` tells what each source of the pose is worth.
+    LIST is `thesis`, the forty published runs; `random`, random pairs of rooms on a map; `floors`, random
+    pairs of rooms on different floors, connected by elevators; or a CSV file with two columns, from and to.
+    Three more lists are studies: `plates` measures how well door plates are found on the eleven published
+    walks, `lights` how well ceiling lights are detected on the forty runs, and `sources` how much each source
+    of the pose estimate contributes.
 
-    A seed decides all chance in a run, so that an experiment can be repeated bit for bit, with any number of
-    workers. Ctrl-C loses no run that was finished where there is --output.
+    The seed determines all randomness of a run: an experiment can be repeated bit for bit, with any number of
+    workers. With --output, Ctrl-C loses no finished run.
 
-    Exit code 0 where the experiment was carried out, whatever came of it; 1 where an audit found a frame that
-    the reference interpreter decides otherwise; 2 for misuse; 130 after Ctrl-C.
+    Exit code: 0 if the experiment was carried out, whatever its results; 1 if the reference interpreter
+    decided a frame of an audited run differently; 2 for misuse; 130 after Ctrl-C.
 
     \b
     Example:
@@ -131,18 +155,18 @@ def command(
     """
     expect_extras("sim", "vision")
     _check_map(asked_for["map_path"])
-    from colony.sim.compiling import told_when_compiling
+    from colony.sim.compiling import announcing_compilation
 
-    with told_when_compiling(say):
-        from colony.cli.experiment.outputs import check_outputs, put_out
+    with announcing_compilation(say):
+        from colony.cli.experiment.outputs import check_outputs, write_outputs
         from colony.experiment.request import ExperimentRequest, experiment_of
 
-    with _problems_told():
+    with _reporting_errors():
         study, asked = experiment_of(ExperimentRequest(**asked_for))
         _check(study, asked, audit, plot)
         check_outputs(asked, output, plot, write)
         found = _carry_out(study, asked, output, _engine(engine, workers), audit)
-        put_out(study, asked, found, plot=plot, page=write, as_json=format_ == "json")
+        write_outputs(study, asked, found, plot=plot, page=write, as_json=format_ == "json")
     if found.differences:
         raise click.exceptions.Exit(EXIT_ERRORS)
     if found.interrupted:
@@ -163,7 +187,7 @@ def _check_map(path: str | None) -> None:
 
 
 @contextmanager
-def _problems_told() -> Iterator[None]:
+def _reporting_errors() -> Iterator[None]:
     """Report an error that prevents the experiment, and exit."""
     from colony.experiment.lists import RunListError
     from colony.experiment.parallel import WorkersLostError
@@ -187,11 +211,11 @@ def _check(study: Study[Any], asked: Experiment, audit: float, plot: Path | None
     from colony.experiment.request import MisuseError
 
     if study.has_own_variant and (plot is not None or audit or asked.variant != "ours"):
-        raise MisuseError(f"`{study.name}` has a variant of its own; leave out --plot, --audit and --variant")
+        raise MisuseError(f"`{study.name}` has its own variant; leave out --plot, --audit and --variant")
     for run in asked.runs if plot is not None else ():
         if run.rides:
-            one = f"`colony run ... --from {run.origin} --to {run.goal}` draws each floor"
-            raise MisuseError(f"--plot is for ways on one floor; run {run.number} takes an elevator: {one}")
+            instead = f"`colony run ... --from {run.origin} --to {run.goal}` draws each floor"
+            raise MisuseError(f"--plot cannot draw elevator rides; run {run.number} has one: {instead}")
 
 
 def _engine(text: str, workers: int | None) -> Engine:
@@ -208,29 +232,27 @@ def _engine(text: str, workers: int | None) -> Engine:
         case "dask":
             return DaskEngine(address, workers)
         case _:
-            raise MisuseError(
-                f"there is no engine `{text}`; expected pool, serial, dask or dask=tcp://HOST:PORT"
-            )
+            raise MisuseError(f"unknown engine `{text}`; expected pool, serial, dask or dask=tcp://HOST:PORT")
 
 
 def _carry_out(
     study: Study[Any], asked: Experiment, output: Path | None, engine: Engine, part: float
-) -> Found:
+) -> ExperimentOutcome:
     """Run the missing runs and the audits; return the results, even if interrupted."""
-    from colony.cli.experiment.outputs import Found
+    from colony.cli.experiment.outputs import ExperimentOutcome
     from colony.cli.experiment.progress import progress
-    from colony.experiment.conduct import conduct, conduct_audit, of_experiment
+    from colony.experiment.conduct import conduct, conduct_audit, results_of
     from colony.experiment.results import Results
 
     audits: tuple[AuditedRun, ...] = ()
     interrupted = False
     with Results(output, study.table) as results:
         try:
-            with progress("run") as tell:
-                conduct(asked, study.work, results, engine, tell=tell)
+            with progress("run") as on_progress:
+                conduct(asked, study.work, results, engine, on_progress=on_progress)
             if part > 0.0:
-                with progress("audited") as tell_audit:
-                    audits = conduct_audit(asked, engine, part, tell=tell_audit)
+                with progress("audited") as on_audit_progress:
+                    audits = conduct_audit(asked, engine, part, on_progress=on_audit_progress)
         except KeyboardInterrupt:
             interrupted = True
-        return Found(results=of_experiment(asked, results), audits=audits, interrupted=interrupted)
+        return ExperimentOutcome(results=results_of(asked, results), audits=audits, interrupted=interrupted)

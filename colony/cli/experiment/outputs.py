@@ -20,17 +20,17 @@ from colony.experiment.studies import Study
 from colony.files import read_file, reason
 
 BEGIN, END = "<!-- {} -->", "<!-- end of {} -->"
-"""The two lines of a page that enclose its tables; the rest is left as it is."""
+"""The two lines of a page that enclose its tables; the rest of the page stays unchanged."""
 
 PAGE_BYTES = 4 * 1024 * 1024
-"""Size limit in bytes of a page that tables are put into."""
+"""Size limit in bytes of a page for tables."""
 
 _ROWS_ON_A_PAGE = 60
 """Longest list of runs whose page includes the first table, which has one row per run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class ExperimentOutcome:
     """The results of an experiment, as far as it got."""
 
     results: tuple[Any, ...]
@@ -49,7 +49,7 @@ def check_outputs(asked: Experiment, output: Path | None, plot: Path | None, pag
         check_output(output)
     if page is not None:
         check_output(page)
-        _around(asked, page)
+        _page_without_tables(asked, page)
     if plot is not None:
         try:
             plot.mkdir(parents=True, exist_ok=True)
@@ -57,10 +57,16 @@ def check_outputs(asked: Experiment, output: Path | None, plot: Path | None, pag
             cannot_write(plot, problem.strerror or str(problem))
 
 
-def put_out(
-    study: Study[Any], asked: Experiment, found: Found, *, plot: Path | None, page: Path | None, as_json: bool
+def write_outputs(
+    study: Study[Any],
+    asked: Experiment,
+    found: ExperimentOutcome,
+    *,
+    plot: Path | None,
+    page: Path | None,
+    as_json: bool,
 ) -> None:
-    """Print the results, draw them, and put them into a page."""
+    """Print the results, draw them, and insert them into a page."""
     tables = study.tables(asked.runs, found.results)
     audited = [_audit_line(found.audits)] if found.audits else []
     if as_json:
@@ -73,17 +79,17 @@ def put_out(
         _draw(asked, found.results, plot)
     if page is not None and tables:
         shown = tables if len(asked.runs) <= _ROWS_ON_A_PAGE else tables[1:]
-        _put_into(asked, [*shown, *audited], page)
+        _insert_tables(asked, [*shown, *audited], page)
 
 
 def _audit_line(audits: Sequence[AuditedRun]) -> str:
     """Return the result of the audits in one line."""
     frames, other = sum(one.frames for one in audits), sum(bool(one.difference) for one in audits)
-    alike = f"otherwise in {other} of them" if other else "alike in all of them"
-    return f"Audited: {len(audits)} runs, {frames:,} frames; the reference interpreter decided {alike}."
+    agreement = f"differently in {other} of them" if other else "the same in all of them"
+    return f"Audited: {len(audits)} runs, {frames:,} frames; the reference interpreter decided {agreement}."
 
 
-def _json(study: Study[Any], asked: Experiment, found: Found) -> str:
+def _json(study: Study[Any], asked: Experiment, found: ExperimentOutcome) -> str:
     return json.dumps(
         {
             "list": asked.name,
@@ -99,15 +105,15 @@ def _json(study: Study[Any], asked: Experiment, found: Found) -> str:
 
 def _draw(asked: Experiment, results: tuple[RunResult, ...], folder: Path) -> None:
     from colony.nav.maps.building import load_building
-    from colony.view.path_picture import Drive, draw_errors, draw_paths, encode
+    from colony.view.path_picture import DrivenPath, draw_errors, draw_paths, encode
 
     building = load_building(asked.map_path)
     first = building.maps[0].name
     floors = {run.number: run.floors[0] if run.floors else first for run in asked.runs}
-    goals: dict[tuple[str, str, str], list[Drive]] = {}
+    goals: dict[tuple[str, str, str], list[DrivenPath]] = {}
     for r in results:
         drives = goals.setdefault((r.origin, r.goal, floors[r.key.number]), [])
-        drives.append(Drive(path=r.path, reached=r.reached, seed=r.key.seed))
+        drives.append(DrivenPath(path=r.path, reached=r.reached, seed=r.key.seed))
     for (origin, goal, floor), drives in goals.items():
         name = f"{origin} to {goal}" + (f" of {floor}" if floor != first else "")
         title = f"{name}: {len(drives)} runs, {asked.label}"
@@ -118,15 +124,15 @@ def _draw(asked: Experiment, results: tuple[RunResult, ...], folder: Path) -> No
     say(f"drawn in {folder}: {len(goals)} pictures of paths, and errors.png")
 
 
-def _put_into(asked: Experiment, tables: Sequence[str], page: Path) -> None:
+def _insert_tables(asked: Experiment, tables: Sequence[str], page: Path) -> None:
     """Put tables into a page, in place of its previous tables of this list and variant."""
-    before, after = _around(asked, page)
+    before, after = _page_without_tables(asked, page)
     text = "\n\n".join(tables)
     write_whole(page, f"{before}\n\n{text}\n\n{after}".encode())
-    say(f"put into {page}")
+    say(f"inserted the tables into {page}")
 
 
-def _around(asked: Experiment, page: Path) -> tuple[str, str]:
+def _page_without_tables(asked: Experiment, page: Path) -> tuple[str, str]:
     """Return the parts of a page before and after the tables of a list and variant, with the marker lines.
 
     Exits with 2 if the page does not have these lines.
@@ -137,7 +143,7 @@ def _around(asked: Experiment, page: Path) -> tuple[str, str]:
     except OSError as problem:
         cannot_write(page, reason(problem))
     except UnicodeDecodeError as problem:
-        cannot_write(page, f"byte {problem.start} is no UTF-8; expected a page of Markdown")
+        cannot_write(page, f"byte {problem.start} is not UTF-8; expected a Markdown page")
     before, marked, rest = text.partition(begin)
     _, closed, after = rest.partition(end)
     if not marked or not closed:

@@ -14,25 +14,25 @@ from colony.experiment.plates.record import PlateResult
 from colony.experiment.record import RunResult
 from colony.experiment.sources.results import SourceResult
 
-Newest = RunResult | AuditedRun | PlateResult | LightResult | SourceResult
+AnyResult = RunResult | AuditedRun | PlateResult | LightResult | SourceResult
 
 
-class Tell(Protocol):
-    """A function that takes the number of finished runs, the number of all runs, and the newest result."""
+class ReportProgress(Protocol):
+    """A function that takes the number of finished runs, the number of all runs, and the latest result."""
 
-    def __call__(self, done: int, of: int, newest: Newest) -> None:
+    def __call__(self, done: int, of: int, latest: AnyResult) -> None:
         """Report that `done` of `of` runs are finished."""
         ...
 
 
 @contextmanager
-def progress(what: str) -> Iterator[Tell]:
+def progress(what: str) -> Iterator[ReportProgress]:
     """Report the progress of `what` ("run", "audited") inside the `with`; the bar is removed at the end."""
     failed = 0
 
-    def line(done: int, of: int, newest: Newest) -> None:
+    def line(done: int, of: int, latest: AnyResult) -> None:
         nonlocal failed
-        failed += is_bad(newest)
+        failed += is_bad(latest)
         if done * 10 // of > (done - 1) * 10 // of:
             say(f"{100 * done // of} %: {done} of {of} {what}, {failed} bad")
 
@@ -52,30 +52,30 @@ def progress(what: str) -> Iterator[Tell]:
     )
     task = display.add_task(what, total=None)
 
-    def bar(done: int, of: int, newest: Newest) -> None:
+    def bar(done: int, of: int, latest: AnyResult) -> None:
         nonlocal failed
-        failed += is_bad(newest)
-        text = f"{what}, {failed} bad; newest: {described(newest)}"
+        failed += is_bad(latest)
+        text = f"{what}, {failed} bad; latest: {described(latest)}"
         display.update(task, completed=done, total=of, description=text)
 
     with display:
         yield bar
 
 
-def is_bad(newest: Newest) -> bool:
+def is_bad(latest: AnyResult) -> bool:
     """Return True if a run failed, or an audit found a difference."""
-    return bool(newest.difference if isinstance(newest, AuditedRun) else newest.failure)
+    return bool(latest.difference if isinstance(latest, AuditedRun) else latest.failure)
 
 
-def described(newest: Newest) -> str:
+def described(latest: AnyResult) -> str:
     """Return a short description of a run."""
-    which = f"run {newest.key.number}, seed {newest.key.seed}"
-    match newest:
+    which = f"run {latest.key.number}, seed {latest.key.seed}"
+    match latest:
         case AuditedRun():
-            return f"{which}, {newest.frames} frames"
+            return f"{which}, {latest.frames} frames"
         case RunResult():
-            return f"{which}, {newest.failure or 'reached'}, {newest.off_mm / 1000:.2f} m off"
+            return f"{which}, {latest.failure or 'reached'}, {latest.off_mm / 1000:.2f} m off"
         case PlateResult() | LightResult() | SourceResult():
-            return f"{which}, {newest.failure or 'reached'}"
+            return f"{which}, {latest.failure or 'reached'}"
         case _:
-            assert_never(newest)
+            assert_never(latest)

@@ -1,7 +1,6 @@
 """`colony run`: compile a program and run it.
 
-It runs on a simulated robot in one process and in virtual time, on one of real processes, or on a robot that
-runs already.
+The robot is simulated, in one process and virtual time or in several processes, or is already running.
 """
 
 from __future__ import annotations
@@ -15,7 +14,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
-from colony.cli.places import connect_option, place_of, problems_told, robot_option, security_option
+from colony.cli.places import (
+    connect_option,
+    place_of,
+    reporting_connection_errors,
+    robot_option,
+    security_option,
+)
 from colony.cli.reporting import refuse, report, say
 from colony.cli.run.options import DURATION, OptionError, Options, objection, request_of
 from colony.cli.shipped_files import BEHAVIOR, map_option
@@ -24,7 +29,7 @@ from colony.robots.request import MisuseError, RunAbortedError
 
 if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
-    from colony.robots.request import Driven, RunRequest
+    from colony.robots.request import RunReport, RunRequest
 
 PICTURE = "run.png"
 
@@ -33,73 +38,94 @@ PICTURE = "run.png"
 @click.argument("file", metavar="FILE", type=BEHAVIOR)
 @map_option
 @click.option(
-    "--processes", is_flag=True, help="Servers, clients and simulator as processes, by the wall clock."
+    "--processes", is_flag=True, help="Run servers, clients and simulator as processes, in real time."
 )
-@connect_option("Run it on a robot that is there: on this machine, or behind a gateway, tls/HOST:PORT.")
+@connect_option("Use a robot that is already running: on this machine, or behind a gateway, tls/HOST:PORT.")
 @security_option()
-@robot_option("The robot's name, if not as in the program.")
+@robot_option("The name of the robot, if it differs from that in the program.")
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
-    help="Of chance and of the sensors' noise.",
+    help="The seed of chance and of the sensors' noise.",
 )
-@click.option("--duration", metavar="TIME", help=f"As {DURATION} (the default in a building), 90s or 2min.")
-@click.option("--realtime", is_flag=True, help="As fast as the wall clock, not as fast as possible.")
-@click.option("--record", metavar="PATH", help="Write every frame there: MCAP into *.mcap, else JSON lines.")
-@click.option("--picture", metavar="PATH", help=f"PNG or SVG of the way (default: {PICTURE}).")
-@click.option("--no-picture", is_flag=True, help="Draw nothing.")
+@click.option(
+    "--duration",
+    metavar="TIME",
+    help=f"The length of the run: {DURATION} (in seconds), 90s or 2min. [default: {DURATION} with --map]",
+)
+@click.option("--realtime", is_flag=True, help="Run in real time, not as fast as possible.")
+@click.option(
+    "--record",
+    metavar="PATH",
+    help="Record every frame into this file: *.mcap as MCAP, others as JSON lines.",
+)
+@click.option(
+    "--picture", metavar="PATH", help=f"Draw the path of the robot, as PNG or SVG. [default: {PICTURE}]"
+)
+@click.option("--no-picture", is_flag=True, help="Do not draw a picture.")
 @click.option(
     "--set",
     "settings",
     multiple=True,
     metavar="NAME=VALUE",
-    help="Hold a variable of DServer, as if an operator kept setting it. May be repeated.",
+    help="Hold a variable of DServer at this value, as if an operator kept setting it. May be repeated.",
 )
 @click.option(
     "--camera",
     "cameras",
     multiple=True,
     metavar="[NAME=]DEGREES|up",
-    help="With --processes: a camera that looks there, counterclockwise from ahead, or up. May be repeated.",
+    help="With --processes: add a camera that looks in this direction, counterclockwise from ahead, or up. "
+    "May be repeated.",
 )
-@click.option("--from", "origin", metavar="ROOM", help="With --to: drive from there, by the map's names.")
-@click.option("--to", "goal", metavar="ROOM", help="Where to; the run ends when the robot has arrived.")
+@click.option(
+    "--from",
+    "origin",
+    metavar="ROOM",
+    help="With --to: the room where the robot starts, by its name on the map.",
+)
+@click.option(
+    "--to", "goal", metavar="ROOM", help="With --from: the goal; the run ends when the robot has arrived."
+)
 @click.option(
     "--hazards",
     type=click.IntRange(min=0),
     metavar="SEED",
-    help="With --to: people, open doors, lights that are out and more, drawn from this seed.",
+    help="With --to: simulate hazards drawn from this seed: people, open doors, broken lights and more.",
 )
-@click.option("--fsync", is_flag=True, help="With --processes: DServer's data outlives a loss of power.")
-@click.option("--isolate", is_flag=True, help="Of processes: each client is one of its own.")
+@click.option("--fsync", is_flag=True, help="With --processes: make DServer's data survive a power failure.")
+@click.option(
+    "--isolate", is_flag=True, help="With --processes or --connect: run each client in its own process."
+)
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(**given: Any) -> None:
     """Run a behavior on a robot that is simulated in the building of a map, or on a real one.
 
-    FILE is a behavior, the name of one that comes with colony, or what `colony compile` made of one (`-o
+    FILE is a behavior, the name of one that comes with colony, or a compiled program (`colony compile -o
     NAME.colonyc`).
 
-    With --map alone everything is one process, in virtual time: the same seed gives the same run. With
-    --processes each server is a process, as on a robot, and the clients share one (with --isolate each
-    client has its own); who dies is started again, and other programs can take part (`colony ps`, `colony
-    stop`). With --connect only the clients are started, for a robot that `colony serve` serves; without
-    --duration until Ctrl-C.
+    With --map alone, everything runs in one process and in virtual time: the same seed gives the same run.
+    With --processes each server is a process, as on a real robot, and the clients share one (with --isolate
+    each client has its own). A process that dies is restarted, and other programs can connect (`colony ps`,
+    `colony stop`). With --connect only the clients are started, for a robot that `colony serve` serves;
+    without --duration they run until Ctrl-C.
 
-    --from and --to have a planner and its helpers lead the robot from room to room, for a behavior that takes
-    goals, as navigator.colony does; the run ends when it has arrived, with exit code 1 where it did not. A
-    room of another floor is `2:250R` or `msu_engineering_2:250R`, where elevators lead there: in one process
-    somebody is simulated who presses their buttons, with --connect you are asked to at the terminal. A robot
-    that is there has to stand before the room --from, and its map is --map (docs/missions.md).
+    With --from and --to a planner and its helpers lead the robot from room to room, for a behavior that takes
+    goals, such as navigator.colony. The run ends when the robot has arrived; the exit code is 1 if it has
+    not. A room on another floor that elevators lead to is `2:250R` or `msu_engineering_2:250R`. In one
+    process an operator who presses the elevator buttons is simulated; with --connect you are asked at the
+    terminal to press them. With --connect the robot must stand before the room --from, on the map --map
+    (docs/missions.md).
 
-    In the end it tells who drove how long, how far the robot came, what it bumped into, which contracts
-    broke, and draws its way. Ctrl-C stops the robot, closes the recording and still tells what was run, with
-    exit code 130. A recording that cannot be written any more, on a full disk for one, ends the run in the
-    same way, with exit code 1.
+    At the end the command prints a summary (how long each client drove, the distance, the bumps, the broken
+    contracts) and draws the path. Ctrl-C stops the robot, closes the recording and prints the summary, with
+    exit code 130. A recording that fails, for example on a full disk, ends the run in the same way, with exit
+    code 1.
 
-    Exit code 0 where all contracts held, 1 where one was broken, the program has errors or the run broke
-    off, 2 for misuse or where the picture cannot be written.
+    Exit code: 0 if all contracts held, 1 if a contract was broken, the program has errors or the run broke
+    off, 2 for misuse or if the picture cannot be written.
 
     \b
     Example:
@@ -123,7 +149,7 @@ def command(**given: Any) -> None:
         expect_extras("sim", *(["vision"] if options.goal is not None else []))
     compiled = load_compiled(options.file)
     picture = None if options.no_picture or options.connect is not None else options.picture or PICTURE
-    with _failures_told(), redirect_stdout(sys.stderr):  # for prints of Python modules
+    with _reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
         from colony.cli.run.outputs import check_outputs, drawn
         from colony.nav.maps.stickrep.reader import load_map
 
@@ -131,34 +157,34 @@ def command(**given: Any) -> None:
         check_outputs(options.record, picture, [p for p in (options.file, options.map_path) if p is not None])
         if options.map_path is not None:
             load_map(options.map_path)  # before the simulator is imported, which takes long
-        driven = _driven(compiled, request, options)
+        result = _driven(compiled, request, options)
         if picture is not None:
-            driven = drawn(driven, compiled.name, picture)
-    _tell(driven, options.record, picture, options.format_)
+            result = drawn(result, compiled.name, picture)
+    _print_summary(result, options.record, picture, options.format_)
 
 
-def _driven(compiled: Compiled, request: RunRequest, options: Options) -> Driven:
-    from colony.cli.run.attending import ATTENDANT
+def _driven(compiled: Compiled, request: RunRequest, options: Options) -> RunReport:
+    from colony.cli.run.user_interface import TERMINAL_INTERFACE
 
     if not options.processes and options.connect is None:
-        from colony.sim.compiling import told_when_compiling
+        from colony.sim.compiling import announcing_compilation
 
-        with told_when_compiling(say):
+        with announcing_compilation(say):
             from colony.robots.building_run import run_in_building
-        return run_in_building(compiled, request, ATTENDANT)
-    with problems_told():
-        from colony.robots.process_run import run_here, run_there
+        return run_in_building(compiled, request, TERMINAL_INTERFACE)
+    with reporting_connection_errors():
+        from colony.robots.process_run import run_served, run_simulated
         from colony.runtime.transport.live.place import Local
 
         name = compiled.name if options.robot is None else options.robot
         place = place_of(name, options.connect, options.security)
         if options.connect is None and isinstance(place, Local):
-            return run_here(compiled, place, request, ATTENDANT)
-        return run_there(compiled, place, request, ATTENDANT)
+            return run_simulated(compiled, place, request, TERMINAL_INTERFACE)
+        return run_served(compiled, place, request, TERMINAL_INTERFACE)
 
 
 @contextmanager
-def _failures_told() -> Iterator[None]:
+def _reporting_failures() -> Iterator[None]:
     """Report an error that prevents or ends a run, and exit with its code."""
     from colony.text.diagnostics import DiagnosticError
 
@@ -179,23 +205,23 @@ def _failures_told() -> Iterator[None]:
         raise click.exceptions.Exit(EXIT_ERRORS) from None
 
 
-def _tell(driven: Driven, record: str | None, picture: str | None, format_: str) -> None:
-    summary, arrival = driven.summary, driven.arrival
+def _print_summary(result: RunReport, record: str | None, picture: str | None, format_: str) -> None:
+    summary, mission_result = result.summary, result.mission_result
     if format_ == "json":
         written: dict[str, object] = {"recording": record, "picture": picture}
-        if arrival is not None:
-            written["arrival"] = arrival._asdict()
+        if mission_result is not None:
+            written["arrival"] = mission_result._asdict()
         click.echo(json.dumps(summary.as_json() | written, indent=2))
     else:
         from colony.runtime.observe.summary import render
 
         click.echo(render(summary))
-        for path in (record, picture, *(() if arrival is None else arrival.pictures)):
+        for path in (record, picture, *(() if mission_result is None else mission_result.pictures)):
             if path is not None and path not in summary.unwritten:
                 click.echo(f"  wrote {path}")
-        if arrival is not None:
-            click.echo(f"  {arrival.text}")
-    if arrival is not None and not arrival.arrived and not summary.interrupted:
+        if mission_result is not None:
+            click.echo(f"  {mission_result.text}")
+    if mission_result is not None and not mission_result.arrived and not summary.interrupted:
         raise click.exceptions.Exit(EXIT_ERRORS)
     if not summary.sound:
         raise click.exceptions.Exit(EXIT_ERRORS)

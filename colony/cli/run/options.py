@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Literal
 from colony.ir.program import Robot, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
 from colony.robots.request import RunRequest
-from colony.runtime.protocol.bindings import nearest
+from colony.runtime.protocol.bindings import name_hint
 from colony.text.units import ANGLE, TIME, Dimension, UnitError, nanoseconds, parse_unit
 
 if TYPE_CHECKING:
-    from colony.sim.plant.child import Look
+    from colony.sim.plant.child import ViewDirection
 
 _QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
@@ -81,30 +81,30 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
 
 def objection(options: Options) -> str | None:
     """Return the reason why options exclude each other, None if they do not."""
-    there, mapped = options.connect is not None, options.map_path is not None
-    driven = options.goal is not None
-    if not there and not mapped:
-        return "found neither --map nor --connect: where is the robot?"
-    if there and options.processes:
-        return "--connect is for a robot that is there: it goes without --processes"
-    if there and mapped and not driven:
-        return "--connect is for a robot that is there: --map goes with it for --from and --to alone"
-    if there and not mapped and driven:
-        return "found --to without --map: through which building?"
-    if not there and options.security is not None:
-        return "--security goes with --connect"
-    if options.realtime and there:
-        return "--realtime is for a run in a building: a robot that is there knows no other time"
-    if options.isolate and not (options.processes or there):
-        return "--isolate goes with --processes or --connect"
+    connected, mapped = options.connect is not None, options.map_path is not None
+    has_goal = options.goal is not None
+    if not connected and not mapped:
+        return "no robot: give --map MAP to simulate one or --connect to join a running one"
+    if connected and options.processes:
+        return "--connect and --processes exclude each other: the robot is already running"
+    if connected and mapped and not has_goal:
+        return "--connect takes --map only with --from and --to: the robot is already running"
+    if connected and not mapped and has_goal:
+        return "--to requires --map MAP, the building to drive through"
+    if not connected and options.security is not None:
+        return "--security requires --connect"
+    if options.realtime and connected:
+        return "--realtime is for a simulated run: a running robot always runs in real time"
+    if options.isolate and not (options.processes or connected):
+        return "--isolate requires --processes or --connect"
     if not options.processes and (options.cameras or options.fsync):
-        return f"{'--camera' if options.cameras else '--fsync'} goes with --processes"
+        return f"{'--camera' if options.cameras else '--fsync'} requires --processes"
     if (options.origin is None) != (options.goal is None):
         return f"found {'--to' if options.origin is None else '--from'} alone; expected --from ROOM --to ROOM"
-    if not driven and options.hazards is not None:
-        return "--hazards goes with --from and --to"
-    if there and options.hazards is not None:
-        return "--hazards is of a simulated building: `colony serve` takes it, not a run with --connect"
+    if not has_goal and options.hazards is not None:
+        return "--hazards requires --from and --to"
+    if connected and options.hazards is not None:
+        return "--hazards cannot be combined with --connect: give it to `colony serve`"
     return None
 
 
@@ -122,10 +122,10 @@ def duration_ns(text: str) -> int:
     return nanoseconds(seconds)
 
 
-MOST_CAMERAS = 8
+MAX_CAMERAS = 8
 
 
-def cameras(texts: tuple[str, ...]) -> dict[str, Look]:
+def cameras(texts: tuple[str, ...]) -> dict[str, ViewDirection]:
     """Parse cameras: their servers with viewing directions in degrees counterclockwise from ahead, or up.
 
     A text is a direction, or a name and one: `left=90`, `CServerUp=up`. A single camera without a name is
@@ -134,23 +134,25 @@ def cameras(texts: tuple[str, ...]) -> dict[str, Look]:
     Raises:
         OptionError: a text is not of this form, or two cameras have one name.
     """
-    out: dict[str, Look] = {}
+    out: dict[str, ViewDirection] = {}
     for text in texts:
         name, equals, direction = text.rpartition("=")
-        look = _look(direction)
-        if look is None or (equals and not name.isidentifier()):
+        view = _view_direction(direction)
+        if view is None or (equals and not name.isidentifier()):
             expected = "degrees, `up`, or a name and one of these: left=90"
             raise OptionError(f"--camera: found `{text}`; expected {expected}")
         server = name if name.startswith("CServer") else f"CServer_{name}" if name else "CServer"
         if server in out:
-            raise OptionError(f"--camera: two are named `{name}`" if name else "--camera: two have no name")
-        out[server] = look
-    if len(out) > MOST_CAMERAS:
-        raise OptionError(f"--camera: found {len(out)}; expected {MOST_CAMERAS} at most")
+            raise OptionError(
+                f"--camera: two cameras are named `{name}`" if name else "--camera: two cameras have no name"
+            )
+        out[server] = view
+    if len(out) > MAX_CAMERAS:
+        raise OptionError(f"--camera: found {len(out)} cameras; expected at most {MAX_CAMERAS}")
     return out
 
 
-def _look(text: str) -> Look | None:
+def _view_direction(text: str) -> ViewDirection | None:
     if text.strip() == "up":
         return "up"
     yaw = _quantity(text, ANGLE, 1.0)
@@ -174,7 +176,7 @@ def variables(robot: Robot, settings: tuple[str, ...]) -> dict[str, Value]:
             raise OptionError(f"--set: found `{setting}`; expected NAME=VALUE")
         sensor = readers.get(name)
         if sensor is None:
-            hint = nearest(name, readers)
+            hint = name_hint(name, readers)
             raise OptionError(f"--set: no sensor reads DServer.{name}; {hint}")
         out[name] = _value(sensor, text.strip())
     return out

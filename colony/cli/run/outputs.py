@@ -1,4 +1,4 @@
-"""The output files of a run besides its summary: checked before it begins, drawn after it."""
+"""The output files of a run: checked before the run, and drawn after it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from colony.cli.outputs import check_output, write_whole
 from colony.cli.run.options import OptionError
 
 if TYPE_CHECKING:
-    from colony.robots.request import Driven
+    from colony.robots.request import RunReport
 
 
 def check_outputs(record: str | None, picture: str | None, inputs: Iterable[str]) -> None:
@@ -38,8 +38,8 @@ def check_outputs(record: str | None, picture: str | None, inputs: Iterable[str]
             check_output(path, list(inputs))
 
 
-def drawn(driven: Driven, robot: str, path: str) -> Driven:
-    """Draw each floor with the robot's way on it: the first one into `path`, the others beside it.
+def drawn(result: RunReport, robot: str, path: str) -> RunReport:
+    """Draw each floor with the robot's path on it: the first one into `path`, the others beside it.
 
     The others are named after their floors: run.png and run.msu_engineering_2.png. The returned result lists
     them, or the first picture that could not be written, which has been reported.
@@ -50,15 +50,15 @@ def drawn(driven: Driven, robot: str, path: str) -> Driven:
 
     target = Path(path)
     others: list[str] = []
-    for number, floor in enumerate(driven.floors):
-        way = np.array(driven.places.get(floor.name, ()), dtype=np.float64).reshape(-1, 2)
-        picture = draw_map(floor, [way], names=[robot])
+    for number, floor in enumerate(result.floors):
+        path_xy = np.array(result.places.get(floor.name, ()), dtype=np.float64).reshape(-1, 2)
+        picture = draw_map(floor, [path_xy], names=[robot])
         file = target if number == 0 else target.with_suffix(f".{floor.name}{target.suffix}")
         try:
             write_whole(file, encode_picture(picture, picture_format(path)))
         except click.exceptions.Exit:
-            return driven._replace(summary=replace(driven.summary, unwritten=(path,)))
+            return result._replace(summary=replace(result.summary, unwritten=(path,)))
         others += [str(file)] if number else []
-    if driven.arrival is None:
-        return driven
-    return driven._replace(arrival=driven.arrival._replace(pictures=tuple(others)))
+    if result.mission_result is None:
+        return result
+    return result._replace(mission_result=result.mission_result._replace(pictures=tuple(others)))

@@ -7,12 +7,12 @@ import sys
 from colony.cli.reporting import say
 from colony.runtime.observe.observer import FrameLog
 
-MOMENT_NS = 10_000_000_000
-"""Nanoseconds between two messages about a run without an end."""
+REPORT_INTERVAL_NS = 10_000_000_000
+"""Nanoseconds between two progress reports of a run without a fixed length."""
 
 
 class Progress:
-    """A sink that reports the progress of a run of `length_ns`, None for one without an end.
+    """A sink that reports the progress of a run of `length_ns`, None for one without a fixed length.
 
     Mutable: the last report. On a terminal it shows a bar of rich, which is imported only there and removed
     at the end.
@@ -20,7 +20,7 @@ class Progress:
 
     def __init__(self, length_ns: int | None) -> None:
         self._length_ns = length_ns
-        self._part_ns = MOMENT_NS if length_ns is None else length_ns / 10
+        self._part_ns = REPORT_INTERVAL_NS if length_ns is None else length_ns / 10
         self._parts = 0
         self._bar = _Bar(length_ns) if sys.stderr.isatty() else None
 
@@ -32,7 +32,7 @@ class Progress:
         parts = int(log.tick.t_ns // self._part_ns)
         if parts > self._parts:
             self._parts = parts
-            say(_moment(log) if self._length_ns is None else f"{10 * parts} %: {_moment(log)}")
+            say(_progress_text(log) if self._length_ns is None else f"{10 * parts} %: {_progress_text(log)}")
 
     def close(self) -> None:
         """Remove the bar."""
@@ -40,8 +40,8 @@ class Progress:
             self._bar.stop()
 
 
-def _moment(log: FrameLog) -> str:
-    winners = ", ".join(f"{name} by {v.by or 'nobody'}" for name, v in log.verdicts.items())
+def _progress_text(log: FrameLog) -> str:
+    winners = ", ".join(f"{name} by {v.by or 'no client'}" for name, v in log.verdicts.items())
     return f"{log.tick.t_ns / 1e9:.1f} s, {winners}"
 
 
@@ -65,7 +65,7 @@ class _Bar:
         self._display.start()
 
     def show(self, log: FrameLog) -> None:
-        self._display.update(self._task, completed=log.tick.t_ns, description=_moment(log))
+        self._display.update(self._task, completed=log.tick.t_ns, description=_progress_text(log))
 
     def stop(self) -> None:
         self._display.stop()

@@ -1,4 +1,4 @@
-"""`colony sim`: the simulated building by itself."""
+"""`colony sim`: the simulated building, without a run."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import click
 from colony.cli.sim.snapshot import snapshot_command
 
 
-@click.group("sim", no_args_is_help=False, short_help="look at the simulated building")
+@click.group("sim", no_args_is_help=False, short_help="inspect the simulated building")
 def command() -> None:
-    """Look at the building that the simulator makes of a map.
+    """Inspect the building that the simulator creates from a map.
 
     \b
     Example:

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from colony.vision.signs_in_view import SignInView
 
 _YAWS = {"side": 90.0, "front": 0.0}
-_FASTEST_MM_S = 5000.0
-_LEAST_PX = 8.0  # narrower signs are not listed
+_MAX_SPEED_MM_S = 5000.0
+_MIN_SIGN_WIDTH_PX = 8.0  # narrower signs are not listed
 _Pose = tuple[float, float, float]
 
 
@@ -47,21 +47,21 @@ def _facing(context: click.Context, option: click.Parameter, value: str) -> floa
 
 def _speed(context: click.Context, option: click.Parameter, value: float) -> float:
     """Check a speed in mm/s, positive ahead and negative backward."""
-    if not abs(value) <= _FASTEST_MM_S:
-        expected = f"from -{_FASTEST_MM_S:.0f} to {_FASTEST_MM_S:.0f} mm/s"
+    if not abs(value) <= _MAX_SPEED_MM_S:
+        expected = f"from -{_MAX_SPEED_MM_S:.0f} to {_MAX_SPEED_MM_S:.0f} mm/s"
         raise click.BadParameter(f"`{value:g}`; expected a speed {expected}")
     return value
 
 
-@click.command("snapshot", short_help="write what the cameras of a robot see")
+@click.command("snapshot", short_help="save the views of a robot's cameras")
 @click.argument("path", metavar="MAP", type=MAP)
 @click.option(
     "--at",
     "where",
     required=True,
     metavar="PLACE",
-    help="In the corridor before a room (376), a jamb (376L) or an elevator; or X,Y,HEADING, in mm and "
-    "degrees.",
+    help="The robot's place: in the corridor before a room (376), a jamb (376L) or an elevator; "
+    "or X,Y,HEADING, in mm and degrees.",
 )
 @click.option(
     "--facing",
@@ -69,11 +69,11 @@ def _speed(context: click.Context, option: click.Parameter, value: float) -> flo
     default="plate",
     show_default=True,
     metavar="DEG|plate",
-    help="Before a room: the robot's heading, counterclockwise from north; `plate`: so that its left camera "
-    "looks at the plate, or the front one at a marker.",
+    help="The robot's heading before a room, counterclockwise from north; with `plate` its left camera "
+    "looks at the plate, or its front camera at the marker.",
 )
 @click.option(
-    "--hazards", type=click.IntRange(min=0), metavar="SEED", help="With what goes wrong, drawn from it."
+    "--hazards", type=click.IntRange(min=0), metavar="SEED", help="Simulate hazards drawn from this seed."
 )
 @click.option(
     "--speed",
@@ -82,7 +82,7 @@ def _speed(context: click.Context, option: click.Parameter, value: float) -> flo
     default=0.0,
     show_default=True,
     metavar="MM/S",
-    help="How fast it drives ahead: what is near is smeared.",
+    help="The robot's speed ahead, which blurs near objects.",
 )
 @click.option(
     "--size",
@@ -90,7 +90,7 @@ def _speed(context: click.Context, option: click.Parameter, value: float) -> flo
     default="240x120",
     show_default=True,
     metavar="WxH",
-    help="Of the pictures, in pixels.",
+    help="The size of the pictures in pixels.",
 )
 @click.option(
     "-o",
@@ -98,8 +98,8 @@ def _speed(context: click.Context, option: click.Parameter, value: float) -> flo
     type=click.Path(file_okay=False, path_type=Path),
     default=Path(),
     metavar="FOLDER",
-    help="The folder of the pictures; it is made, and pictures that are there are replaced. "
-    "[default: this one]",
+    help="The folder of the pictures, created if necessary; existing pictures are replaced. "
+    "[default: the current folder]",
 )
 def snapshot_command(
     path: str,
@@ -110,10 +110,11 @@ def snapshot_command(
     size: tuple[int, int],
     output: Path,
 ) -> None:
-    """Stand a robot into the building of MAP and write what its cameras see: side.png (to the left),
-    front.png and up.png (the ceiling); say which plates and markers are in view.
+    """Place a robot in the building of MAP, save the views of its cameras as side.png (to the left),
+    front.png and up.png (the ceiling), and list the plates and markers in view.
 
-    With hazards, open doors are open, people stand where their walks begin, posters hang, and lights are out.
+    With --hazards some doors are open, people stand where their walks begin, posters hang on the walls, and
+    some lights are out.
 
     \b
     Example:
@@ -121,8 +122,8 @@ def snapshot_command(
       colony sim snapshot msu_engineering_3 --at 354 --hazards 7 --size 640x480 -o shots
     """
     expect_extras("sim")
-    from colony.nav.maps.standing import NoPlaceError
     from colony.nav.maps.stickrep.reader import load_map
+    from colony.nav.maps.viewpoints import NoPlaceError
     from colony.text.diagnostics import DiagnosticError
 
     try:
@@ -141,9 +142,9 @@ def snapshot_command(
         cannot_write(output, problem.strerror or str(problem))
     for name in names:
         check_output(output / f"{name}.png", [path])
-    from colony.sim.compiling import told_when_compiling
+    from colony.sim.compiling import announcing_compilation
 
-    with told_when_compiling(say):
+    with announcing_compilation(say):
         from colony.sim.cameras.snapshot import png_of, snapshots
 
     images = snapshots(floor, pose, _YAWS, size, hazards=hazards, speed_mm_s=speed)
@@ -151,7 +152,7 @@ def snapshot_command(
         write_whole(output / f"{name}.png", png_of(images[name]))
     click.echo(f"at ({pose[0]:.0f} mm, {pose[1]:.0f} mm), heading {pose[2]:.0f} degrees")
     for name in names:
-        click.echo(f"  {output / name}.png: {_seen(floor, pose, name, size)}")
+        click.echo(f"  {output / name}.png: {_view_text(floor, pose, name, size)}")
 
 
 def _pose(floor: Map, where: str, facing: float | None) -> _Pose:
@@ -160,17 +161,17 @@ def _pose(floor: Map, where: str, facing: float | None) -> _Pose:
     Raises:
         NoPlaceError: the map has no such place, it has no corridor, or there are two headings.
     """
-    from colony.nav.maps.standing import NoPlaceError, standing_at, standing_before
+    from colony.nav.maps.viewpoints import NoPlaceError, parse_pose, pose_before
 
     if "," in where:
         if facing is not None:
             raise NoPlaceError(f"`{where}` has a heading already; leave out --facing")
-        return standing_at(floor, where)
-    x, y, heading = standing_before(floor, where)
+        return parse_pose(floor, where)
+    x, y, heading = pose_before(floor, where)
     return x, y, heading if facing is None else facing % 360.0
 
 
-def _seen(floor: Map, pose: _Pose, name: str, size: tuple[int, int]) -> str:
+def _view_text(floor: Map, pose: _Pose, name: str, size: tuple[int, int]) -> str:
     """Return a description of the signs in a camera's view, nearest first."""
     from colony.vision.level_camera import LevelCamera
     from colony.vision.signs_in_view import signs_in_view
@@ -178,23 +179,23 @@ def _seen(floor: Map, pose: _Pose, name: str, size: tuple[int, int]) -> str:
     if name not in _YAWS:
         return "the ceiling"
     camera = LevelCamera(columns=size[0], rows=size[1], yaw_deg=_YAWS[name])
-    seen = [one for one in signs_in_view(floor, pose, camera) if _width(one) >= _LEAST_PX]
+    seen = [sign for sign in signs_in_view(floor, pose, camera) if _width(sign) >= _MIN_SIGN_WIDTH_PX]
     return "; ".join(map(_sign, seen)) or "neither plate nor marker"
 
 
-def _width(one: SignInView) -> float:
-    return one.corners[1][0] - one.corners[0][0]
+def _width(sign: SignInView) -> float:
+    return sign.corners[1][0] - sign.corners[0][0]
 
 
-def _sign(one: SignInView) -> str:
+def _sign(sign: SignInView) -> str:
     from colony.nav.maps.signs import MARKER_BITS, Marker, Plate
 
-    match one.sign:
+    match sign.sign:
         case Plate(text=text):
             what = f"plate {text}"
         case Marker(code=code, node=node):
             what = f"marker {code:0{MARKER_BITS}b} of {node}"
         case _:
-            assert_never(one.sign)
-    (left, _), (right, _), *_ = one.corners
-    return f"{what}, columns {left:.0f} to {right:.0f}, {one.distance_mm / 1000:.2f} m away"
+            assert_never(sign.sign)
+    (left, _), (right, _), *_ = sign.corners
+    return f"{what}, columns {left:.0f} to {right:.0f}, {sign.distance_mm / 1000:.2f} m away"

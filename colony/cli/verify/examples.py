@@ -45,15 +45,15 @@ def reports(program: Program, count: int, seed: int, *, faults: bool = False) ->
 
 def lines(program: Program, report: Report, known: Collection[str] = ()) -> tuple[str, ...]:
     """Return the results as text, without the traces of contracts that are `known` to be broken."""
-    told = [_tried(report)]
+    text = [_tried(report)]
     if report.disagreement is not None:
-        told += ["this is a bug of colony; please report it with the file and the trace:"]
-        told += str(report.disagreement).splitlines()
+        text += ["this is a bug in colony; please report it with the file and the trace:"]
+        text += str(report.disagreement).splitlines()
     for breach in report.breaches:
-        told.append(f"REFUTED  {breach.contract.name}  (in {counted(breach.met, 'frame')})")
+        text.append(f"REFUTED  {breach.contract.name}  (in {counted(breach.frames, 'frame')})")
         if breach.contract.name not in known:
-            told += [f"  {line}" for line in _table(program, breach)]
-    return (*told, *_coverage(report)) if report.nondeterministic is None else tuple(told)
+            text += [f"  {line}" for line in _table(program, breach)]
+    return (*text, *_coverage(report)) if report.nondeterministic is None else tuple(text)
 
 
 def bug(report: Report) -> str | None:
@@ -68,7 +68,7 @@ def _tried(report: Report) -> str:
     if report.disagreement is not None:
         return f"{what}: executors DISAGREE"
     if report.nondeterministic is not None:
-        return f"{what}: given up, as {report.nondeterministic.module.name} does not do the same twice"
+        return f"{what}: given up, as {report.nondeterministic.module.name} is not deterministic"
     return f"{what}: all executors agree"
 
 
@@ -92,7 +92,7 @@ def _coverage(report: Report) -> Iterator[str]:
         columns = (number.rjust(w) for number, w in zip(numbers, widths[1:], strict=True))
         yield f"  {name.ljust(widths[0])}  {'  '.join(columns)}"
     if report.never_won:
-        yield f"in no trace did these command: {', '.join(report.never_won)}"
+        yield f"never won in any trace: {', '.join(report.never_won)}"
 
 
 # --- findings --------------------------------------------------------------------------------------
@@ -129,10 +129,8 @@ def _broken(program: Program, breach: Breach, file: str | None) -> Diagnostic:
 def _nondeterministic(nondeterministic: Nondeterministic) -> Diagnostic:
     module = nondeterministic.module
     path = f"{module.module_path}:{module.class_name}"
-    message = (
-        f"`{path}` is not deterministic: two of its objects, given the same frames, answered differently"
-    )
-    hint = "let `step` depend on its params and on what it is given alone; for chance read Runtime.random"
+    message = f"`{path}` is not deterministic: two instances gave different answers to the same frames"
+    hint = "let `step` depend only on its params and arguments; for randomness read Runtime.random"
     return error("P002", module.span, message, hint)
 
 
@@ -141,10 +139,10 @@ def _nondeterministic(nondeterministic: Nondeterministic) -> Diagnostic:
 
 def _steps(program: Program, frames: Sequence[Frame], span: Span) -> tuple[TraceStep, ...]:
     """Return a step per frame: its time, the commands of all actuators, and the sensors' values."""
-    from colony.verify.contracts.report import told_frames
+    from colony.verify.contracts.report import readable_frames
 
     snapshots = (snapshot_of(program, x)._replace(t_ns=x.t_ns - frames[0].t_ns) for x in frames)
-    steps = told_frames(program, snapshots, reference(program, frames))
+    steps = readable_frames(program, snapshots, reference(program, frames))
     return tuple(TraceStep(span, happens, given) for happens, given in steps)
 
 
@@ -154,13 +152,13 @@ def _steps(program: Program, frames: Sequence[Frame], span: Span) -> tuple[Trace
 def row(program: Program, report: Report) -> dict[str, object]:
     """Return an object for JSON, with traces in the prover's form."""
     from colony.verify.contracts.breach import refutation
-    from colony.verify.contracts.report import steps
+    from colony.verify.contracts.report import trace_rows
 
     broken = [
         {
             "contract": b.contract.name,
-            "frames": b.met,
-            "trace": steps(program, refutation(program, b).trace),
+            "frames": b.frames,
+            "trace": trace_rows(program, refutation(program, b).trace),
         }
         for b in report.breaches
     ]

@@ -17,22 +17,28 @@ from colony.cli.verify.tests import check_writable
 from colony.cli.verify.work import Verified, Work, load
 from colony.extras import expect_extras
 from colony.text.suggestions import did_you_mean
-from colony.verify.interruption import interruptions
+from colony.verify.interruption import reliable_interrupts
 
 
-@click.command("verify", short_help="prove contracts, find what can never act")
+@click.command("verify", short_help="prove contracts, and find modules that can never act")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=BEHAVIOR)
 @click.option(
-    "--contract", "names", multiple=True, metavar="NAME", help="Only this contract; may be repeated."
+    "--contract", "names", multiple=True, metavar="NAME", help="Verify only this contract. May be repeated."
 )
 @depth_option("counterexamples")
 @timeout_option(10.0, each="contract")
 @click.option("--write-test", is_flag=True, help="Append each counterexample to its FILE as a test.")
 @click.option(
-    "--examples", type=click.IntRange(min=0), default=0, metavar="N", help="Try N drawn traces as well."
+    "--examples",
+    type=click.IntRange(min=0),
+    default=0,
+    metavar="N",
+    help="Also run N random traces through all executors.",
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="What traces are drawn from.")
-@click.option("--faults", is_flag=True, help="Try the drawn traces with servers and clients that fail, too.")
+@click.option("--seed", type=int, default=0, show_default=True, help="The seed of the random traces.")
+@click.option(
+    "--faults", is_flag=True, help="With --examples: also run the traces with failing servers and clients."
+)
 @format_option
 def command(
     files: tuple[str, ...],
@@ -45,14 +51,14 @@ def command(
     faults: bool,
     format_: str,
 ) -> None:
-    """Prove each contract for all that sensors can give, or find the shortest run that breaks it.
+    """Prove each contract for all possible sensor values, or find the shortest run that breaks it.
 
-    A contract is proved (for every run of any length), REFUTED by a run that is shown, or unknown, and why.
-    Then follow modules that can never act and other oddities, as warnings. Modules in Python may answer
-    anything.
+    A contract is proved (for every run of any length), REFUTED by a run, which is shown, or unknown for a
+    stated reason. Warnings about modules that can never act, and about other likely mistakes, follow. The
+    proofs allow modules in Python any answer.
 
-    Exit code 0 where nothing is refuted (warnings included), 1 where something is or a file has errors, 2
-    where a file cannot be read.
+    Exit code: 0 if nothing is refuted (warnings are allowed), 1 if a contract is refuted or a file has
+    errors, 2 if a file cannot be read.
 
     \b
     Example:
@@ -63,13 +69,13 @@ def command(
     """
     context = click.get_current_context()
     if faults and not examples:
-        raise click.UsageError("--faults goes with --examples N", context)
+        raise click.UsageError("--faults requires --examples N", context)
     expect_extras("verify")
-    files_ = [load(file, write_test=write_test) for file in dict.fromkeys(files)]
-    _check_names(names, files_, context)
-    for one in files_:
-        if write_test and one.program is not None:
-            check_writable(one.file)
+    loaded = [load(file, write_test=write_test) for file in dict.fromkeys(files)]
+    _check_names(names, loaded, context)
+    for verified in loaded:
+        if write_test and verified.program is not None:
+            check_writable(verified.file)
     work = Work(
         names=names,
         depth=depth,
@@ -80,12 +86,12 @@ def command(
     )
     done: list[Verified] = []
     try:
-        for one in files_:
-            done.append(one)
-            with progress() as tell, interruptions():
-                work.on(one, tell)
+        for verified in loaded:
+            done.append(verified)
+            with progress() as on_progress, reliable_interrupts():
+                work.on(verified, on_progress)
             if format_ == "text":
-                show(one)
+                show(verified)
     except KeyboardInterrupt:
         if format_ == "text":
             show(done[-1])
@@ -97,9 +103,9 @@ def command(
 
 def _check_names(names: Sequence[str], files: Sequence[Verified], context: click.Context) -> None:
     """Refuse the name of an unknown contract, unless a file has errors, which may explain it."""
-    if any(one.program is None for one in files):
+    if any(verified.program is None for verified in files):
         return
-    known = {c.name for one in files if one.program for c in one.program.contracts}
+    known = {c.name for verified in files if verified.program for c in verified.program.contracts}
     for name in names:
         if name not in known:
             hint = did_you_mean(name, known) or f"the contracts are: {', '.join(sorted(known)) or 'none'}"
@@ -109,6 +115,6 @@ def _check_names(names: Sequence[str], files: Sequence[Verified], context: click
 def _exit_code(done: Sequence[Verified]) -> int:
     from colony.text.diagnostics import has_errors
 
-    if any(is_unreadable(one.found) for one in done):
+    if any(is_unreadable(verified.found) for verified in done):
         return EXIT_MISUSE
-    return EXIT_ERRORS if any(has_errors(one.found) or one.bug for one in done) else 0
+    return EXIT_ERRORS if any(has_errors(verified.found) or verified.bug for verified in done) else 0

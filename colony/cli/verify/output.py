@@ -18,39 +18,37 @@ if TYPE_CHECKING:
     from colony.text.diagnostics import Diagnostic
 
 
-def show(one: Verified) -> None:
-    """Print a line per contract with any refuting run, and the diagnostics on standard error."""
-    if one.program is None:
-        if is_unreadable(one.found):
-            say(one_line(one.found[0]))
+def show(verified: Verified) -> None:
+    """Print one line per contract, with any refuting run, and the diagnostics on standard error."""
+    if verified.program is None:
+        if is_unreadable(verified.found):
+            say(one_line(verified.found[0]))
         else:
-            report(one.found)
+            report(verified.found)
         return
     from colony.verify.contracts.prove import in_order
     from colony.verify.contracts.report import lines
 
-    if not one.program.contracts:
-        click.echo(f"{one.file}: there are no contracts")
-    for result in in_order(one.program, one.results):
-        head, *below = lines(one.program, result)
-        click.echo(f"{one.file}: {head}")
+    if not verified.program.contracts:
+        click.echo(f"{verified.file}: no contracts found")
+    for result in in_order(verified.program, verified.results):
+        head, *below = lines(verified.program, result)
+        click.echo(f"{verified.file}: {head}")
         for line in below:
             click.echo(f"  {line}")
-    if one.report is not None:
+    if verified.report is not None:
         from colony.cli.verify.examples import lines as tried
 
-        for line in tried(one.program, one.report, one.known):
-            click.echo(f"{one.file}: {line}" if not line.startswith(" ") else f"  {line}")
-    if one.left_open:
-        click.echo(f"{one.file}: {_left_open(one)}")
-    report(one.found)
+        for line in tried(verified.program, verified.report, verified.known):
+            click.echo(f"{verified.file}: {line}" if not line.startswith(" ") else f"  {line}")
+    if verified.left_open:
+        click.echo(f"{verified.file}: {_left_open(verified)}")
+    report(verified.found)
 
 
-def _left_open(one: Verified) -> str:
-    many = "s" if one.left_open > 1 else ""
-    return (
-        f"there was no time for {one.left_open} question{many} about what can never act; --timeout gives more"
-    )
+def _left_open(verified: Verified) -> str:
+    questions = counted(verified.left_open, "question")
+    return f"{questions} about modules that can never act not decided in time; raise --timeout"
 
 
 def close(done: Sequence[Verified], format_: Format, interrupted: bool = False) -> None:
@@ -69,11 +67,11 @@ def close(done: Sequence[Verified], format_: Format, interrupted: bool = False) 
 def _summary(done: Sequence[Verified], interrupted: bool) -> None:
     from colony.verify.contracts.report import verdict
 
-    verdicts = [verdict(r).lower() for one in done for r in one.results]
-    if not any(one.program for one in done):
+    verdicts = [verdict(r).lower() for verified in done for r in verified.results]
+    if not any(verified.program for verified in done):
         return
     counts = [f"{verdicts.count(word)} {word}" for word in ("proved", "refuted", "unknown")]
-    warnings = sum(d.severity == "warning" for one in done for d in one.found)
+    warnings = sum(d.severity == "warning" for verified in done for d in verified.found)
     counts += [counted(warnings, "warning")] if warnings else []
     click.echo(", ".join(counts) + (": interrupted before the end" if interrupted else ""))
 
@@ -84,47 +82,49 @@ def _json(done: Sequence[Verified], interrupted: bool) -> str:
     from colony.verify.contracts.report import row
 
     files: list[dict[str, object]] = []
-    for one in done:
-        results = in_order(one.program, one.results) if one.program else []
-        contracts = [row(one.program, r) for r in results] if one.program else []
-        made: dict[str, object] = {"file": one.file, "contracts": contracts}
-        if one.program is not None and one.report is not None:
+    for verified in done:
+        results = in_order(verified.program, verified.results) if verified.program else []
+        contracts = [row(verified.program, r) for r in results] if verified.program else []
+        made: dict[str, object] = {"file": verified.file, "contracts": contracts}
+        if verified.program is not None and verified.report is not None:
             from colony.cli.verify.examples import row as tried
 
-            made["examples"] = tried(one.program, one.report)
-        files.append({**made, "left_open": one.left_open, "diagnostics": to_rows(one.found)})
+            made["examples"] = tried(verified.program, verified.report)
+        files.append({**made, "left_open": verified.left_open, "diagnostics": to_rows(verified.found)})
     return json.dumps({"interrupted": interrupted, "files": files}, indent=2)
 
 
 def _sarif(done: Sequence[Verified]) -> str:
     from colony.cli.sarif import sarif
 
-    found = [d for one in done for d in one.found]
+    found = [d for verified in done for d in verified.found]
     traces: dict[Diagnostic, Sequence[TraceStep]] = {}
-    for one in done:
-        traces |= _traces(one)
-    bugs = [bug for one in done if (bug := one.bug) is not None]
+    for verified in done:
+        traces |= _traces(verified)
+    bugs = [bug for verified in done if (bug := verified.bug) is not None]
     return sarif(found, directory=Path.cwd(), command="verify", traces=traces, bugs=bugs)
 
 
-def _traces(one: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
+def _traces(verified: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
     """Return the frames that lead to each finding of a file."""
     from colony.cli.sarif import TraceStep
     from colony.cli.verify import examples
-    from colony.verify.contracts.report import finding, told_frames
+    from colony.verify.contracts.report import finding, readable_frames
     from colony.verify.contracts.results import Proved
 
     made: dict[Diagnostic, Sequence[TraceStep]] = {}
-    if one.program is None:
+    if verified.program is None:
         return made
-    for result in one.results:
-        diagnostic = finding(result, one.offered)
+    for result in verified.results:
+        diagnostic = finding(result, verified.offered)
         if diagnostic is not None and not isinstance(result, Proved) and result.trace is not None:
             span = result.contract.span
             made[diagnostic] = [
                 TraceStep(span, happens, given)
-                for happens, given in told_frames(one.program, result.trace.snapshots, result.trace.outcomes)
+                for happens, given in readable_frames(
+                    verified.program, result.trace.snapshots, result.trace.outcomes
+                )
             ]
-    if one.report is not None:
-        made |= examples.findings(one.program, one.report, one.offered, one.known)
+    if verified.report is not None:
+        made |= examples.findings(verified.program, verified.report, verified.offered, verified.known)
     return made

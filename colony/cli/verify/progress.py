@@ -1,4 +1,4 @@
-"""The progress of `colony verify` on a terminal; nothing elsewhere."""
+"""The progress of `colony verify`, shown only on a terminal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Protocol
 
 
-class Tell(Protocol):
+class ReportProgress(Protocol):
     """A function that reports progress: finished items, all items, and the current one."""
 
     def __call__(self, done: int, of: int, now: str) -> None:
@@ -17,7 +17,7 @@ class Tell(Protocol):
 
 
 @contextmanager
-def progress() -> Iterator[Tell]:
+def progress() -> Iterator[ReportProgress]:
     """Show a bar inside the `with` if standard error is a terminal; it is removed at the end."""
     if not sys.stderr.isatty():
         yield lambda done, of, now: None

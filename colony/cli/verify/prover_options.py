@@ -8,7 +8,7 @@ from typing import TypeVar, cast
 
 import click
 
-_MOST = 1e6
+_MAX_SECONDS = 1e6
 
 _Command = TypeVar("_Command", bound=Callable[..., object])
 
@@ -20,20 +20,20 @@ def depth_option(longer: str) -> Callable[[_Command], _Command]:
         type=click.IntRange(0, 64),
         default=4,
         show_default=True,
-        help=f"How many frames back a proof by induction may look; {longer} may be six times as long.",
+        help=f"The greatest number of frames that induction looks back; {longer} may be six times as long.",
     )
 
 
 def timeout_option(default: float, each: str = "") -> Callable[[_Command], _Command]:
     """Return the option `--timeout`, in seconds; `each` names the items that it applies to one by one."""
-    steps = "counted in steps of the prover, so that results are the same everywhere."
+    steps = "It is counted in prover steps, so that results are the same on every machine."
     return click.option(
         "--timeout",
         type=ProverSeconds(),
         default=default,
         show_default=True,
         metavar="SECONDS",
-        help=f"For each {each}, about; {steps}" if each else f"About; {steps}",
+        help=f"The approximate time limit{f' per {each}' if each else ''}. {steps}",
     )
 
 
@@ -41,7 +41,7 @@ class ProverSeconds(click.FloatRange):
     """A parameter type for at most 11 days in seconds, above 0 unless `none` allows 0."""
 
     def __init__(self, *, none: bool = False) -> None:
-        super().__init__(min=0, max=_MOST, min_open=not none)
+        super().__init__(min=0, max=_MAX_SECONDS, min_open=not none)
 
     def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Return the number; refuse `nan`, which no range excludes."""

@@ -40,9 +40,9 @@ def append_tests(file: str, program: Program, refuted: Sequence[Refuted]) -> Non
     for result in refuted:
         made = _new_test(program, result, titles, text)
         if made is None:
-            say(f"{file}: no test for {result.contract.name}: the language cannot write one of its values")
+            say(f"{file}: no test for {result.contract.name}: the language cannot express one of its values")
         elif made.block in text:
-            say(f'{file}: the test "{made.title}" is there already')
+            say(f'{file}: the test "{made.title}" already exists')
         else:
             titles.add(made.title)
             blocks.append(made.block)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from colony.cli.reporting import check_to_run
-from colony.cli.verify.progress import Tell
+from colony.cli.verify.progress import ReportProgress
 from colony.cli.verify.tests import append_tests
 from colony.text.diagnostics import DiagnosticError
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from colony.verify.contracts.results import Refuted, Result
     from colony.verify.testing.differential import Report
 
-_FOR_LINTS = 2
-"""Time limit of all questions about modules that can never act, in multiples of a contract's."""
+_LINT_TIMEOUT_FACTOR = 2
+"""Time limit for all questions about modules that can never act, in multiples of the limit per contract."""
 
 
 @dataclass(slots=True, frozen=False)
@@ -37,7 +37,7 @@ class Verified:
 
     @property
     def offered(self) -> str | None:
-        """The file that hints offer to add tests to; None if they are added anyway."""
+        """The file to which hints offer to add tests; None if tests are added anyway."""
         return None if self.writes_tests else self.file
 
     @property
@@ -81,42 +81,42 @@ class Work:
     seed: int
     faults: bool
 
-    def on(self, one: Verified, tell: Tell) -> None:
+    def on(self, verified: Verified, on_progress: ReportProgress) -> None:
         """Do all of the work on a file."""
-        if one.program is None:
+        if verified.program is None:
             return
-        self._contracts(one, one.program, tell)
-        self._lints(one, one.program)
+        self._contracts(verified, verified.program, on_progress)
+        self._lints(verified, verified.program)
         if self.examples:
-            self._examples(one, one.program, tell)
+            self._examples(verified, verified.program, on_progress)
 
-    def _contracts(self, one: Verified, program: Program, tell: Tell) -> None:
+    def _contracts(self, verified: Verified, program: Program, on_progress: ReportProgress) -> None:
         from colony.verify.contracts.prove import results
         from colony.verify.contracts.report import finding
         from colony.verify.contracts.results import Options
 
         names = [c.name for c in program.contracts if not self.names or c.name in self.names]
         options = Options.within(self.timeout, depth=self.depth)
-        tell(0, len(names), names[0] if names else "")
+        on_progress(0, len(names), names[0] if names else "")
         for result in results(program, names, options, time.monotonic):
-            one.results.append(result)
-            said = finding(result, one.offered)
-            one.found += [said] if said else []
-            count = len(one.results)
-            tell(count, len(names), names[count] if count < len(names) else "what can never act")
-        if one.writes_tests:
-            append_tests(one.file, program, one.refuted)
+            verified.results.append(result)
+            diagnostic = finding(result, verified.offered)
+            verified.found += [diagnostic] if diagnostic else []
+            count = len(verified.results)
+            on_progress(count, len(names), names[count] if count < len(names) else "what can never act")
+        if verified.writes_tests:
+            append_tests(verified.file, program, verified.refuted)
 
-    def _lints(self, one: Verified, program: Program) -> None:
+    def _lints(self, verified: Verified, program: Program) -> None:
         if self.names:
             return
-        from colony.verify.lints import Patience, lint
+        from colony.verify.lints import TimeBudget, lint
 
-        patience = Patience(time.monotonic, _FOR_LINTS * self.timeout)
-        one.found += lint(program, patience=patience)
-        one.left_open = patience.left_open
+        time_budget = TimeBudget(time.monotonic, _LINT_TIMEOUT_FACTOR * self.timeout)
+        verified.found += lint(program, time_budget=time_budget)
+        verified.left_open = time_budget.questions_skipped
 
-    def _examples(self, one: Verified, program: Program, tell: Tell) -> None:
+    def _examples(self, verified: Verified, program: Program, on_progress: ReportProgress) -> None:
         from colony.cli.verify.examples import findings, reports
 
         if self.names:
@@ -124,15 +124,15 @@ class Work:
             program = replace(program, contracts=asked)
         try:
             with redirect_stdout(sys.stderr):  # for prints of Python modules
-                for one.report in reports(program, self.examples, self.seed, faults=self.faults):
-                    tell(one.report.drawn, self.examples, "drawn traces")
+                for verified.report in reports(program, self.examples, self.seed, faults=self.faults):
+                    on_progress(verified.report.drawn, self.examples, "drawn traces")
         except DiagnosticError as failure:
-            one.found += failure.diagnostics
+            verified.found += failure.diagnostics
         finally:
-            if one.report is not None:
-                one.found += findings(program, one.report, one.offered, one.known)
-        if one.writes_tests and one.report is not None:
+            if verified.report is not None:
+                verified.found += findings(program, verified.report, verified.offered, verified.known)
+        if verified.writes_tests and verified.report is not None:
             from colony.verify.contracts.breach import refutation
 
-            new = [b for b in one.report.breaches if b.contract.name not in one.known]
-            append_tests(one.file, program, [refutation(program, breach) for breach in new])
+            new = [b for b in verified.report.breaches if b.contract.name not in verified.known]
+            append_tests(verified.file, program, [refutation(program, breach) for breach in new])

@@ -1,6 +1,6 @@
 """The thesis's steps on a program, as text: wiring, inhibition elimination, binary tree, traversal, guards.
 
-Made to be read: what is large is cut, with a line that says how much was left out.
+Large sections are cut, with a line that says how much is left out.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
 from colony.ir.program import Program, Use, Wiring
 from colony.text.wording import duration_text
 
-MOST_LINES = 200
+MAX_LINES = 200
 """Maximum number of wires, modules or nodes that a section shows."""
 
-DEEPEST = 25
+MAX_DEPTH = 25
 """Maximum depth of a printed tree."""
 
 _WIDTH = 100
@@ -53,9 +53,9 @@ def explain(compilation: Compilation) -> str:
                 f"The forward traversal of {actuator}: left before right, last visited is highest",
                 _visits(one),
             ),
-            f"The clients of {actuator}\n{rows(one, guards, MOST_LINES)}",
+            f"The clients of {actuator}\n{rows(one, guards, MAX_LINES)}",
         ]
-    sections.append(legend(guards, MOST_LINES))
+    sections.append(legend(guards, MAX_LINES))
     return "\n\n".join(sections)
 
 
@@ -68,7 +68,7 @@ def _section(title: str, lines: Iterable[str]) -> str:
 
 def _wires(program: Program) -> list[str]:
     """Return one line per wire, and several for a long wire."""
-    wires = program.wires[:MOST_LINES]
+    wires = program.wires[:MAX_LINES]
     width = max((len(wire.name) for wire in wires), default=0)
     lines: list[str] = []
     for wire in wires:
@@ -77,7 +77,7 @@ def _wires(program: Program) -> list[str]:
     return [*lines, f"({left_out} more wires left out)"] if left_out else lines or ["(nothing is wired)"]
 
 
-def wiring_text(wiring: Wiring, most: int = MOST_LINES) -> str:
+def wiring_text(wiring: Wiring, most: int = MAX_LINES) -> str:
     """Return wiring in the language, with the first `most` operands per chain. Only parentheses nest."""
     match wiring:
         case Use(name=name):
@@ -94,7 +94,7 @@ def wiring_text(wiring: Wiring, most: int = MOST_LINES) -> str:
 
 
 def _hanging(head: str, text: str) -> list[str]:
-    """Return `head` and `text`, with further lines under the beginning of the text."""
+    """Return `head` and `text` in lines, with continuation lines indented to the start of the text."""
     first, *more = wrapped(text, max(_WIDTH - len(head), 40))
     return [head + first, *(" " * len(head) + line for line in more)]
 
@@ -103,14 +103,14 @@ def _hanging(head: str, text: str) -> list[str]:
 
 
 def _without_inhibitors(compilation: Compilation, guards: GuardText) -> list[str]:
-    """Return each module that can command, with the guard that the gates on its way leave it."""
+    """Return each module that can command, with the guard that results from the gates on its path."""
     clients = [client for one in compilation.clients.actuators for client in one.clients]
-    width = max((len(client.module) for client in clients[:MOST_LINES]), default=0)
+    width = max((len(client.module) for client in clients[:MAX_LINES]), default=0)
     lines: list[str] = []
-    for client in clients[:MOST_LINES]:
+    for client in clients[:MAX_LINES]:
         lines += _hanging(f"{client.module:{width}} when ", guards.text(client.guard, client.module))
-    if len(clients) > MOST_LINES:
-        lines.append(f"({len(clients) - MOST_LINES} more modules left out)")
+    if len(clients) > MAX_LINES:
+        lines.append(f"({len(clients) - MAX_LINES} more modules left out)")
     commanding = {client.module for client in clients}
     guarding = {guard.module for guard in compilation.clients.guards if isinstance(guard, ModuleActive)}
     leaves = [node.module for node in compilation.suppression.nodes if isinstance(node, ModuleLeaf)]
@@ -121,17 +121,17 @@ def _without_inhibitors(compilation: Compilation, guards: GuardText) -> list[str
 
 
 def _listed(head: str, names: list[str]) -> list[str]:
-    left_out = f" and {len(names) - MOST_LINES} more" if len(names) > MOST_LINES else ""
-    return _hanging(head, ", ".join(names[:MOST_LINES]) + left_out) if names else []
+    left_out = f" and {len(names) - MAX_LINES} more" if len(names) > MAX_LINES else ""
+    return _hanging(head, ", ".join(names[:MAX_LINES]) + left_out) if names else []
 
 
 # --- tree and traversal --------------------------------------------------------------------------
 
 
 def _tree(suppression: SuppressionNetwork, root: Link, one: ActuatorClients) -> list[str]:
-    """Return the tree, left child first, so that its leaves stand in the order of visit.
+    """Return the tree, left child first, so that its leaves are in the order of visit.
 
-    A shared node is drawn at its last visit; where it is met before that, a line says so.
+    A shared node is drawn at its last visit, and only marked at earlier ones.
     """
     nodes = suppression.nodes
     priorities = {client.module: client.priority for client in one.clients}
@@ -139,7 +139,7 @@ def _tree(suppression: SuppressionNetwork, root: Link, one: ActuatorClients) -> 
     last_users = _last_users(suppression, root)
     lines: list[str] = []
     stack = [_Branch(link=root)]
-    while stack and len(lines) < MOST_LINES:
+    while stack and len(lines) < MAX_LINES:
         branch = stack.pop()
         node = nodes[branch.link.node]
         gate = branch.link.gate
@@ -153,13 +153,13 @@ def _tree(suppression: SuppressionNetwork, root: Link, one: ActuatorClients) -> 
             text += f"  priority {priorities[node.module]}"
         lines.append(branch.before + branch.side + text)
         if last and not isinstance(node, ModuleLeaf):
-            if len(branch.below) < len(_FORK) * DEEPEST:
+            if len(branch.below) < len(_FORK) * MAX_DEPTH:
                 stack += _branches(branch, node)
             else:
-                lines.append(f"{branch.below}... (what is below is left out)")
+                lines.append(f"{branch.below}... (deeper nodes left out)")
     if stack:
-        lines.append("... (what comes after is left out)")
-    return lines + definitions(guards, MOST_LINES)
+        lines.append("... (the rest is left out)")
+    return lines + definitions(guards, MAX_LINES)
 
 
 _FORK, _TRUNK, _LAST, _BLANK = "├─ ", "│  ", "└─ ", "   "
@@ -170,7 +170,8 @@ _LEFT, _RIGHT = "left:  ", "right: "
 class _Branch:
     """A link of the tree that is still to be printed.
 
-    Whose link it is and on which side, and what stands before its line and before those below it.
+    `user` and `side` are the node that uses the link, and its side; `before` and `below` are the prefixes of
+    its own line and of those below it.
     """
 
     link: Link
@@ -207,7 +208,7 @@ def _last_users(suppression: SuppressionNetwork, root: Link) -> dict[int, tuple[
 def _visits(one: ActuatorClients) -> list[str]:
     """Return the order of visit, first (lowest priority) to last."""
     order = [client.module for client in reversed(one.clients)]
-    lines = wrapped(" ".join(order[:MOST_LINES]), _WIDTH)
-    if len(order) > MOST_LINES:
-        lines.append(f"... ({len(order) - MOST_LINES} more visits left out)")
+    lines = wrapped(" ".join(order[:MAX_LINES]), _WIDTH)
+    if len(order) > MAX_LINES:
+        lines.append(f"... ({len(order) - MAX_LINES} more visits left out)")
     return [line if line.startswith("...") else line.replace(" ", "-") for line in lines]

@@ -1,4 +1,4 @@
-"""Guards as text for people: short ones written out, long shared ones under names of their own."""
+"""Guards as readable text: short parts inline, long shared parts under names of their own."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ OWN = "P"
 
 
 class GuardText:
-    """A writer of one table's guards that records the parts it named; total text is linear in the table."""
+    """A printer of one table's guards that names long parts, so that the text is linear in the table."""
 
     def __init__(self, guards: Sequence[Guard]) -> None:
         self._guards = guards
-        self._terms: list[int] = []  # of each guard as written in another one; 0 where it needs a name
+        self._terms: list[int] = []  # by guard: its terms when written inline, 0 if it needs a name
         for guard in guards:
             terms = self._count(guard)
             self._terms.append(terms if terms <= INLINE else 0)
@@ -45,9 +45,9 @@ class GuardText:
         return self._written(ref, own)
 
     def take_definitions(self, limit: int | None = None) -> list[tuple[str, str]]:
-        """Return the names used since the last call, names in their texts included, with their texts.
+        """Return the names used since the last call, also those used in other definitions, with their texts.
 
-        With `limit`, no more than that; the others are left for the next call.
+        With `limit`, return no more than that; the others are left for the next call.
         """
         taken: list[tuple[str, str]] = []
         while self._defined < len(self._named) and len(taken) != limit:
@@ -102,7 +102,7 @@ class GuardText:
     def _joined(self, ref: int) -> tuple[str, list[int], bool] | None:
         """Return (connective, parts, True if the parts are negated), or None if the guard is not joined.
 
-        `not (not a and not b)` is written `a or b`: a negation of mostly negations the other way round.
+        `not (not a and not b)` is written `a or b`: De Morgan's law applies where most parts are negated.
         """
         guard = self._guards[ref]
         match guard:

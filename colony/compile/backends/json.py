@@ -12,8 +12,8 @@
        {"op": "and", "of": [1, 2]}]}
 
 Actuators are in the order in which the robot declares them, clients highest priority first. Guards are
-references into `nodes`, and nodes refer to nodes before them: one pass from the front evaluates all. A node's
-`op` is
+references into `nodes`, and nodes refer only to earlier nodes, so one pass evaluates them all. A node's `op`
+is
 
     always, never    true, false
     active           the module `module` puts a command on its output
@@ -22,7 +22,7 @@ references into `nodes`, and nodes refer to nodes before them: one pass from the
     recently         true from a frame in which the node `of` is, until, and not including, `window_ns`
                      nanoseconds after the last one; it has memory, which moves on in every frame
 
-`observed` gives, by name, when the wires and modules are active that contracts and examples ask for.
+`observed` gives, by name, the activity of the wires and modules that contracts and examples refer to.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from colony.compile.clients import ActuatorClients
 from colony.compile.pipeline import Compilation
 
 GUARD_WIDTH = 48
-"""Width in characters beyond which guards continue in the next line."""
+"""Width in characters beyond which guards continue on the next line."""
 
 _HEADER = ("priority", "module", "guard", "exclusive guard")
 _GAP = "  "
@@ -63,7 +63,7 @@ def definitions(guards: GuardText, limit: int | None = None) -> list[str]:
 
 
 def wrapped(text: str, width: int = GUARD_WIDTH) -> list[str]:
-    """Return the text in lines of this width, but with every word whole."""
+    """Return the text in lines of this width, without breaking words."""
     return wrap(text, width, break_long_words=False)
 
 

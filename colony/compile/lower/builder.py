@@ -123,9 +123,9 @@ class Builder:
     # --- memory ----------------------------------------------------------------------------------
 
     def cell(self, name: str, kind: Kind, initial: ScalarValue | int, *places: str) -> int:
-        """Return the old value of the cell called `name`, made if it is new; it must be `kept` once.
+        """Return the old value of the cell `name`, added if it is new; `keep` must be called for it once.
 
-        `places` are what `ir.memory` calls it.
+        `places` are its names in `ir.memory`.
         """
         at = self._cell_names.get(name)
         if at is None:

@@ -33,9 +33,9 @@ class _StatePlace:
 
 
 class Declarations:
-    """The lets, states and modules of a program, lowered when they are asked for. Mutable.
+    """The lets, states and modules of a program, each lowered on first use. Mutable.
 
-    It is the `Names` of its expressions. Under `degrade` modules whose clients are lost count as not active.
+    It resolves the names of its expressions (`Names`).
     """
 
     def __init__(self, program: ir.Program, clients: ClientList) -> None:
@@ -82,7 +82,7 @@ class Declarations:
                 for state in module.states:
                     yield state.name, _StatePlace(state, module)
 
-    # --- what names stand for --------------------------------------------------------------------
+    # --- names -----------------------------------------------------------------------------------
 
     def sensor_kind(self, sensor: str) -> Kind:
         """Return the kind of a sensor's value or elements."""
@@ -141,7 +141,7 @@ class Declarations:
     # --- derived values --------------------------------------------------------------------------
 
     def prepare(self, *expressions: e.Expression) -> None:
-        """Lower the lets that these read, each after those that it reads itself."""
+        """Lower the lets that the expressions read, each after those that it reads itself."""
         if not self._all_lets:
             return
         work = [name for expression in expressions for name in _lets_read(expression)]
@@ -169,7 +169,7 @@ class Declarations:
             self.builder.names.setdefault(value, let.name if len(values) == 1 else f"{let.name}_{i}")
 
     def states(self) -> None:
-        """Lower what moves the states on that have been read; that may read others."""
+        """Lower the next values of all states read so far, which may read further states."""
         while self._states_to_move:
             name = self._states_to_move.pop()
             place = self._all_states[name]
@@ -217,7 +217,7 @@ class Declarations:
     # --- modules ---------------------------------------------------------------------------------
 
     def module_present(self, module: str) -> int:
-        """Return the condition that nothing which the module reads is missing."""
+        """Return the condition that everything the module reads is present."""
         if module not in self._present:
             expressions = _everything(self.modules[module])
             if self._all_lets:
@@ -248,12 +248,12 @@ class Declarations:
         return self._active[name]
 
     def observes(self, expression: e.Expression) -> bool:
-        """Return whether an expression asks for the activity of a wire."""
+        """Return True if an expression asks for the activity of a wire."""
         return any(
             isinstance(node, e.IsActive) and node.name not in self.modules for node in _walk(expression)
         )
 
-    def heard_active(self, module: str) -> int:
+    def active_unless_lost(self, module: str) -> int:
         """Return the module's activity under `on_loss degrade`: a lost client is not active."""
         active = self.module_active(module)
         if self.modules[module].actuator is None:

@@ -1,7 +1,7 @@
 """Typed expressions in terms of scalar ops: arrays become their elements, loops are unrolled.
 
-An expression gives as many values as its type has elements. Whether something that it reads is missing is
-a value of its own (`present`): the two never mix, since every op is total.
+An expression has as many values as its type has elements. Whether everything that it reads is present is a
+separate value (`present`), since every op is total.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from colony.ir.memory import function_cell
 from colony.ir.types import Array, Bool, Type, element_type
 
 Values = tuple[int, ...]
-"""The numbers of an expression's elements; of a scalar, one."""
+"""The numbers of the ops for an expression's elements; one for a scalar."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +59,7 @@ class Names(Protocol):
         ...
 
     def module_present(self, module: str) -> int:
-        """Return the condition that the module misses nothing."""
+        """Return the condition that everything the module reads is present."""
         ...
 
     def state(self, name: str) -> int:
@@ -104,7 +104,7 @@ class ExpressionLowering:
     # --- presence --------------------------------------------------------------------------------
 
     def present(self, expressions: tuple[ir.Expression, ...], owner: str | None) -> int:
-        """Return the condition that `expressions` miss nothing; `owner`'s own lets count as present."""
+        """Return the condition that all inputs of `expressions` are present; `owner`'s lets count as such."""
         found: dict[int, None] = {}
         for expression in expressions:
             self._needs(expression, owner, found)

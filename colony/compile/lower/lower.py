@@ -1,7 +1,7 @@
 """Lowering: from the typed program and its clients to the compiled program, with all of its code.
 
-Everything is lowered when it is first needed, beginning with the decisions; so the code of one client
-holds only what that client needs. Nothing recurses over chains of lets, wires or guards.
+Everything is lowered on first use, beginning with the decisions; so the code of one client contains only what
+that client needs. Nothing recurses over chains of lets, wires or guards.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def lower(program: ir.Program, clients: ClientList, traversal: ClientList | None
     Args:
         program: the program.
         clients: its clients.
-        traversal: its clients before simplification; None where there are no others.
+        traversal: its clients before simplification; `clients` by default.
     """
     lowering = _Lowering(program, clients)
     for module in program.modules:
@@ -84,7 +84,7 @@ class _Lowering(Declarations):
     # --- Python modules --------------------------------------------------------------------------
 
     def python_module(self, module: ir.PythonModule) -> None:
-        """Lower what a Python module that this code has to call reads."""
+        """Lower the readings of a Python module, and record its call."""
         reads = [r.expression for r in module.reads]
         self.prepare(*reads)
         scope = self.file_scope(module.name, tuple(reads))
@@ -195,17 +195,20 @@ class _Lowering(Declarations):
     # --- variants of guards ----------------------------------------------------------------------
 
     def variants(self, clients: ClientList, traversal: ClientList) -> None:
-        """Lower the guards as clients hear them, and all that depends on guards before simplification.
+        """Lower the guards without lost clients, and everything that depends on guards before simplification.
 
-        It comes last, so that nothing else depends on whether there are any.
+        This comes last, so that the rest of the code is the same with and without variants.
         """
         guards = {(a.actuator, c.module): c for a in clients.actuators for c in a.clients}
-        heard = GuardLowering(self.builder, clients, self.heard_active, "heard guard")
+        heard = GuardLowering(self.builder, clients, self.active_unless_lost, "heard guard")
         for i, one in enumerate(self._actuator_codes):
             if one.actuator.on_loss == "degrade":
                 self._actuator_codes[i] = replace(
                     one,
-                    clients=tuple(_heard(c, guards[one.actuator.name, c.module], heard) for c in one.clients),
+                    clients=tuple(
+                        _with_loss_aware_guards(c, guards[one.actuator.name, c.module], heard)
+                        for c in one.clients
+                    ),
                 )
         if traversal is clients:
             return
@@ -228,7 +231,7 @@ class _Lowering(Declarations):
                 self._contracts[i] = replace(code, traversed=value)
 
 
-def _heard(code: ClientCode, client: Client, guards: GuardLowering) -> ClientCode:
+def _with_loss_aware_guards(code: ClientCode, client: Client, guards: GuardLowering) -> ClientCode:
     return replace(
         code, heard_guard=guards.guard(client.guard), heard_exclusive=guards.guard(client.exclusive)
     )

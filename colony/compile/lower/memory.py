@@ -1,9 +1,8 @@
 """Memory functions in terms of cells.
 
-Each takes the number of its arguments in this frame and gives the number of its value; what it remembers
-moves on at the end of frames in which `ready` is true (all that its module or derived value reads is there).
-Times stay comparable without a value for "never": frame times begin at 0, so `until = 0` is past and
-`due = 0` has come.
+Each takes the numbers of its arguments in this frame and returns the number of its value. Its memory moves on
+at the end of frames in which `ready` is true (everything that its module or derived value reads is present).
+Times need no value for "never": frame times begin at 0, so `until = 0` is past and `due = 0` has come.
 """
 
 from __future__ import annotations
@@ -14,84 +13,86 @@ from typing import assert_never
 from colony.compile.lower.builder import Builder
 from colony.execute.code import FrameTime, Kind, Literal
 from colony.execute.operators import Operator
-from colony.ir.expression import Memory, MemoryCall
+from colony.ir.expression import MemoryCall, MemoryFunction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MemorySite:
     """The name of one scalar memory call, and the value that says in which frames it moves on.
 
-    `cells` are what the names of its cells begin with in `ir.memory`; a guard may stand in several places.
+    `cells` are the prefixes of its cells' names in `ir.memory`; a guard may occur in several places.
     """
 
     name: str
     cells: tuple[str, ...]
     ready: int
 
-    def called(self, part: str) -> tuple[str, ...]:
-        """Return the names that `ir.memory` gives a part of this memory."""
+    def cell_names(self, part: str) -> tuple[str, ...]:
+        """Return the names of a part of this memory in `ir.memory`."""
         return tuple([f"{cell} {part}" for cell in self.cells])
 
 
-def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], place: MemorySite) -> int:
+def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], site: MemorySite) -> int:
     """Return the value of one scalar memory function in this frame."""
     match call.function:
-        case Memory.PREVIOUS:
-            return _previous(builder, arguments[0], arguments[1], place)
-        case Memory.CHANGED:
-            old = _last(builder, arguments[0], place)
-            return builder.both(started(builder, place), _differs(builder, arguments[0], old))
-        case Memory.RISING:
-            return builder.both(arguments[0], builder.negation(_last(builder, arguments[0], place)))
-        case Memory.FALLING:
-            return builder.both(builder.negation(arguments[0]), _last(builder, arguments[0], place))
-        case Memory.HELD:
-            return until(builder, arguments[0], call.duration_ns, place)
-        case Memory.ELAPSED:
-            return _elapsed(builder, arguments[0], place)
-        case Memory.LATCH:
-            old = builder.cell(f"{place.name} value", Kind.BOOL, False, *place.called("value"))
+        case MemoryFunction.PREVIOUS:
+            return _previous(builder, arguments[0], arguments[1], site)
+        case MemoryFunction.CHANGED:
+            old = _last(builder, arguments[0], site)
+            return builder.both(started(builder, site), _differs(builder, arguments[0], old))
+        case MemoryFunction.RISING:
+            return builder.both(arguments[0], builder.negation(_last(builder, arguments[0], site)))
+        case MemoryFunction.FALLING:
+            return builder.both(builder.negation(arguments[0]), _last(builder, arguments[0], site))
+        case MemoryFunction.HELD:
+            return until(builder, arguments[0], call.duration_ns, site)
+        case MemoryFunction.ELAPSED:
+            return _elapsed(builder, arguments[0], site)
+        case MemoryFunction.LATCH:
+            old = builder.cell(f"{site.name} value", Kind.BOOL, False, *site.cell_names("value"))
             value = builder.both(builder.either(old, arguments[0]), builder.negation(arguments[1]))
-            builder.keep(old, place.ready, value)
+            builder.keep(old, site.ready, value)
             return value
-        case Memory.CAPTURED:
-            return _captured(builder, arguments[0], arguments[1], place)
-        case Memory.EVERY:
-            return _every(builder, call.duration_ns, place)
+        case MemoryFunction.CAPTURED:
+            return _captured(builder, arguments[0], arguments[1], site)
+        case MemoryFunction.EVERY:
+            return _every(builder, call.duration_ns, site)
         case _:
             assert_never(call.function)
 
 
-def started(builder: Builder, place: MemorySite) -> int:
-    """Return the condition that an earlier frame had `place` ready; each condition has one cell."""
-    old = builder.cell(f"started {place.ready}", Kind.BOOL, False, *place.called("started"))
-    builder.keep(old, place.ready, builder.literal(True))
+def started(builder: Builder, site: MemorySite) -> int:
+    """Return the condition that an earlier frame had `site` ready; each condition has one cell."""
+    old = builder.cell(f"started {site.ready}", Kind.BOOL, False, *site.cell_names("started"))
+    builder.keep(old, site.ready, builder.literal(True))
     return old
 
 
-def until(builder: Builder, holds: int, window_ns: int, place: MemorySite) -> int:
+def until(builder: Builder, holds: int, window_ns: int, site: MemorySite) -> int:
     """Return a condition true from a frame with `holds` until `window_ns` after the last one, exclusive."""
     now = builder.add(FrameTime(), Kind.TIME)
-    end = builder.cell(f"{place.name} until", Kind.TIME, 0, *place.called("until"))
+    end = builder.cell(f"{site.name} until", Kind.TIME, 0, *site.cell_names("until"))
     later = builder.apply(Operator.TIME_ADD, now, builder.time(window_ns))
-    builder.keep(end, builder.both(place.ready, holds), later)
+    builder.keep(end, builder.both(site.ready, holds), later)
     return builder.either(holds, builder.apply(Operator.TIME_LESS, now, end))
 
 
-def _last(builder: Builder, value: int, place: MemorySite) -> int:
+def _last(builder: Builder, value: int, site: MemorySite) -> int:
     """Return the argument in the last frame; false or 0 at first."""
     kind = builder.kinds[value]
-    old = builder.cell(f"{place.name} last", kind, False if kind is Kind.BOOL else 0.0, *place.called("last"))
-    builder.keep(old, place.ready, value)
+    old = builder.cell(
+        f"{site.name} last", kind, False if kind is Kind.BOOL else 0.0, *site.cell_names("last")
+    )
+    builder.keep(old, site.ready, value)
     return old
 
 
-def _previous(builder: Builder, value: int, initial: int, place: MemorySite) -> int:
+def _previous(builder: Builder, value: int, initial: int, site: MemorySite) -> int:
     constant = builder.ops[initial]
     if not isinstance(constant, Literal):
-        return builder.apply(Operator.SELECT, started(builder, place), _last(builder, value, place), initial)
-    old = builder.cell(f"{place.name} last", builder.kinds[value], constant.value, *place.called("last"))
-    builder.keep(old, place.ready, value)
+        return builder.apply(Operator.SELECT, started(builder, site), _last(builder, value, site), initial)
+    old = builder.cell(f"{site.name} last", builder.kinds[value], constant.value, *site.cell_names("last"))
+    builder.keep(old, site.ready, value)
     return old
 
 
@@ -99,37 +100,37 @@ def _differs(builder: Builder, value: int, old: int) -> int:
     return builder.apply(Operator.NOT_EQUAL, value, old)
 
 
-def _elapsed(builder: Builder, holds: int, place: MemorySite) -> int:
+def _elapsed(builder: Builder, holds: int, site: MemorySite) -> int:
     now = builder.add(FrameTime(), Kind.TIME)
-    was = builder.cell(f"{place.name} was", Kind.BOOL, False, *place.called("was"))
-    since = builder.cell(f"{place.name} since", Kind.TIME, 0, *place.called("since"))
-    builder.keep(was, place.ready, holds)
-    builder.keep(since, builder.both(place.ready, holds, builder.negation(was)), now)
+    was = builder.cell(f"{site.name} was", Kind.BOOL, False, *site.cell_names("was"))
+    since = builder.cell(f"{site.name} since", Kind.TIME, 0, *site.cell_names("since"))
+    builder.keep(was, site.ready, holds)
+    builder.keep(since, builder.both(site.ready, holds, builder.negation(was)), now)
     seconds = builder.apply(Operator.SECONDS, builder.apply(Operator.TIME_SUBTRACT, now, since))
     return builder.apply(Operator.SELECT, builder.both(holds, was), seconds, builder.literal(0.0))
 
 
-def _captured(builder: Builder, value: int, key: int, place: MemorySite) -> int:
+def _captured(builder: Builder, value: int, key: int, site: MemorySite) -> int:
     kind, key_kind = builder.kinds[value], builder.kinds[key]
     held = builder.cell(
-        f"{place.name} held", kind, False if kind is Kind.BOOL else 0.0, *place.called("held")
+        f"{site.name} held", kind, False if kind is Kind.BOOL else 0.0, *site.cell_names("held")
     )
     last = builder.cell(
-        f"{place.name} key", key_kind, False if key_kind is Kind.BOOL else 0.0, *place.called("key")
+        f"{site.name} key", key_kind, False if key_kind is Kind.BOOL else 0.0, *site.cell_names("key")
     )
     new = builder.either(
-        builder.negation(started(builder, place)), builder.apply(Operator.NOT_EQUAL, key, last)
+        builder.negation(started(builder, site)), builder.apply(Operator.NOT_EQUAL, key, last)
     )
-    take = builder.both(place.ready, new)
+    take = builder.both(site.ready, new)
     builder.keep(held, take, value)
     builder.keep(last, take, key)
     return builder.apply(Operator.SELECT, new, value, held)
 
 
-def _every(builder: Builder, interval_ns: int, place: MemorySite) -> int:
+def _every(builder: Builder, interval_ns: int, site: MemorySite) -> int:
     now = builder.add(FrameTime(), Kind.TIME)
-    due = builder.cell(f"{place.name} due", Kind.TIME, 0, *place.called("due"))
+    due = builder.cell(f"{site.name} due", Kind.TIME, 0, *site.cell_names("due"))
     is_due = builder.negation(builder.apply(Operator.TIME_LESS, now, due))
     later = builder.apply(Operator.TIME_ADD, now, builder.time(interval_ns))
-    builder.keep(due, builder.both(place.ready, is_due), later)
+    builder.keep(due, builder.both(site.ready, is_due), later)
     return is_due

@@ -15,31 +15,31 @@ def elaborate(program: Program) -> Network:
     """Return the network that the program's wires describe.
 
     A chain `a op[w0] b op[w1] c` becomes the nodes of `a op[w0] (b op[w1] c)`. Wires that reach no actuator
-    are in the network as well; modules that stand in no wire are not, unless they are observed.
+    are in the network as well; modules that no wire uses are not, unless they are observed.
 
     Raises:
         ValueError: a wiring uses a name that is neither a module nor a wire declared above it (the front
             end lets no such program through).
     """
-    building = _Elaboration(program)
+    elaboration = _Elaboration(program)
     for wire in program.wires:
-        node = building.wiring(wire.wiring, wire.name, ())
+        node = elaboration.wiring(wire.wiring, wire.name, ())
         if wire.actuator is None:
-            building.named[wire.name] = node
+            elaboration.named[wire.name] = node
         else:
-            building.driving[wire.actuator] = node
-    observed = {name: building.use(name) for name in _observed_names(program)}
-    driving = building.driving
+            elaboration.driving[wire.actuator] = node
+    observed = {name: elaboration.use(name) for name in _observed_names(program)}
+    driving = elaboration.driving
     return Network(
-        nodes=tuple(building.nodes),
+        nodes=tuple(elaboration.nodes),
         outputs=tuple((a.name, driving[a.name]) for a in program.robot.actuators if a.name in driving),
-        wires=tuple(building.named.items()),
+        wires=tuple(elaboration.named.items()),
         observed=tuple(observed.items()),
     )
 
 
 class _Elaboration:
-    """The nodes so far, and what names stand for. Only parentheses nest, so wiring may recurse."""
+    """The nodes so far, and the nodes of names. Only parentheses nest, so recursion over wiring is safe."""
 
     def __init__(self, program: Program) -> None:
         self.modules = {module.name for module in program.modules}

@@ -22,9 +22,9 @@ from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
 
 
 def eliminate_inhibition(network: Network) -> SuppressionNetwork:
-    """Return the same network without inhibitors and time constants, in the gates of its links instead."""
+    """Return the same network with inhibitors and time constants replaced by gates on its links."""
     elimination = _Elimination()
-    links: list[Link] = []  # what stands for each node of the network
+    links: list[Link] = []  # by node of the network
     for node in network.nodes:
         match node:
             case ModuleLeaf():

@@ -4,15 +4,15 @@ Table 4.2 reads a suppression network as a binary tree: suppressors are interior
 is the right child and the inferior link the left one. A forward traversal (definition 4.1) visits left
 before right, and the order of visit (definition 4.2) of a module is its priority: last is highest.
 
-Wires that are used in several places make the tree a graph, and a module may be visited many times. It is
-one client all the same, at the place of its *last* visit, and its guard says when it gets through:
+Wires that are used in several places make the tree a graph, in which a module may be visited many times. It
+is still one client, at the position of its *last* visit, and its guard is the condition that it gets through:
 
     through(root)     = true
     through(dominant) = through(suppressor) and gate                      for each use; several are or-ed
     through(inferior) = through(suppressor) and gate and not dominated
 
 To find last visits without walking every path, the traversal is run backwards, dominant side first, where
-the last visit is the first: a node met again brings nothing new, and is not entered twice.
+the last visit comes first: a node that was visited already is not entered again.
 docs/theory.md proves that the first client whose guard holds, the one client whose exclusive guard holds,
 and the winner of the network are the same.
 """
@@ -28,8 +28,8 @@ from colony.compile.suppression import GatedSuppressor, Link, SuppressionNetwork
 def forward_traversal(suppression: SuppressionNetwork) -> ClientList:
     """Return one client per module and actuator, numbered by the order of visit, with both guards.
 
-    A module reached by one way only has the thesis's guard (its own activity and the gates on that way), one
-    reached by several the exclusive guard.
+    A module with one path has the thesis's guard (its own activity and the gates on that path), one with
+    several paths the exclusive guard.
     """
     table = GuardTable(suppression.guards)
     actuators = tuple(
@@ -89,9 +89,9 @@ def backward_visits(nodes: tuple[SuppressionNode, ...], root: Link) -> list[int]
 
 
 class _Reach:
-    """The conditions under which nodes are reached from the root. A node's is complete after all its users'.
+    """The conditions under which nodes are reached from the root, each complete once all users are done.
 
-    `gates` are those on the way to a node from the root, None where there are several ways.
+    `gates` are those on the path to a node from the root, None if there are several paths.
     """
 
     def __init__(self, root: Link) -> None:

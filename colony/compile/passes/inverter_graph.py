@@ -12,9 +12,9 @@ and it is plain, and a *clause* when it is negated. The rules, with a, b, c lite
     K, not a   = never      where K has a         a, not recently(a) = never
     K, not a   = K          where K has not recently(a)
 
-Rules look at no more than `REACH` parts of a part, so that a conjunction costs about its own length. Parts
-that others imply are dropped all at once: these implications go down the graph (from a cube to its parts)
-or up (from a part to clauses with it), and never down again once they went up, so no part drops itself.
+Rules look at no more than `REACH` parts of a part, so that a conjunction costs about its own length. Implied
+parts are dropped all at once. The implications go down the graph (from a cube to its parts) or up (from a
+part to clauses that contain it), but never down again after going up, so no part implies itself.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ _MODULE, _RECENTLY, _SHORT, _LONG = range(4)  # kinds of nodes: atoms, and conju
 
 
 class InverterGraph:
-    """A growing graph that gives equal nodes one number. Nodes stand after those that they are made of."""
+    """A growing graph that gives equal nodes one number. Nodes come after their parts."""
 
     def __init__(self) -> None:
         self.parts: list[Conjunction] = [()]  # of each node; () of atoms
         self.modules: dict[int, str] = {}
         self.recently: dict[int, tuple[int, int]] = {}  # literal and window
-        self._kinds = bytearray([_MODULE])  # for speed: most looks at a node only ask for this
+        self._kinds = bytearray([_MODULE])  # for speed: most accesses to a node only need its kind
         self._conjunctions: dict[Conjunction, int] = {}
         self._atoms: dict[str | tuple[int, int], int] = {}
 
@@ -195,9 +195,9 @@ _PENDING = -1  # in place of a literal: the node waits to be merged
 def rewrite(graph: InverterGraph, roots: Sequence[int]) -> tuple[InverterGraph, list[int]]:
     """Apply one round of the rules to all that the roots need, from the front; return the new roots, too.
 
-    A cube that is only used in one other conjunction is merged into it. It is not built: its literals wait
-    in `pending` for their user, which takes over the longest such list and adds the rest to it. A cube that
-    is shared stays a node, since copying its parts into all users would be quadratic.
+    A cube that is used in one other conjunction only is merged into it: instead of a node, its literals are
+    kept in `pending` for the user, which extends the longest of these lists with the others. A shared cube
+    stays a node, since copying its parts into all users would be quadratic.
     """
     simpler = InverterGraph()
     uses = _count_uses(graph, roots)
@@ -211,7 +211,7 @@ def rewrite(graph: InverterGraph, roots: Sequence[int]) -> tuple[InverterGraph, 
             literals = [to[part >> 1] ^ (part & 1) for part in parts if to[part >> 1] != _PENDING]
             if len(literals) < len(parts):
                 waiting = [pending.pop(part) for part in parts if to[part >> 1] == _PENDING]
-                literals = _all_in_one([*waiting, literals])
+                literals = _concatenated([*waiting, literals])
             if uses[node] == 1:
                 pending[2 * node] = literals
                 to[node] = _PENDING
@@ -227,7 +227,7 @@ def _rewrite_atom(graph: InverterGraph, node: int, simpler: InverterGraph, to: S
     return simpler.recently_literal(to[literal >> 1] ^ (literal & 1), window_ns)
 
 
-def _all_in_one(lists: list[list[int]]) -> list[int]:
+def _concatenated(lists: list[list[int]]) -> list[int]:
     """Return the longest of the lists, with all others appended."""
     whole = max(lists, key=len)
     for one in lists:

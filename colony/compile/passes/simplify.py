@@ -1,4 +1,4 @@
-"""Simplification of guards: sound, local, near-linear. The rules stand in `inverter_graph`."""
+"""Simplification of guards: sound, local, near-linear. `inverter_graph` has the rules."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ WORTHWHILE = 0.01
 
 
 def simplify(clients: ClientList) -> ClientList:
-    """Return the same clients with simpler guards, over a table in which everything is used.
+    """Return the same clients with simpler guards, in a table without unused nodes.
 
     Each guard holds in the same frames as before, whatever the modules do. Clients whose guard is never true
     stay in the list: their priorities are part of the compiled form, and lints report them.
@@ -41,7 +41,7 @@ def simplify(clients: ClientList) -> ClientList:
         if saved > 0:
             graph, literals, size = simpler, simpler_literals, simpler_size
     guards, moved = _unload(graph, literals)
-    return _moved(clients, guards, dict(zip(references, moved, strict=True)))
+    return _renumbered(clients, guards, dict(zip(references, moved, strict=True)))
 
 
 def _references(clients: ClientList) -> list[int]:
@@ -53,7 +53,7 @@ def _references(clients: ClientList) -> list[int]:
     return list(found)
 
 
-def _moved(clients: ClientList, guards: tuple[Guard, ...], to: dict[int, int]) -> ClientList:
+def _renumbered(clients: ClientList, guards: tuple[Guard, ...], to: dict[int, int]) -> ClientList:
     """Return the client list over another table, `to` giving the new reference of each old one."""
     actuators = []
     for one in clients.actuators:
@@ -105,9 +105,9 @@ def _unload(graph: InverterGraph, literals: Sequence[int]) -> tuple[tuple[Guard,
 
     A conjunction becomes an `And`, or the `Or` of the negated parts, whichever saves more negations.
     """
-    turned = _turned(graph, literals)
+    flipped = _negated_conjunctions(graph, literals)
     guards: list[Guard] = []
-    references = zeros(2 * len(turned))  # of each literal, one more than its place in the table
+    references = zeros(2 * len(flipped))  # by literal: one more than its place in the table
 
     def add(literal: int, guard: Guard) -> int:
         guards.append(guard)
@@ -122,7 +122,7 @@ def _unload(graph: InverterGraph, literals: Sequence[int]) -> tuple[tuple[Guard,
             return add(literal, Always() if literal == TRUE else Never())
         return add(literal, Not(references[literal ^ 1] - 1))
 
-    for node, (parts, flip) in enumerate(zip(graph.parts, turned, strict=True)):
+    for node, (parts, flip) in enumerate(zip(graph.parts, flipped, strict=True)):
         if flip < 0 or not node:
             continue
         if parts:
@@ -137,13 +137,13 @@ def _unload(graph: InverterGraph, literals: Sequence[int]) -> tuple[tuple[Guard,
     return tuple(guards), moved
 
 
-def _turned(graph: InverterGraph, literals: Sequence[int]) -> array[int]:
+def _negated_conjunctions(graph: InverterGraph, literals: Sequence[int]) -> array[int]:
     """Return 1 for conjunctions that are mostly used negated, as their users will be written; else 0.
 
     -1 for nodes that are not used.
     """
     balance, used = zeros(len(graph.parts)), bytearray(len(graph.parts))
-    turned = zeros(len(graph.parts))
+    flipped = zeros(len(graph.parts))
 
     def use(literal: int) -> None:
         used[literal >> 1] = 1
@@ -153,12 +153,12 @@ def _turned(graph: InverterGraph, literals: Sequence[int]) -> array[int]:
         use(literal)
     for node in range(len(used) - 1, -1, -1):
         if not used[node]:
-            turned[node] = -1
+            flipped[node] = -1
             continue
         parts = graph.parts[node]
-        flip = turned[node] = 1 if parts and balance[node] > 0 else 0
+        flip = flipped[node] = 1 if parts and balance[node] > 0 else 0
         for part in parts:
             use(part ^ flip)
         if node in graph.recently:
             use(graph.recently[node][0])
-    return turned
+    return flipped

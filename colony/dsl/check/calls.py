@@ -7,17 +7,27 @@ from dataclasses import replace
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
-from colony.dsl.check.compatibility import article, articles, unify
-from colony.dsl.check.scope import Broken, LetSymbol, SensorSymbol
+from colony.dsl.check.compatibility import unify, with_article, with_articles
+from colony.dsl.check.scope import BrokenSymbol, LetSymbol, SensorSymbol
 from colony.ir import expression as ir
-from colony.ir.types import BOOL, DEGREES, DURATION, PLAIN, Array, Bool, Quantity, Scalar, element_type
+from colony.ir.types import (
+    BOOL,
+    DEGREES,
+    DIMENSIONLESS,
+    DURATION,
+    Array,
+    Bool,
+    Quantity,
+    Scalar,
+    element_type,
+)
 from colony.text.units import ANGLE, NUMBER, Dimension
 
 MAX_ITERATIONS = 4096
 
 _SPECIAL = ("window", "fresh", "value_or", "now")
 _PURE = {f.value: f for f in ir.Function}
-_MEMORY = {m.value: m for m in ir.Memory}
+_MEMORY = {m.value: m for m in ir.MemoryFunction}
 FUNCTION_NAMES = (*_PURE, *_MEMORY, *_SPECIAL)
 
 
@@ -45,7 +55,7 @@ def check_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
 
 
 def _arguments(checker: Checker, node: ast.Call, low: int, high: int | None) -> list[ir.Expression] | None:
-    """Return the typed arguments, if their number and all of them are right."""
+    """Return the typed arguments; None after reporting a wrong number or a wrong argument."""
     count = len(node.arguments)
     if count < low or (high is not None and count > high):
         wanted = str(low) if low == high else f"{low} or more" if high is None else f"{low} to {high}"
@@ -98,7 +108,7 @@ def _pure(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Express
     elements = [element_type(a.type) for a in arguments]
     for argument, element in zip(node.arguments, elements, strict=True):
         if not isinstance(element, Quantity):
-            _wrong(checker, argument, node, "a number", element)
+            _report_type(checker, argument, node, "a number", element)
             return None
     result = _elementwise_result(checker, node, function, [e for e in elements if isinstance(e, Quantity)])
     if result is None:
@@ -109,8 +119,10 @@ def _pure(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Express
     return ir.Call(type=type_, function=function, arguments=tuple(arguments), span=checker.span(node))
 
 
-def _wrong(checker: Checker, argument: ast.Expression, node: ast.Call, wanted: str, found: Scalar) -> None:
-    checker.error("E202", argument, f"`{node.function.text}` takes {wanted}, found {article(found)}")
+def _report_type(
+    checker: Checker, argument: ast.Expression, node: ast.Call, wanted: str, found: Scalar
+) -> None:
+    checker.error("E202", argument, f"`{node.function.text}` takes {wanted}, found {with_article(found)}")
 
 
 def _elementwise_result(
@@ -121,11 +133,11 @@ def _elementwise_result(
         case ir.Function.SIN | ir.Function.COS | ir.Function.ANGLE_DIFFERENCE:
             for argument, element in zip(node.arguments, elements, strict=True):
                 if element.dimension != ANGLE and not element.wild:
-                    _wrong(checker, argument, node, "an angle", element)
+                    _report_type(checker, argument, node, "an angle", element)
                     return None
-            return DEGREES if function is ir.Function.ANGLE_DIFFERENCE else PLAIN
+            return DEGREES if function is ir.Function.ANGLE_DIFFERENCE else DIMENSIONLESS
         case ir.Function.SIGN:
-            return PLAIN
+            return DIMENSIONLESS
         case ir.Function.SQRT:
             return _square_root(checker, node, elements[0])
         case ir.Function.ATAN2 | ir.Function.MOD | ir.Function.CLAMP:
@@ -141,7 +153,7 @@ def _common(checker: Checker, node: ast.Call, elements: list[Quantity]) -> Quant
         common = unify(common, element) if common is not None else None
     if isinstance(common, Quantity):
         return common
-    shown = articles(elements)
+    shown = with_articles(elements)
     message = f"`{node.function.text}` needs numbers of one dimension, found {shown}"
     checker.error("E201", node, message)
     return None
@@ -178,14 +190,14 @@ def reduction_result(
         for element in elements:
             if not isinstance(element, Bool):
                 hint = f"compare first: `{name.text}(x > 0)`" if isinstance(element, Quantity) else None
-                checker.error("E202", node, f"`{name.text}` takes bools, found {article(element)}", hint)
+                checker.error("E202", node, f"`{name.text}` takes bools, found {with_article(element)}", hint)
                 return None
-        return PLAIN if function is ir.Function.COUNT else BOOL
+        return DIMENSIONLESS if function is ir.Function.COUNT else BOOL
     numbers = [e for e in elements if isinstance(e, Quantity)]
     if len(numbers) < len(elements):
         found = next(e for e in elements if not isinstance(e, Quantity))
         hint = "count bools with `count`" if isinstance(found, Bool) else None
-        checker.error("E202", node, f"`{name.text}` takes numbers, found {article(found)}", hint)
+        checker.error("E202", node, f"`{name.text}` takes numbers, found {with_article(found)}", hint)
         return None
     call = ast.Call(function=name, arguments=(), start=node.start, end=node.end)
     return _common(checker, call, numbers)
@@ -199,9 +211,9 @@ def _index_of(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Exp
     if array is None:
         return None
     if not isinstance(element_type(array.type), Quantity):
-        _wrong(checker, node.arguments[0], node, "an array of numbers", element_type(array.type))
+        _report_type(checker, node.arguments[0], node, "an array of numbers", element_type(array.type))
         return None
-    return ir.Call(type=PLAIN, function=function, arguments=(array,), span=checker.span(node))
+    return ir.Call(type=DIMENSIONLESS, function=function, arguments=(array,), span=checker.span(node))
 
 
 def check_comprehension(checker: Checker, node: ast.Comprehension) -> ir.Expression | None:
@@ -261,7 +273,7 @@ def _window(checker: Checker, node: ast.Call) -> ir.Expression | None:
         return None
     assert isinstance(array.type, Array)
     if not isinstance(center.type, Quantity) or center.type.dimension != NUMBER:
-        _wrong(checker, node.arguments[1], node, "a plain number as center", element_type(center.type))
+        _report_type(checker, node.arguments[1], node, "a plain number as center", element_type(center.type))
         return None
     reach = checker.whole(node.arguments[2], "the reach of a window", 0, (array.type.size - 1) // 2)
     if reach is None:
@@ -286,7 +298,7 @@ def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
             return ir.Fresh(type=BOOL, name=sensor.name, derived=False, span=checker.span(node))
         case LetSymbol(name=name, module=None):
             return ir.Fresh(type=BOOL, name=name, derived=True, span=checker.span(node))
-        case Broken():
+        case BrokenSymbol():
             return None
         case None:
             checker.visit(argument)  # reports the unknown name
@@ -306,7 +318,7 @@ def _value_or(checker: Checker, node: ast.Call) -> ir.Expression | None:
     expression, other = arguments
     element = unify(element_type(expression.type), element_type(other.type))
     if element is None:
-        shown = articles((expression.type, other.type))
+        shown = with_articles((expression.type, other.type))
         checker.error("E201", node, f"`value_or` needs two values of one type, found {shown}")
         return None
     type_ = checker.broadcast(node, element, expression.type, other.type)
@@ -323,23 +335,23 @@ def _now(checker: Checker, node: ast.Call) -> ir.Expression | None:
 
 # --- functions with memory -------------------------------------------------------------------------
 
-_SIGNATURES: dict[ir.Memory, str] = {
+_SIGNATURES: dict[ir.MemoryFunction, str] = {
     # v: any value, i: of the type of the first, b: bools, k: any scalar key, d: a constant duration
-    ir.Memory.PREVIOUS: "vi",
-    ir.Memory.CHANGED: "v",
-    ir.Memory.RISING: "b",
-    ir.Memory.FALLING: "b",
-    ir.Memory.HELD: "bd",
-    ir.Memory.ELAPSED: "b",
-    ir.Memory.LATCH: "bb",
-    ir.Memory.CAPTURED: "vv",
-    ir.Memory.EVERY: "d",
+    ir.MemoryFunction.PREVIOUS: "vi",
+    ir.MemoryFunction.CHANGED: "v",
+    ir.MemoryFunction.RISING: "b",
+    ir.MemoryFunction.FALLING: "b",
+    ir.MemoryFunction.HELD: "bd",
+    ir.MemoryFunction.ELAPSED: "b",
+    ir.MemoryFunction.LATCH: "bb",
+    ir.MemoryFunction.CAPTURED: "vv",
+    ir.MemoryFunction.EVERY: "d",
 }
 
 
-def _memory(checker: Checker, node: ast.Call, function: ir.Memory) -> ir.Expression | None:
+def _memory(checker: Checker, node: ast.Call, function: ir.MemoryFunction) -> ir.Expression | None:
     if not checker.memory:
-        hint = "memory functions stand in let, when, do, next, transitions, limits and contracts"
+        hint = "memory functions are allowed in let, when, do, next, transitions, limits and contracts"
         checker.error("E209", node, f"`{function.value}` has memory and is not allowed here", hint)
         return None
     signature = _SIGNATURES[function]
@@ -355,7 +367,7 @@ def _memory(checker: Checker, node: ast.Call, function: ir.Memory) -> ir.Express
             continue
         found = checker.visit(argument)
         if found is not None and kind == "b" and not isinstance(element_type(found.type), Bool):
-            _wrong(checker, argument, node, "a bool", element_type(found.type))
+            _report_type(checker, argument, node, "a bool", element_type(found.type))
             found = None
         if found is None:
             good = False
@@ -380,19 +392,19 @@ def _memory(checker: Checker, node: ast.Call, function: ir.Memory) -> ir.Express
 
 
 def _memory_result(
-    checker: Checker, node: ast.Call, function: ir.Memory, arguments: list[ir.Expression]
+    checker: Checker, node: ast.Call, function: ir.MemoryFunction, arguments: list[ir.Expression]
 ) -> Scalar | None:
     match function:
-        case ir.Memory.PREVIOUS:
+        case ir.MemoryFunction.PREVIOUS:
             first, initial = (element_type(a.type) for a in arguments)
             common = unify(first, initial)
             if common is None:
-                found = articles((first, initial))
+                found = with_articles((first, initial))
                 checker.error("E201", node, f"`previous` needs two values of one type, found {found}")
             return common
-        case ir.Memory.CAPTURED:
+        case ir.MemoryFunction.CAPTURED:
             return element_type(arguments[0].type)
-        case ir.Memory.ELAPSED:
+        case ir.MemoryFunction.ELAPSED:
             return DURATION
         case _:
             return BOOL

@@ -1,7 +1,7 @@
 """The context in which an expression is checked: names in scope, findings, and state that all checks share.
 
 A check returns the typed expression, or None after it has reported an error. A caller that receives None
-continues with the rest, so that all errors are reported in one run.
+continues with the rest, so that one run reports all errors.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from colony.dsl import ast
-from colony.dsl.check.compatibility import article, fits
+from colony.dsl.check.compatibility import fits, with_article
 from colony.dsl.check.constants import constant_value, literal, unit_of
 from colony.dsl.check.scope import Report, Scope, ValueSymbol, label, span_of
 from colony.ir import expression as ir
-from colony.ir.types import PLAIN, Array, Bool, Quantity, Scalar, ScalarValue, Type
+from colony.ir.types import DIMENSIONLESS, Array, Bool, Quantity, Scalar, ScalarValue, Type
 from colony.text.diagnostics import Label
 from colony.text.source import Span
 from colony.text.units import TIME, UnitError, nanoseconds
@@ -29,9 +29,9 @@ MAX_DURATION_NS = 10**18
 class Checker(ABC):
     """The names in scope of an expression, and the report that collects its findings.
 
-    `local` hides the file's names; `promise` allows what only contracts and expectations may say;
-    `memory` allows memory functions; `constants` restricts the expression to constants; `later` holds the
-    names that the module declares, perhaps further down; `loops` holds the variables of enclosing reductions.
+    `local` hides the file's names; `promise` allows what only contracts and expectations may contain;
+    `memory` allows memory functions; `constants` restricts the expression to constants; `later` holds all
+    names that the module declares, also below; `loops` holds the variables of enclosing reductions.
     """
 
     scope: Scope
@@ -46,7 +46,7 @@ class Checker(ABC):
 
     @abstractmethod
     def visit(self, node: ast.Expression) -> ir.Expression | None:
-        """Check a part of an expression, by kind of node; `check` has seen that it is not too deep."""
+        """Check a part of an expression, by kind of node, after `check` has checked its depth."""
 
     # --- entries
 
@@ -66,7 +66,9 @@ class Checker(ABC):
         if fits(found.type, wanted):
             return found
         hint = _type_hint(node, found.type, wanted)
-        self.error("E202", node, f"{what} must be {article(wanted)}, found {article(found.type)}", hint)
+        self.error(
+            "E202", node, f"{what} must be {with_article(wanted)}, found {with_article(found.type)}", hint
+        )
         return None
 
     def constant(self, node: ast.Expression, wanted: Scalar | None, what: str) -> ir.Constant | None:
@@ -99,11 +101,13 @@ class Checker(ABC):
             found = self.constant(node, None, what)
             if found is None:
                 return None
-            if isinstance(found.type, Quantity) and found.type.dimension == PLAIN.dimension:
+            if isinstance(found.type, Quantity) and found.type.dimension == DIMENSIONLESS.dimension:
                 return float(found.value) * float(unit_of(unit).factor) if unit else found.value  # type: ignore[arg-type,return-value]
             if fits(found.type, type_):
                 return found.value  # type: ignore[return-value]
-            self.error("E202", node, f"{what} must be {article(type_)}, found {article(found.type)}")
+            self.error(
+                "E202", node, f"{what} must be {with_article(type_)}, found {with_article(found.type)}"
+            )
             return None
         found = self.constant(node, type_, what)
         return None if found is None else found.value  # type: ignore[return-value]
@@ -125,7 +129,7 @@ class Checker(ABC):
 
     def whole(self, node: ast.Expression, what: str, low: int, high: int) -> int | None:
         """Return a constant whole number from `low` to `high`."""
-        found = self.constant(node, PLAIN, what)
+        found = self.constant(node, DIMENSIONLESS, what)
         if found is None:
             return None
         value = found.value
@@ -144,7 +148,7 @@ class Checker(ABC):
         self.report.error(self.scope, code, node, message, hint, *labels)
 
     def label(self, node: ast.SyntaxNode) -> Label:
-        """Point at where something was first declared in this file."""
+        """Return a label that points at a first declaration in this file."""
         return label(self.scope, node)
 
     def span(self, node: ast.SyntaxNode) -> Span:
@@ -176,7 +180,7 @@ class Checker(ABC):
         """Check an expression that must be an array."""
         found = self.visit(node)
         if found is not None and not isinstance(found.type, Array):
-            self.error("E207", node, f"expected an array, found {article(found.type)}")
+            self.error("E207", node, f"expected an array, found {with_article(found.type)}")
             return None
         return found
 
@@ -190,6 +194,6 @@ def _type_hint(node: ast.Expression, found: Type, wanted: Type) -> str | None:
         return None
     if isinstance(node, ast.Number) and node.unit is None:
         return f"write its unit, for example `{node.digits[:20]} {wanted}`"
-    if found == PLAIN:
+    if found == DIMENSIONLESS:
         return f"give it a unit: times `1 {wanted}`"
-    return f"divide by a unit for a plain number: `x / 1 {found}`" if wanted == PLAIN else None
+    return f"divide by a unit for a plain number: `x / 1 {found}`" if wanted == DIMENSIONLESS else None

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from colony.ir.types import PLAIN, Array, Bool, Enum, Quantity, Scalar, Type, element_type, shaped
+from colony.ir.types import DIMENSIONLESS, Array, Bool, Enum, Quantity, Scalar, Type, element_type, shaped
 from colony.text.wording import listed
 
 
 def unify(a: Scalar, b: Scalar) -> Scalar | None:
-    """Return the type of a place where both may stand, or None; a literal 0 fits any dimension."""
+    """Return the common type of two scalars, or None; a literal 0 fits any dimension."""
     if isinstance(a, Quantity) and isinstance(b, Quantity):
         if a.wild:
             return b
@@ -20,7 +20,7 @@ def unify(a: Scalar, b: Scalar) -> Scalar | None:
 
 
 def fits(found: Type, wanted: Type) -> bool:
-    """Return True if a value of type `found` may stand where `wanted` is declared."""
+    """Return True if a value of type `found` can be used where `wanted` is declared."""
     if isinstance(found, Array) != isinstance(wanted, Array):
         return False
     if isinstance(found, Array) and isinstance(wanted, Array) and found.size != wanted.size:
@@ -29,20 +29,20 @@ def fits(found: Type, wanted: Type) -> bool:
 
 
 def settled(type_: Type) -> Type:
-    """Return the type of a name with such a value: a lone literal 0 is a plain number."""
+    """Return the type of a name with a value of this type: a lone literal 0 is a plain number."""
     element = element_type(type_)
-    return shaped(PLAIN, type_) if isinstance(element, Quantity) and element.wild else type_
+    return shaped(DIMENSIONLESS, type_) if isinstance(element, Quantity) and element.wild else type_
 
 
-def article(type_: Type) -> str:
-    """Return a type as a part of a sentence."""
+def with_article(type_: Type) -> str:
+    """Return the name of a type with its article, as messages use it."""
     if isinstance(type_, Array):
         return f"an array of {type_.size} {_plural(type_.element)}"
     if isinstance(type_, Bool):
         return "a bool"
     if isinstance(type_, Enum):
         return f"a phase of `{type_.name}`" if type_.kind == "machine" else f"a `{type_.name}`"
-    return "a plain number" if type_.dimension == PLAIN.dimension else f"a value in {type_}"
+    return "a plain number" if type_.dimension == DIMENSIONLESS.dimension else f"a value in {type_}"
 
 
 def _plural(type_: Scalar) -> str:
@@ -50,9 +50,9 @@ def _plural(type_: Scalar) -> str:
         return "bools"
     if isinstance(type_, Enum):
         return f"phases of `{type_.name}`" if type_.kind == "machine" else f"`{type_.name}` values"
-    return "plain numbers" if type_.dimension == PLAIN.dimension else f"values in {type_}"
+    return "plain numbers" if type_.dimension == DIMENSIONLESS.dimension else f"values in {type_}"
 
 
-def articles(types: Iterable[Type]) -> str:
-    """Return several types as part of a sentence."""
-    return listed([article(t) for t in types])
+def with_articles(types: Iterable[Type]) -> str:
+    """Return the names of several types as a list in a sentence."""
+    return listed([with_article(t) for t in types])

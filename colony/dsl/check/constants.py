@@ -11,31 +11,31 @@ from colony.ir.types import ScalarValue
 from colony.text.units import Unit, UnitError, parse_unit
 
 _NUMBER = re.compile(r"(\d+)(?:\.(\d+))?(?:[eE]([+-]?\d+))?")
-_SIGNIFICANT = 1100
-_LARGEST_EXPONENT = 400
-_LONGEST_UNIT = 100
+_MAX_DIGITS = 1100
+_MAX_MAGNITUDE = 400
+_MAX_UNIT_LENGTH = 100
 
 
 def literal(digits: str, factor: Fraction) -> float | None:
     """Return the double nearest to `digits` times `factor`, rounded once; None where it overflows.
 
-    Of more than `_SIGNIFICANT` digits it matters only whether any of the rest is not 0.
+    Beyond `_MAX_DIGITS` digits, only whether any of the rest is not 0 matters.
     """
     match = _NUMBER.fullmatch(digits)
-    assert match is not None, "the grammar lets no other numbers through"
+    assert match is not None, "the grammar accepts no other numbers"
     whole, fraction, exponent_text = match[1], match[2] or "", match[3] or "0"
     significant = (whole + fraction).lstrip("0")
     exponent = _bounded(exponent_text) - len(fraction)
-    if len(significant) > _SIGNIFICANT:
-        exponent += len(significant) - _SIGNIFICANT - 1
-        sticky = "1" if significant[_SIGNIFICANT:].strip("0") else "0"
-        significant = significant[:_SIGNIFICANT] + sticky
+    if len(significant) > _MAX_DIGITS:
+        exponent += len(significant) - _MAX_DIGITS - 1
+        sticky = "1" if significant[_MAX_DIGITS:].strip("0") else "0"
+        significant = significant[:_MAX_DIGITS] + sticky
     if not significant:
         return 0.0
     magnitude = len(significant) + exponent
-    if magnitude > _LARGEST_EXPONENT:
+    if magnitude > _MAX_MAGNITUDE:
         return None
-    if magnitude < -_LARGEST_EXPONENT:
+    if magnitude < -_MAX_MAGNITUDE:
         return 0.0
     exact = int(significant) * Fraction(10) ** exponent * factor
     try:
@@ -55,17 +55,17 @@ def unit_of(text: str) -> Unit:
     """Return the unit with this text.
 
     Raises:
-        UnitError: as `parse_unit`, and for a text so long that reading it takes long.
+        UnitError: as for `parse_unit`, or the text is too long.
     """
-    if len(text) > _LONGEST_UNIT:
-        raise UnitError(f"a unit of {len(text)} characters; at most {_LONGEST_UNIT} are allowed")
+    if len(text) > _MAX_UNIT_LENGTH:
+        raise UnitError(f"a unit of {len(text)} characters; at most {_MAX_UNIT_LENGTH} are allowed")
     return parse_unit(text)
 
 
 def constant_value(node: ir.Expression) -> ScalarValue | None:
     """Return the value of a scalar constant expression; None where it is not constant.
 
-    A result that is not finite (division by zero, overflow) comes back as NaN or infinity.
+    A division by zero or an overflow gives NaN or infinity.
     """
     match node:
         case ir.Constant(value=bool() | float() as value):

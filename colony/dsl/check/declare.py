@@ -17,18 +17,18 @@ def declare_names(report: Report, scopes: list[Scope]) -> None:
         _declare(report, scope)
     _name_drives(scopes)
     by_key = {scope.file.key: scope for scope in scopes}
-    for scope in scopes:  # imports stand before those that import them
+    for scope in scopes:  # imported files come before their importers
         scope.lost_names |= scope.file.lost_names
         for one in scope.file.imports:
             target = by_key.get(one.target)
             if target is None:
-                _excuse(scope, one.declaration)
+                _allow_unknown_names(scope, one.declaration)
             elif target is not scope:
-                _bring_in(report, scope, target, one.declaration)
+                _import_names(report, scope, target, one.declaration)
 
 
 def _robot_names(scopes: list[Scope]) -> tuple[set[str], set[str]]:
-    """Return the names of all sensors and of all actuators of the program, right or wrong."""
+    """Return the names of all sensors and actuators declared in the program, valid or not."""
     sensors: set[str] = set()
     actuators: set[str] = set()
     for scope in scopes:
@@ -43,7 +43,7 @@ def _robot_names(scopes: list[Scope]) -> tuple[set[str], set[str]]:
 
 
 def _declare(report: Report, scope: Scope) -> None:
-    """Declare names: modules and wires at once, values when they are checked."""
+    """Declare names: symbols of modules and wires now, those of values when they are checked."""
     sensors, actuators = scope.robot.sensor_names, scope.robot.actuator_names
     values: dict[str, ast.Name] = {}
     parts: dict[str, ast.Name] = {}
@@ -51,7 +51,7 @@ def _declare(report: Report, scope: Scope) -> None:
         if isinstance(node, VALUE_DECLARATIONS):
             if node.name.text in sensors:
                 report.error(scope, "E102", node.name, f"the robot has a sensor `{node.name.text}` already")
-            elif _once(report, scope, values, node.name):
+            elif _declare_once(report, scope, values, node.name):
                 scope.visible_values[node.name.text] = scope
                 if isinstance(node, ast.EnumDecl | ast.ParamDecl):
                     scope.constant_names.add(node.name.text)
@@ -60,7 +60,7 @@ def _declare(report: Report, scope: Scope) -> None:
                 report.error(
                     scope, "E102", node.name, f"the robot has an actuator `{node.name.text}` already"
                 )
-            elif _once(report, scope, parts, node.name):
+            elif _declare_once(report, scope, parts, node.name):
                 full = scope.full(node.name.text)
                 scope.parts[node.name.text] = ModuleSymbol(name=full, actuator=None, members={})
                 scope.visible_parts[node.name.text] = scope
@@ -78,7 +78,7 @@ def _declare_wire(
             report.error(scope, "E503", name, f"actuator `{name.text}` is driven twice", None, first)
         parts.setdefault(name.text, name)
         scope.drives[name.text] = WireSymbol(name=name.text)
-    elif _once(report, scope, parts, name):
+    elif _declare_once(report, scope, parts, name):
         scope.parts[name.text] = WireSymbol(name=scope.full(name.text))
         scope.visible_parts[name.text] = scope
 
@@ -86,10 +86,10 @@ def _declare_wire(
 def _name_drives(scopes: list[Scope]) -> None:
     """Name the drive of each actuator after the actuator.
 
-    In a plainly imported file the drive needs a name of its own.
+    In files imported without an alias, it may need a longer name.
     """
     taken = set(scopes[-1].robot.actuator_names)
-    for scope in reversed(scopes):  # those that import come first to the short name
+    for scope in reversed(scopes):  # importing files have precedence for the short name
         prefix, stem = scope.file.prefix, scope.file.stem
         for actuator in scope.drives:
             name, count = f"{prefix}{actuator}", 1
@@ -100,7 +100,7 @@ def _name_drives(scopes: list[Scope]) -> None:
             scope.drives[actuator] = WireSymbol(name=name)
 
 
-def _excuse(scope: Scope, node: ast.ImportDecl) -> None:
+def _allow_unknown_names(scope: Scope, node: ast.ImportDecl) -> None:
     """Suppress errors about names that an unreadable file may declare."""
     if node.alias is None:
         scope.incomplete = True
@@ -108,7 +108,7 @@ def _excuse(scope: Scope, node: ast.ImportDecl) -> None:
         scope.lost_names.add(node.alias.text)
 
 
-def _once(report: Report, scope: Scope, names: dict[str, ast.Name], name: ast.Name) -> bool:
+def _declare_once(report: Report, scope: Scope, names: dict[str, ast.Name], name: ast.Name) -> bool:
     first = names.get(name.text)
     if first is None:
         names[name.text] = name
@@ -117,8 +117,8 @@ def _once(report: Report, scope: Scope, names: dict[str, ast.Name], name: ast.Na
     return False
 
 
-def _bring_in(report: Report, scope: Scope, target: Scope, node: ast.ImportDecl) -> None:
-    """Import names: all for a plain import; with `as` they stand behind the alias."""
+def _import_names(report: Report, scope: Scope, target: Scope, node: ast.ImportDecl) -> None:
+    """Import names: all of them for a plain import; with `as`, behind the alias."""
     alias = node.alias
     if alias is not None:
         robot = scope.robot

@@ -9,7 +9,7 @@ from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import settled
 from colony.dsl.check.robot import check_type
 from colony.dsl.check.scope import (
-    Broken,
+    BrokenSymbol,
     LetSymbol,
     MachineSymbol,
     ParamSymbol,
@@ -22,10 +22,10 @@ from colony.ir.types import BOOL, Enum, Scalar, ScalarValue
 from colony.text.units import BASE_UNITS
 
 
-def check_param(checker: Checker, node: ast.ParamDecl) -> ParamSymbol | Broken:
+def check_param(checker: Checker, node: ast.ParamDecl) -> ParamSymbol | BrokenSymbol:
     """Check a named constant."""
     found = checker.constant(node.value, None, f"param `{node.name.text}`")
-    return Broken() if found is None else ParamSymbol(type=settled(found.type), value=found.value)
+    return BrokenSymbol() if found is None else ParamSymbol(type=settled(found.type), value=found.value)
 
 
 def check_let(checker: Checker, node: ast.LetDecl, name: str) -> ir.Let | None:
@@ -35,7 +35,7 @@ def check_let(checker: Checker, node: ast.LetDecl, name: str) -> ir.Let | None:
 
 
 def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarValue] | None:
-    """Return the type and first value of a state; the constant implies the type if it is left out."""
+    """Return the type and initial value of a state; without a declared type, that of the value."""
     wanted: Scalar | None = None
 
     if node.type is not None:
@@ -80,7 +80,7 @@ def check_nexts(
     return nexts
 
 
-def machine_type(checker: Checker, node: ast.MachineDecl) -> MachineSymbol | Broken:
+def machine_type(checker: Checker, node: ast.MachineDecl) -> MachineSymbol | BrokenSymbol:
     """Return the phases of a machine, in the order in which they are first named."""
     phases: dict[str, ast.Name] = {node.initial.text: node.initial}
     for transition in node.transitions:
@@ -93,7 +93,7 @@ def machine_type(checker: Checker, node: ast.MachineDecl) -> MachineSymbol | Bro
             checker.error("E407", phase, f"a phase cannot be called `{name}`, which is a unit", hint)
         if name == "any":
             hint = "`any -> b` is from every phase but `b`"
-            checker.error("E407", phase, "a phase cannot be called `any`, which stands for all", hint)
+            checker.error("E407", phase, "a phase cannot be called `any`, which means all phases", hint)
     full = checker.scope.full(node.name.text)
     members = tuple((name, float(i)) for i, name in enumerate(phases))
     return MachineSymbol(name=full, type=Enum(name=full, members=members, kind="machine"))
@@ -124,5 +124,5 @@ def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Ma
 
 
 def let_symbol(let: ir.Let, module: str | None = None) -> LetSymbol:
-    """Return the symbol that the name of a let stands for."""
+    """Return the symbol of a let."""
     return LetSymbol(name=let.name, type=settled(let.expression.type), module=module)

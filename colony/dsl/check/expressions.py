@@ -1,4 +1,4 @@
-"""Expressions: names to what they stand for, units to factors, each node with its type."""
+"""Checking of expressions: resolve names, turn units into factors, and give each node its type."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from math import isfinite
 from colony.dsl import ast
 from colony.dsl.check import calls
 from colony.dsl.check.checker import Checker
-from colony.dsl.check.compatibility import article, articles, unify
+from colony.dsl.check.compatibility import unify, with_article, with_articles
 from colony.dsl.check.constants import constant_value, unit_of
 from colony.dsl.check.references import resolve_reference, resolve_status, resolve_winner
 from colony.ir import expression as ir
 from colony.ir.types import (
     BOOL,
-    PLAIN,
+    DIMENSIONLESS,
     ZERO,
     Array,
     Bool,
@@ -31,7 +31,7 @@ class ExpressionChecker(Checker):
     """A checker of every kind of expression."""
 
     def visit(self, node: ast.Expression) -> ir.Expression | None:
-        """Check an expression by its kind of node; `check` has checked its depth."""
+        """Check a part of an expression, by kind of node, after `check` has checked its depth."""
         match node:
             case ast.Number():
                 return self._number(node)
@@ -64,7 +64,9 @@ class ExpressionChecker(Checker):
         value = self.literal(node, node.unit)
         if value is None:
             return None
-        type_ = Quantity(unit_of(node.unit).dimension) if node.unit else (PLAIN if value != 0 else ZERO)
+        type_ = (
+            Quantity(unit_of(node.unit).dimension) if node.unit else (DIMENSIONLESS if value != 0 else ZERO)
+        )
         return ir.Constant(type=type_, value=value, span=self.span(node))
 
     def _prefix(self, node: ast.Prefix) -> ir.Expression | None:
@@ -74,11 +76,11 @@ class ExpressionChecker(Checker):
         element, span = element_type(operand.type), self.span(node)
         if node.operator == "not":
             if not isinstance(element, Bool):
-                self.error("E201", node.operand, f"`not` needs a bool, found {article(operand.type)}")
+                self.error("E201", node.operand, f"`not` needs a bool, found {with_article(operand.type)}")
                 return None
             return ir.UnaryOperation(type=operand.type, operator=ir.Unary.NOT, operand=operand, span=span)
         if not isinstance(element, Quantity):
-            self.error("E201", node.operand, f"`-` needs a number, found {article(operand.type)}")
+            self.error("E201", node.operand, f"`-` needs a number, found {with_article(operand.type)}")
             return None
         return ir.UnaryOperation(type=operand.type, operator=ir.Unary.NEGATE, operand=operand, span=span)
 
@@ -105,14 +107,14 @@ class ExpressionChecker(Checker):
         condition = self.visit(node.condition)
         yes, no = self.visit(node.yes), self.visit(node.no)
         if condition is not None and not isinstance(condition.type, Bool):
-            found = article(condition.type)
+            found = with_article(condition.type)
             self.error("E202", node.condition, f"the condition of `if` must be a bool, found {found}")
             condition = None
         if condition is None or yes is None or no is None:
             return None
         element = unify(element_type(yes.type), element_type(no.type))
         if element is None:
-            message = f"the branches of `if` differ: {article(yes.type)} and {article(no.type)}"
+            message = f"the branches of `if` differ: {with_article(yes.type)} and {with_article(no.type)}"
             self.error("E201", node, message)
             return None
         type_ = self.broadcast(node, element, yes.type, no.type)
@@ -128,7 +130,7 @@ class ExpressionChecker(Checker):
         elements = [element_type(p.type) for p in (operand, low, high)]
         first = unify(elements[0], elements[1])
         if first is None or unify(first, elements[2]) is None or not isinstance(first, Quantity):
-            shown = articles(p.type for p in (operand, low, high))
+            shown = with_articles(p.type for p in (operand, low, high))
             self.error("E201", node, f"`in` needs three numbers of one dimension, found {shown}")
             return None
         type_ = self.broadcast(node, BOOL, operand.type, low.type, high.type)
@@ -141,14 +143,16 @@ class ExpressionChecker(Checker):
         if array is None or index is None:
             return None
         assert isinstance(array.type, Array)
-        if not isinstance(index.type, Quantity) or index.type.dimension != PLAIN.dimension:
-            self.error("E202", node.index, f"an index must be a plain number, found {article(index.type)}")
+        if not isinstance(index.type, Quantity) or index.type.dimension != DIMENSIONLESS.dimension:
+            self.error(
+                "E202", node.index, f"an index must be a plain number, found {with_article(index.type)}"
+            )
             return None
         value = constant_value(index)
         if value is not None and not (isfinite(value) and 0 <= round(value) < array.type.size):
             last = array.type.size - 1
             self.error(
-                "E205", node.index, f"index {value:g} is outside the array", f"it has indices 0 .. {last}"
+                "E205", node.index, f"index {value:g} is outside the array", f"its indices are 0 .. {last}"
             )
             return None
         return ir.Element(type=array.type.element, array=array, index=index, span=self.span(node))
@@ -198,15 +202,20 @@ def _mismatch(operator: ir.Binary, a: Type, b: Type) -> str:
         wanted = "two numbers of one dimension"
     if operator in (ir.Binary.MULTIPLY, ir.Binary.DIVIDE):
         wanted = "two numbers"
-    return f"`{operator.value}` needs {wanted}, found {articles((a, b))}"
+    return f"`{operator.value}` needs {wanted}, found {with_articles((a, b))}"
 
 
 def _infix_hint(node: ast.Infix, operator: ir.Binary, left: Type, right: Type) -> str | None:
     a, b = element_type(left), element_type(right)
     if (isinstance(a, Enum) or isinstance(b, Enum)) and operator not in _EQUALITY | _BOOLEAN:
         return "only `==` and `!=` apply to an enum"
-    if isinstance(a, Quantity) and isinstance(b, Quantity) and PLAIN in (a, b) and operator not in _BOOLEAN:
-        plain, unit = (node.left, b) if a == PLAIN else (node.right, a)
+    if (
+        isinstance(a, Quantity)
+        and isinstance(b, Quantity)
+        and DIMENSIONLESS in (a, b)
+        and operator not in _BOOLEAN
+    ):
+        plain, unit = (node.left, b) if a == DIMENSIONLESS else (node.right, a)
         if isinstance(plain, ast.Number):
             return f"write its unit, for example `{plain.digits[:20]} {unit}`"
         return f"give it a unit, times `1 {unit}`; or divide the other: `x / 1 {unit}` is a plain number"

@@ -9,13 +9,13 @@ from typing import TypeVar
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
-from colony.dsl.check.compatibility import article, fits
+from colony.dsl.check.compatibility import fits, with_article
 from colony.dsl.check.derived import check_let, check_nexts, check_param, check_state, let_symbol
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.references import actuator_named, resolve_part, resolve_reference
 from colony.dsl.check.robot import command_arguments
 from colony.dsl.check.scope import (
-    Broken,
+    BrokenSymbol,
     ModuleSymbol,
     ParamSymbol,
     Report,
@@ -36,7 +36,7 @@ _PYTHON_PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 @record
 class Template(Record):
-    """A module's text, where it was written, and the params that a derived module overrides."""
+    """A module's declaration, its scope, and the params that a derived module overrides."""
 
     node: ast.ModuleDecl | ast.PythonModuleDecl
     scope: Scope
@@ -44,8 +44,8 @@ class Template(Record):
 
 
 @record
-class Pending(Record):
-    """A module declaration that is to be checked, in the scope of its file."""
+class PendingModule(Record):
+    """A module declaration still to be checked, with the scope of its file."""
 
     node: ModuleNode
     scope: Scope
@@ -56,27 +56,27 @@ class Pending(Record):
         return self.scope.full(self.node.name.text)
 
 
-def check_modules(report: Report, pending: list[Pending]) -> list[ir.AnyModule]:
-    """Check all modules of a program, in order; their symbols are put where their files look names up.
+def check_modules(report: Report, declared: list[PendingModule]) -> list[ir.AnyModule]:
+    """Check all modules of a program, in order, and put their symbols into the scopes of their files.
 
-    Each file's scope already holds a symbol for each of its modules, by its full name.
+    Each scope already holds a placeholder symbol for each of its modules, with its full name.
     """
-    by_name = {p.full_name: p for p in pending}
+    by_name = {p.full_name: p for p in declared}
     templates: dict[str, Template | None] = {}
     modules: list[ir.AnyModule] = []
-    for one in pending:
-        template = _template(report, one, by_name, templates)
+    for pending in declared:
+        template = _template(report, pending, by_name, templates)
         if template is None:
             continue
-        module, members = _instance(report, one, template)
+        module, members = _instance(report, pending, template)
         if module is not None:
             symbol = ModuleSymbol(name=module.name, actuator=module.actuator, members=members)
-            one.scope.parts[one.node.name.text] = symbol
+            pending.scope.parts[pending.node.name.text] = symbol
             modules.append(module)
     checked = {m.name for m in modules}
-    for one in pending:
-        if one.full_name not in checked:
-            one.scope.parts[one.node.name.text] = Broken()
+    for pending in declared:
+        if pending.full_name not in checked:
+            pending.scope.parts[pending.node.name.text] = BrokenSymbol()
     return modules
 
 
@@ -85,23 +85,23 @@ def check_modules(report: Report, pending: list[Pending]) -> list[ir.AnyModule]:
 
 def _template(
     report: Report,
-    one: Pending,
-    by_name: Mapping[str, Pending],
+    pending: PendingModule,
+    by_name: Mapping[str, PendingModule],
     templates: dict[str, Template | None],
 ) -> Template | None:
-    """Follow `module a = b(...)` to a module with a text of its own; iterative, as chains may be long."""
-    trail: list[Pending] = []
-    met: dict[str, int] = {}
-    here: Pending | None = one
+    """Follow `module a = b(...)` to a module with a body; iterative, as chains may be long."""
+    trail: list[PendingModule] = []
+    position: dict[str, int] = {}
+    here: PendingModule | None = pending
     while here is not None and here.full_name not in templates:
-        if here.full_name in met:
-            cycle = [f"`{p.node.name.text}`" for p in [*trail[met[here.full_name] :], here]]
+        if here.full_name in position:
+            cycle = [f"`{p.node.name.text}`" for p in [*trail[position[here.full_name] :], here]]
             names = " = ".join(cycle if len(cycle) <= 6 else [*cycle[:4], "...", cycle[-1]])
             report.error(here.scope, "E404", here.node.name, f"the module is derived from itself: {names}")
             for p in trail:
                 templates[p.full_name] = None
             return None
-        met[here.full_name] = len(trail)
+        position[here.full_name] = len(trail)
         trail.append(here)
         if not isinstance(here.node, ast.DerivedModuleDecl):
             templates[here.full_name] = Template(node=here.node, scope=here.scope, params={})
@@ -115,29 +115,29 @@ def _template(
             base = _base(report, p, by_name, quiet=True)
             template = templates[base.full_name] if base else None
             templates[p.full_name] = None if template is None else _derive(report, p, p.node, template)
-    return templates[one.full_name]
+    return templates[pending.full_name]
 
 
 def _base(
-    report: Report, one: Pending, by_name: Mapping[str, Pending], quiet: bool = False
-) -> Pending | None:
+    report: Report, pending: PendingModule, by_name: Mapping[str, PendingModule], quiet: bool = False
+) -> PendingModule | None:
     """Return the declaration that a derived module names as its base."""
-    assert isinstance(one.node, ast.DerivedModuleDecl)
-    scope, path = one.scope.resolve(one.node.base.path)
+    assert isinstance(pending.node, ast.DerivedModuleDecl)
+    scope, path = pending.scope.resolve(pending.node.base.path)
     symbol = scope.part(path[0]) if len(path) == 1 else None
     if isinstance(symbol, ModuleSymbol) and symbol.name in by_name:
         return by_name[symbol.name]
     if quiet:
         return None
     if symbol is None or isinstance(symbol, ModuleSymbol):
-        resolve_part(ExpressionChecker(scope=one.scope, report=report), one.node.base)
-    elif not isinstance(symbol, Broken):
-        report.error(one.scope, "E404", one.node.base, f"`{one.node.base.text}` is not a module")
+        resolve_part(ExpressionChecker(scope=pending.scope, report=report), pending.node.base)
+    elif not isinstance(symbol, BrokenSymbol):
+        report.error(pending.scope, "E404", pending.node.base, f"`{pending.node.base.text}` is not a module")
     return None
 
 
-def _derive(report: Report, one: Pending, node: ast.DerivedModuleDecl, base: Template) -> Template:
-    checker = ExpressionChecker(scope=one.scope, report=report)
+def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl, base: Template) -> Template:
+    checker = ExpressionChecker(scope=pending.scope, report=report)
     known = [c.name.text for c in base.node.clauses if isinstance(c, ast.ParamDecl)]
     declared: dict[str, ValueSymbol] = {}
     quiet = ExpressionChecker(scope=base.scope, report=Report(), local=declared)
@@ -161,8 +161,8 @@ def _derive(report: Report, one: Pending, node: ast.DerivedModuleDecl, base: Tem
         if fits(found.type, param.type):
             params[name] = ParamSymbol(type=param.type, value=found.value)
         else:
-            wanted = f"param `{name}` of `{node.base.text}` is {article(param.type)}"
-            checker.error("E404", argument.value, f"{wanted}, found {article(found.type)}")
+            wanted = f"param `{name}` of `{node.base.text}` is {with_article(param.type)}"
+            checker.error("E404", argument.value, f"{wanted}, found {with_article(found.type)}")
     return replace(base, params=params)
 
 
@@ -170,26 +170,26 @@ def _derive(report: Report, one: Pending, node: ast.DerivedModuleDecl, base: Tem
 
 
 def _instance(
-    report: Report, one: Pending, template: Template
+    report: Report, pending: PendingModule, template: Template
 ) -> tuple[ir.AnyModule | None, dict[str, ValueSymbol]]:
     """Return the module, and its params, lets and states by name as written."""
-    derived = isinstance(one.node, ast.DerivedModuleDecl)
+    derived = isinstance(pending.node, ast.DerivedModuleDecl)
     local: dict[str, ValueSymbol] = {}
-    # What a derived module repeats of its base was reported there already.
+    # Errors that a derived module repeats from its base are already reported there.
     sink = Report(cells=report.cells) if derived else report
     checker = ExpressionChecker(scope=template.scope, report=sink, local=local)
     module: ir.AnyModule | None
     if isinstance(template.node, ast.PythonModuleDecl):
-        module = _python_module(checker, one, template.node, template.params, local)
+        module = _python_module(checker, pending, template.node, template.params, local)
     else:
-        module = _module(checker, one, template.node, template.params, local)
+        module = _module(checker, pending, template.node, template.params, local)
     if derived:
         report.cells = sink.cells
-        _report_misfits(report, one, sink)
+        _report_misfits(report, pending, sink)
     return module, local
 
 
-def _report_misfits(report: Report, one: Pending, sink: Report) -> None:
+def _report_misfits(report: Report, pending: PendingModule, sink: Report) -> None:
     """Report overridden params that do not fit the base module, at the place that overrides them."""
     if not sink.diagnostics:
         return
@@ -197,9 +197,9 @@ def _report_misfits(report: Report, one: Pending, sink: Report) -> None:
     for d in sink.diagnostics:
         if (d.code, d.span.start, d.message) not in base_errors:
             line, _ = d.span.source.position(d.span.start)
-            file = "" if d.span.source is one.scope.file.source else f" of `{d.span.source.name}`"
-            message = f"with these params line {line}{file}, in its base, is wrong: {d.message}"
-            report.error(one.scope, "E404", one.node, message, d.hint)
+            file = "" if d.span.source is pending.scope.file.source else f" of `{d.span.source.name}`"
+            message = f"with these params, line {line}{file}, in the base module, is wrong: {d.message}"
+            report.error(pending.scope, "E404", pending.node, message, d.hint)
             return
 
 
@@ -209,22 +209,22 @@ def _clauses(node: ast.ModuleDecl | ast.PythonModuleDecl, kind: type[_Clause]) -
 
 def _module(
     checker: Checker,
-    one: Pending,
+    pending: PendingModule,
     node: ast.ModuleDecl,
-    anew: Mapping[str, ParamSymbol],
+    overrides: Mapping[str, ParamSymbol],
     local: dict[str, ValueSymbol],
 ) -> ir.Module | None:
     """Check a module written in the language; return None if anything in it is wrong."""
-    full, before = one.full_name, len(checker.report.diagnostics)
+    full, before = pending.full_name, len(checker.report.diagnostics)
     names = frozenset(c.name.text for c in node.clauses if not isinstance(c, ast.NextDecl))
     checker = replace(checker, later=names)
     _report_duplicates(checker, node.clauses)
-    params = _params(checker, _clauses(node, ast.ParamDecl), anew, local)
+    params = _params(checker, _clauses(node, ast.ParamDecl), overrides, local)
     states = _states(checker, full, _clauses(node, ast.StateDecl), local)
     lets: list[ir.Let] = []
     for clause in _clauses(node, ast.LetDecl):
         let = check_let(checker, clause, f"{full}.{clause.name.text}")
-        local[clause.name.text] = Broken() if let is None else let_symbol(let, full)
+        local[clause.name.text] = BrokenSymbol() if let is None else let_symbol(let, full)
         lets += [let] if let else []
     state_symbols = {c.name.text: local[c.name.text] for c in _clauses(node, ast.StateDecl)}
     nexts = check_nexts(checker, _clauses(node, ast.NextDecl), state_symbols)
@@ -236,7 +236,7 @@ def _module(
         return None
     return ir.Module(
         name=full,
-        span=span_of(one.scope, one.node.name),
+        span=span_of(pending.scope, pending.node.name),
         params=params,
         lets=tuple(lets),
         states=tuple(replace(s, next=nexts.get(s.name.removeprefix(f"{full}."))) for s in states),
@@ -258,15 +258,15 @@ def _report_duplicates(checker: Checker, clauses: tuple[ast.Clause | ast.PythonC
 def _params(
     checker: Checker,
     clauses: list[ast.ParamDecl],
-    anew: Mapping[str, ParamSymbol],
+    overrides: Mapping[str, ParamSymbol],
     local: dict[str, ValueSymbol],
 ) -> tuple[tuple[str, ScalarValue], ...]:
     """Return the params in order, as written or overridden; each may use those above it."""
     params: list[tuple[str, ScalarValue]] = []
     for clause in clauses:
         name = clause.name.text
-        symbol: ParamSymbol | Broken = check_param(checker, clause)
-        local[name] = symbol = anew.get(name, symbol)
+        symbol: ParamSymbol | BrokenSymbol = check_param(checker, clause)
+        local[name] = symbol = overrides.get(name, symbol)
         if isinstance(symbol, ParamSymbol):
             params.append((name, symbol.value))  # type: ignore[arg-type]
     return tuple(params)
@@ -281,7 +281,7 @@ def _states(
         name = clause.name.text
         found = check_state(checker, clause)
         if found is None:
-            local[name] = Broken()
+            local[name] = BrokenSymbol()
             continue
         type_, initial = found
         local[name] = StateSymbol(name=f"{full}.{name}", type=type_)
@@ -300,9 +300,9 @@ def _command(checker: Checker, node: ast.DoDecl) -> ir.Command | None:
     names = [f.name for f in actuator.fields]
     values = command_arguments(checker, node, node.arguments, names, actuator.name)
     fields: list[Expression] = []
-    for one in actuator.fields:
-        if one.name in values:
-            found = checker.expect(values[one.name].value, one.type, f"field `{one.name}`")
+    for field in actuator.fields:
+        if field.name in values:
+            found = checker.expect(values[field.name].value, field.type, f"field `{field.name}`")
             fields += [found] if found else []
     return ir.Command(actuator=actuator.name, fields=tuple(fields)) if len(fields) == len(names) else None
 
@@ -312,15 +312,15 @@ def _command(checker: Checker, node: ast.DoDecl) -> ir.Command | None:
 
 def _python_module(
     checker: Checker,
-    one: Pending,
+    pending: PendingModule,
     node: ast.PythonModuleDecl,
-    anew: Mapping[str, ParamSymbol],
+    overrides: Mapping[str, ParamSymbol],
     local: dict[str, ValueSymbol],
 ) -> ir.PythonModule | None:
     """Check a module whose step is Python. Its class is not imported: checking runs no user code."""
     before = len(checker.report.diagnostics)
     _report_duplicates(checker, node.clauses)
-    params = _params(checker, _clauses(node, ast.ParamDecl), anew, local)
+    params = _params(checker, _clauses(node, ast.ParamDecl), overrides, local)
     if not _PYTHON_PATH.fullmatch(node.path):
         hint = 'for example "colony.nav.hallway:CenterHallway"'
         checker.error("E405", node, f'"{node.path}" does not name a class as "package.module:Class"', hint)
@@ -333,17 +333,15 @@ def _python_module(
     actuator = actuator_named(checker, commands[0].actuator) if commands else None
     rate = checker.duration_ns(rates[0].period, "the rate") if rates else None
     if rate == 0:
-        checker.error(
-            "E406", rates[0], "the rate must be longer than nothing", "leave it out for every frame"
-        )
+        checker.error("E406", rates[0], "the rate must be longer than 0", "leave it out for every frame")
     if any(d.severity == "error" for d in checker.report.diagnostics[before:]):
         return None
     if commands and actuator is None:
         return None
     module_path, _, class_name = node.path.partition(":")
     return ir.PythonModule(
-        name=one.full_name,
-        span=span_of(one.scope, one.node.name),
+        name=pending.full_name,
+        span=span_of(pending.scope, pending.node.name),
         module_path=module_path,
         class_name=class_name,
         params=params,

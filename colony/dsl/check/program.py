@@ -1,7 +1,8 @@
-"""All files of a program to the typed program, in a fixed order of stages.
+"""Checking of all files of a program, in stages, to the typed program.
 
-Names first, so that order in the text matters only where the language says so; then constants, the robot,
-derived values, modules, wires and promises. Imported files come before those that import them throughout.
+Names are declared first, so that order in the text matters only where the language says so; then constants,
+the robot, derived values, modules, wires, limits, contracts and tests are checked. In every stage imported
+files come before their importers.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from colony.dsl.check.derived import (
     machine_type,
 )
 from colony.dsl.check.expressions import ExpressionChecker
-from colony.dsl.check.modules import Pending, check_modules
+from colony.dsl.check.modules import PendingModule, check_modules
 from colony.dsl.check.promises import check_contract, check_limit, check_test
 from colony.dsl.check.robot import check_enum, check_robot
 from colony.dsl.check.scope import (
-    Broken,
+    BrokenSymbol,
     EnumSymbol,
     MachineSymbol,
     Report,
@@ -100,7 +101,7 @@ class _Check:
             for node in scope.file.tree.declarations:
                 if isinstance(node, ast.EnumDecl):
                     type_ = check_enum(checker, node)
-                    symbol = EnumSymbol(type=type_) if type_ else Broken()
+                    symbol = EnumSymbol(type=type_) if type_ else BrokenSymbol()
                     scope.values.setdefault(node.name.text, symbol)
                 elif isinstance(node, ast.ParamDecl):
                     scope.values.setdefault(node.name.text, check_param(checker, node))
@@ -110,7 +111,7 @@ class _Check:
         found = list(self._each(ast.RobotDecl))
         if not found:
             self.robot.absent = True
-            if not any(d.code in _UNREAD for d in self.report.diagnostics):
+            if not any(d.code in _UNREADABLE_CODES for d in self.report.diagnostics):
                 start = ast.Name(text="", start=0, end=0)
                 hint = 'declare one, or import a file that does: `import "rome.colony"`'
                 self.report.error(self.root, "E301", start, "the program has no robot", hint)
@@ -131,12 +132,12 @@ class _Check:
             full = checker.scope.full(state.name.text)
             if found is not None:
                 initial[full] = found[1]
-            symbol = Broken() if found is None else StateSymbol(name=full, type=found[0])
+            symbol = BrokenSymbol() if found is None else StateSymbol(name=full, type=found[0])
             checker.scope.values.setdefault(state.name.text, symbol)
         derived: list[ir.Derived] = []
         for checker, let in self._each(ast.LetDecl):
             done = check_let(checker, let, checker.scope.full(let.name.text))
-            checker.scope.values.setdefault(let.name.text, let_symbol(done) if done else Broken())
+            checker.scope.values.setdefault(let.name.text, let_symbol(done) if done else BrokenSymbol())
             derived += [done] if done else []
         return derived + self._states(initial) + self._machines()
 
@@ -173,13 +174,13 @@ class _Check:
                 machines += [machine] if machine else []
         return machines
 
-    def _pending_modules(self) -> list[Pending]:
+    def _pending_modules(self) -> list[PendingModule]:
         seen: set[str] = set()
-        pending: list[Pending] = []
+        pending: list[PendingModule] = []
         for scope in self.scopes:
             for node in scope.file.tree.declarations:
                 if isinstance(node, MODULE_DECLARATIONS):
-                    one = Pending(node=node, scope=scope)
+                    one = PendingModule(node=node, scope=scope)
                     if one.full_name not in seen:  # a second of the same name was reported
                         seen.add(one.full_name)
                         pending.append(one)
@@ -233,21 +234,21 @@ class _Check:
                     message = f"{kind} `{part.name}` reaches no actuator"
                     actuators = [a.name for a in robot.actuators]
                     close = self.report.suggest(part.name, actuators) if kind == "wire" else None
-                    hint = close or "wire it in a `network { ... }` block, or take it out"
+                    hint = close or "wire it in a `network { ... }` block, or remove it"
                     self.report.diagnostics.append(warning("W001", part.span, message, hint))
         driven = {w.actuator for w in wires}
         for actuator in robot.actuators:
-            # What an imported robot merely offers: left alone, it is sent nothing.
-            offered = actuator.idle is None and actuator.span.source is not own
-            if actuator.name not in driven and not offered and self._wires_anything():
+            # With `idle hold`, an actuator of an imported robot may stay unused: it is sent nothing.
+            is_optional = actuator.idle is None and actuator.span.source is not own
+            if actuator.name not in driven and not is_optional and self._wires_anything():
                 message = f"nothing drives actuator `{actuator.name}`"
                 hint = f"assign to it: `network {{ {actuator.name} = ... }}`"
                 self.report.diagnostics.append(warning("W002", actuator.span, message, hint))
 
     def _wires_anything(self) -> bool:
-        """Return True if the file has modules or a network; a library or a robot needs to drive nothing."""
+        """Return True if the file has modules or a network: only then is an unused actuator suspicious."""
         kinds = (*MODULE_DECLARATIONS, ast.NetworkDecl)
         return any(isinstance(d, kinds) for d in self.root.file.tree.declarations)
 
 
-_UNREAD = frozenset({"E002", "E003", "E004", "E005", "E006", "E007", "E103"})
+_UNREADABLE_CODES = frozenset({"E002", "E003", "E004", "E005", "E006", "E007", "E103"})

@@ -1,4 +1,4 @@
-"""Checks of requirements: limits, contracts and tests."""
+"""Checking of limits, contracts and tests."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
-from colony.dsl.check.compatibility import article
+from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.references import actuator_named
-from colony.dsl.check.scope import Broken, SensorSymbol
+from colony.dsl.check.scope import BrokenSymbol, SensorSymbol
 from colony.ir import program as ir
 from colony.ir.expression import Expression
 from colony.ir.types import BOOL, Array, Quantity, ScalarValue, element_type
@@ -34,7 +34,9 @@ def check_limit(checker: Checker, node: ast.LimitDecl) -> ir.Limit | None:
     index = names.index(node.field.text)
     type_ = actuator.fields[index].type
     if not isinstance(type_, Quantity):
-        checker.error("E601", node.field, f"a limit bounds numbers; `{node.field.text}` is {article(type_)}")
+        checker.error(
+            "E601", node.field, f"a limit bounds numbers; `{node.field.text}` is {with_article(type_)}"
+        )
         return None
     bound = checker.expect(node.bound, type_, "the bound")
     if bound is None or (condition is None and node.condition is not None):
@@ -60,7 +62,7 @@ def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | No
 
 
 def check_test(checker: Checker, node: ast.TestDecl) -> ir.Example | None:
-    """Check an example; its times must strictly rise."""
+    """Check an example; its times must strictly increase."""
     steps: list[ir.Step] = []
     latest = -1
     frames = 0
@@ -77,7 +79,7 @@ def check_test(checker: Checker, node: ast.TestDecl) -> ir.Example | None:
             return None
         if times[0] <= latest:
             hint = "each step begins after the one before it has ended"
-            checker.error("E602", step.first, "the times of a test must strictly rise", hint)
+            checker.error("E602", step.first, "the times of a test must strictly increase", hint)
         latest = max(latest, times[-1])
         steps.append(
             ir.Step(
@@ -99,7 +101,7 @@ def _times(checker: Checker, step: ast.StepDecl) -> tuple[int, ...] | None:
     if first is None or last is None or period is None:
         return None
     if period == 0:
-        checker.error("E604", step.period, "the time between frames must be longer than nothing")
+        checker.error("E604", step.period, "the time between frames must be longer than 0")
         return None
     if last < first:
         checker.error("E602", step.last, "the step ends before it begins")
@@ -114,7 +116,7 @@ def _given(checker: Checker, node: ast.GivenDecl) -> ir.Given | None:
     """Check `sensor = value`, `sensor[index] = value` or `sensor = missing`."""
     symbol = checker.scope.robot.values.get(node.sensor.text)
     if not isinstance(symbol, SensorSymbol):
-        if not isinstance(symbol, Broken) and not checker.scope.excused(node.sensor.text):
+        if not isinstance(symbol, BrokenSymbol) and not checker.scope.may_be_lost(node.sensor.text):
             hint = checker.report.suggest(node.sensor.text, checker.scope.robot.values)
             if checker.scope.value(node.sensor.text) is not None:
                 hint = "tests give values to sensors; what is derived from them follows"

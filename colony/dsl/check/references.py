@@ -1,4 +1,4 @@
-"""References: `name`, `name.name` and what contracts say about actuators and modules."""
+"""Resolution of references: `name`, `name.name`, `actuator by module` and `name is active`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from colony.dsl.check.calls import FUNCTION_NAMES
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.scope import (
     ActuatorSymbol,
-    Broken,
+    BrokenSymbol,
     EnumSymbol,
     LetSymbol,
     MachineSymbol,
@@ -24,19 +24,19 @@ from colony.dsl.check.scope import (
 )
 from colony.ir import expression as ir
 from colony.ir import program as program_ir
-from colony.ir.types import BOOL, DURATION, PLAIN, Enum
+from colony.ir.types import BOOL, DIMENSIONLESS, DURATION, Enum
 
 
 def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | None:
-    """Return the typed expression that a name stands for, or None after reporting an error."""
+    """Return the typed expression that a name refers to, or None after reporting an error."""
     first = node.path[0]
     if len(node.path) == 1:
         if first in checker.loops:
-            return ir.LoopIndex(type=PLAIN, name=checker.loops[first], span=checker.span(node))
+            return ir.LoopIndex(type=DIMENSIONLESS, name=checker.loops[first], span=checker.span(node))
         symbol = checker.local.get(first) or checker.scope.value(first)
         if symbol is not None:
             return _value(checker, node, symbol)
-        if first == "now":  # `now` and `now()` are the same, unless something else is called so
+        if first == "now":  # `now` is `now()`, unless something else has that name
             return ir.Now(type=DURATION, span=checker.span(node))
         _unknown(checker, node, checker.scope, first)
         return None
@@ -46,7 +46,7 @@ def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | 
     symbol, part = scope.value(path[0]), scope.part(path[0])
     if symbol is not None and len(path) == 1:
         return _value(checker, node, symbol)
-    if isinstance(symbol, Broken):
+    if isinstance(symbol, BrokenSymbol):
         return None
     if isinstance(symbol, EnumSymbol | MachineSymbol) and not _means_part(checker, symbol, part, path[1]):
         return _member(checker, node, symbol, path[1:])
@@ -77,7 +77,7 @@ def _value(checker: Checker, node: ast.Reference, symbol: ValueSymbol) -> ir.Exp
                 "E106", node, f"`{node.text}` is an enum, not a value", f"name a member: `{example}`"
             )
             return None
-        case Broken():
+        case BrokenSymbol():
             return None
 
 
@@ -94,7 +94,7 @@ def _member(
             names = [name for name, _ in enum.members]
             hint = checker.report.suggest(rest[0], names) or f"it has {', '.join(names)}"
             checker.error("E108", node, f"`{owner}` has no {_member_word(enum)} `{rest[0]}`", hint)
-        case Broken():
+        case BrokenSymbol():
             pass
         case _:
             checker.error("E108", node, f"`{owner}` has no part `{'.'.join(rest)}`")
@@ -108,7 +108,7 @@ def _member_word(enum: Enum) -> str:
 def _means_part(
     checker: Checker, symbol: EnumSymbol | MachineSymbol, part: PartSymbol | None, name: str
 ) -> bool:
-    """Return True if a contract's `owner.name` means the part, where a value has the name `owner` too."""
+    """Return True if `owner.name` in a contract means the part, although `owner` is also a value."""
     if not checker.promise or name in dict(symbol.type.members):
         return False
     match part:
@@ -122,10 +122,10 @@ def _means_part(
 
 def _part_member(checker: Checker, node: ast.Reference, part: PartSymbol, name: str) -> ir.Expression | None:
     """Resolve `actuator.field` and `module.name`, in contracts and expectations."""
-    if isinstance(part, Broken):
+    if isinstance(part, BrokenSymbol):
         return None
     if not checker.promise:
-        hint = "a module never knows what others do; share values through file-level `let` and `state`"
+        hint = "a module cannot see what other modules do; share values through file-level `let` and `state`"
         checker.error("E106", node, f"`{node.text}` can be read only in contracts and tests", hint)
         return None
     owner = ".".join(node.path[:-1])
@@ -148,14 +148,14 @@ def _part_member(checker: Checker, node: ast.Reference, part: PartSymbol, name: 
 
 
 def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> None:
-    """Report a name that stands for nothing here, with what is closest to it."""
+    """Report an unknown name, with a hint at the closest known one."""
     part = scope.part(name)
-    if isinstance(part, Broken):
+    if isinstance(part, BrokenSymbol):
         return
     if part is not None:
         kind = {ModuleSymbol: "module", WireSymbol: "wire", ActuatorSymbol: "actuator"}[type(part)]
         status = "commanded" if isinstance(part, ActuatorSymbol) else "active"
-        where = f"ask `{name} is {status}`" if checker.promise else "only contracts and tests speak of it"
+        where = f"ask `{name} is {status}`" if checker.promise else "only contracts and tests can refer to it"
         checker.error("E106", node, f"`{name}` is {_a(kind)}, not a value", where)
         return
     if checker.constants and _declared_but_not_constant(scope, name):
@@ -164,7 +164,7 @@ def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> 
         )
         return
     if name in scope.visible_values or name in checker.later:
-        checker.error("E105", node, f"`{name}` is used before it is declared", _ABOVE)
+        checker.error("E105", node, f"`{name}` is used before it is declared", _DECLARE_ABOVE)
         return
     known = [*checker.local, *scope.visible_values, *scope.robot.values, *scope.aliases, *checker.loops]
     robot = checker.scope.robot
@@ -172,12 +172,12 @@ def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> 
         prefixed = f"the robot's names are never prefixed: write `{name}`"
         checker.error("E101", node, f"unknown name `{node.text}`", prefixed)
         return
-    hint = _WORDS.get(name) or _member_hint(scope, name) or checker.report.suggest(name, known)
+    hint = _WORD_HINTS.get(name) or _member_hint(scope, name) or checker.report.suggest(name, known)
     checker.error("E101", node, f"unknown name `{name}`", hint)
 
 
-_ABOVE = "what is read must be declared above"
-_WORDS = {
+_DECLARE_ABOVE = "declare it above the place that reads it"
+_WORD_HINTS = {
     "True": "write `true`",
     "False": "write `false`",
     "None": "say `missing` in tests; in expressions ask `fresh(sensor)`",
@@ -205,7 +205,7 @@ def _a(word: str) -> str:
     return f"an {word}" if word[0] in "aeiou" else f"a {word}"
 
 
-# --- what contracts say of the network -----------------------------------------------------------
+# --- `by` and `is` in contracts ------------------------------------------------------------------
 
 
 def resolve_winner(checker: Checker, node: ast.By) -> ir.Expression | None:
@@ -213,11 +213,11 @@ def resolve_winner(checker: Checker, node: ast.By) -> ir.Expression | None:
     if not _in_promise(checker, node):
         return None
     actuator, module = part_of(checker, node.actuator), part_of(checker, node.module)
-    if actuator is not None and not isinstance(actuator, ActuatorSymbol | Broken):
-        checker.error("E202", node.actuator, "left of `by` stands an actuator")
+    if actuator is not None and not isinstance(actuator, ActuatorSymbol | BrokenSymbol):
+        checker.error("E202", node.actuator, "expected an actuator to the left of `by`")
         actuator = None
-    if module is not None and not isinstance(module, ModuleSymbol | Broken):
-        checker.error("E202", node.module, "right of `by` stands a module")
+    if module is not None and not isinstance(module, ModuleSymbol | BrokenSymbol):
+        checker.error("E202", node.module, "expected a module to the right of `by`")
         module = None
     if not isinstance(actuator, ActuatorSymbol) or not isinstance(module, ModuleSymbol):
         return None
@@ -237,7 +237,7 @@ def resolve_status(checker: Checker, node: ast.Is) -> ir.Expression | None:
         return None
     part = part_of(checker, node.subject)
     span = checker.span(node)
-    if part is None or isinstance(part, Broken):
+    if part is None or isinstance(part, BrokenSymbol):
         return None
     if isinstance(part, ActuatorSymbol):
         if node.status == "active":
@@ -254,7 +254,7 @@ def resolve_status(checker: Checker, node: ast.Is) -> ir.Expression | None:
 
 def _in_promise(checker: Checker, node: ast.SyntaxNode) -> bool:
     if not checker.promise:
-        checker.error("E210", node, "`by` and `is` stand only in contracts and tests")
+        checker.error("E210", node, "`by` and `is` are allowed only in contracts and tests")
     return checker.promise
 
 
@@ -274,8 +274,8 @@ def resolve_part(checker: Checker, node: ast.Reference) -> PartSymbol | None:
         part = scope.drives.get(path[0])
     if len(path) == 1 and part is None:
         part = scope.part(path[0])
-    if part is None and len(path) > 1 and scope.excused(path[0]):
-        part = Broken()
+    if part is None and len(path) > 1 and scope.may_be_lost(path[0]):
+        part = BrokenSymbol()
     if part is None and len(path) == 1 and scope.value(path[0]) is not None:
         message = f"`{node.text}` is a value, not a module, wire or actuator"
         hint = None if checker.promise else "a module reads values in `when` and `do`"
@@ -294,7 +294,7 @@ def actuator_named(checker: Checker, name: ast.Name) -> program_ir.Actuator | No
     symbol = checker.scope.robot.parts.get(name.text)
     if isinstance(symbol, ActuatorSymbol):
         return symbol.actuator
-    if not isinstance(symbol, Broken) and not checker.scope.excused(name.text):
+    if not isinstance(symbol, BrokenSymbol) and not checker.scope.may_be_lost(name.text):
         known = [n for n, s in checker.scope.robot.parts.items() if isinstance(s, ActuatorSymbol)]
         hint = checker.report.suggest(name.text, known) or (
             f"the robot has {', '.join(known)}" if known else None

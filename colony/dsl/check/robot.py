@@ -1,30 +1,30 @@
-"""The robot: sensors, actuators, the frame period; and the type names that declarations use."""
+"""Checking of the robot (sensors, actuators, the frame period) and of type names."""
 
 from __future__ import annotations
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
-from colony.dsl.check.compatibility import article
+from colony.dsl.check.compatibility import with_article
 from colony.dsl.check.constants import unit_of
-from colony.dsl.check.scope import ActuatorSymbol, Broken, EnumSymbol, SensorSymbol
+from colony.dsl.check.scope import ActuatorSymbol, BrokenSymbol, EnumSymbol, SensorSymbol
 from colony.ir import program as ir
-from colony.ir.types import BOOL, PLAIN, Array, Enum, Quantity, Scalar, ScalarValue
+from colony.ir.types import BOOL, DIMENSIONLESS, Array, Enum, Quantity, Scalar, ScalarValue
 from colony.text.units import UnitError
 
 MAX_ELEMENTS = 4096
-# What lines of recordings and traces use beside sensors, actuators and their fields:
+# Keys that recordings and traces use besides the names of sensors, actuators and fields:
 RESERVED_SENSORS = {"t": "the frame's time"}
 RESERVED_ACTUATORS = {**RESERVED_SENSORS, "breaches": "the broken contracts"}
-RESERVED_FIELDS = {"fault": "what went wrong", "fates": "what became of clients"}  # `by` is reserved anyway
+RESERVED_FIELDS = {"fault": "the fault of a command", "fates": "the fates of clients"}  # `by` is a keyword
 
 
 def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | None:
-    """Return the type that a type name stands for, and the unit of its values at the boundary (if any)."""
+    """Return the type of a type name, and the unit of its values in frames and commands (if any)."""
     name = ".".join(node.path)
     if node.path == ("bool",):
         return BOOL, ""
     if node.path == ("number",):
-        return PLAIN, ""
+        return DIMENSIONLESS, ""
     try:
         unit = unit_of(name)
         return Quantity(unit.dimension), unit.text
@@ -34,7 +34,7 @@ def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | Non
     symbol = scope.value(path[0]) if len(path) == 1 else None
     if isinstance(symbol, EnumSymbol):
         return symbol.type, ""
-    if isinstance(symbol, Broken):
+    if isinstance(symbol, BrokenSymbol):
         return None
     if not all(part.isidentifier() for part in node.path):
         checker.error("E011", node, trouble)
@@ -47,7 +47,7 @@ def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | Non
 
 
 def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
-    """Check the robot; fill the scope that all files share. Erroneous parts are left out of the result."""
+    """Check the robot and fill the scope that all files share; invalid parts are left out."""
     robot = checker.scope.robot
     sensors: list[ir.Sensor] = []
     actuators: list[ir.Actuator] = []
@@ -64,11 +64,11 @@ def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
         names[item.name.text] = item.name
         if isinstance(item, ast.SensorDecl):
             sensor = _sensor(checker, item)
-            robot.values[item.name.text] = SensorSymbol(sensor=sensor) if sensor else Broken()
+            robot.values[item.name.text] = SensorSymbol(sensor=sensor) if sensor else BrokenSymbol()
             sensors += [sensor] if sensor else []
         else:
             actuator = _actuator(checker, item)
-            robot.parts[item.name.text] = ActuatorSymbol(actuator=actuator) if actuator else Broken()
+            robot.parts[item.name.text] = ActuatorSymbol(actuator=actuator) if actuator else BrokenSymbol()
             actuators += [actuator] if actuator else []
     return ir.Robot(
         name=node.name.text,
@@ -82,9 +82,7 @@ def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
 def _frame(checker: Checker, item: ast.FrameDecl, periods: list[int]) -> None:
     period = checker.duration_ns(item.period, "the frame period")
     if period == 0:
-        checker.error(
-            "E309", item, "the frame period must be longer than nothing", "for example `frame 50 ms`"
-        )
+        checker.error("E309", item, "the frame period must be longer than 0", "for example `frame 50 ms`")
     elif period is not None and periods:
         checker.error("E309", item, "the frame period is given twice")
     elif period is not None:
@@ -98,7 +96,7 @@ def _range(
     if node is None:
         return None, None
     if not isinstance(type_, Quantity):
-        checker.error("E303", node, f"a range bounds numbers; this is {article(type_)}")
+        checker.error("E303", node, f"a range bounds numbers; this is {with_article(type_)}")
         return None, None
     low = checker.constant_in(node.low, type_, unit, "the low end of a range")
     high = checker.constant_in(node.high, type_, unit, "the high end of a range")
@@ -148,7 +146,7 @@ def _sensor(checker: Checker, item: ast.SensorDecl) -> ir.Sensor | None:
 
 def _refuse_reserved(checker: Checker, name: ast.Name, reserved: dict[str, str], kind: str) -> None:
     if name.text in reserved:
-        message = f"`{name.text}` is {reserved[name.text]} in recordings; no {kind} can be called so"
+        message = f"`{name.text}` is {reserved[name.text]} in recordings, so no {kind} can have this name"
         checker.error("E307", name, message, "choose another name")
 
 
@@ -260,7 +258,7 @@ def check_enum(checker: Checker, node: ast.EnumDecl) -> Enum | None:
     members: dict[str, float] = {}
     for member in node.members:
         name = member.name.text
-        value = checker.constant(member.value, PLAIN, f"the number of `{name}`")
+        value = checker.constant(member.value, DIMENSIONLESS, f"the number of `{name}`")
         if name in members:
             checker.error("E102", member.name, f"`{name}` is declared twice")
         elif value is not None and value.value in members.values():

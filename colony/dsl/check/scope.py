@@ -68,11 +68,11 @@ class MachineSymbol(Record):
 
 
 @record
-class Broken(Record):
-    """A declared name that is wrong or unreadable: its uses report no second error."""
+class BrokenSymbol(Record):
+    """A name with an invalid or unreadable declaration: its uses report no second error."""
 
 
-ValueSymbol = SensorSymbol | EnumSymbol | ParamSymbol | LetSymbol | StateSymbol | MachineSymbol | Broken
+ValueSymbol = SensorSymbol | EnumSymbol | ParamSymbol | LetSymbol | StateSymbol | MachineSymbol | BrokenSymbol
 
 
 @record
@@ -98,14 +98,14 @@ class ActuatorSymbol(Record):
     actuator: ir.Actuator
 
 
-PartSymbol = ModuleSymbol | WireSymbol | ActuatorSymbol | Broken
+PartSymbol = ModuleSymbol | WireSymbol | ActuatorSymbol | BrokenSymbol
 
 
 @dataclass(slots=True)
 class RobotScope:
     """Sensors and actuators: visible in every file, whatever it imports. Filled by the robot's check.
 
-    Where the program has no robot, or one that could not be read, unknown names are not reported.
+    If the program has no robot, or its text cannot be read, unknown names are not reported.
     """
 
     absent: bool = False
@@ -119,10 +119,10 @@ class RobotScope:
 class Scope:
     """The names that one file sees. Filled while the file is checked, then only read.
 
-    `values` and `parts` are what the file itself declares, as far as it is checked. `visible_values` and
-    `visible_parts` map these names, and those that plain imports bring in, to the scopes that own them.
-    `lost_names` are declared in unreadable text. If a whole import is unreadable (`incomplete`), any name may
-    be declared.
+    `values` and `parts` are the file's own declarations that are checked so far. `visible_values` and
+    `visible_parts` map these names, and those of plain imports, to the scopes that own them. `lost_names` are
+    those that unreadable text seems to declare; `incomplete` is true if a whole import is unreadable, so that
+    any name may be declared there.
     """
 
     file: ParsedFile
@@ -138,27 +138,27 @@ class Scope:
     incomplete: bool = False
 
     def value(self, name: str) -> ValueSymbol | None:
-        """Return the value that a name stands for, `Broken` if it may be lost, None if unknown."""
+        """Return the value that a name refers to, `BrokenSymbol` if it may be lost, None if unknown."""
         owner = self.visible_values.get(name)
         found = self.robot.values.get(name) if owner is None else owner.values.get(name)
-        return Broken() if found is None and self.excused(name) else found
+        return BrokenSymbol() if found is None and self.may_be_lost(name) else found
 
     def part(self, name: str) -> PartSymbol | None:
-        """Return the part that a name stands for, `Broken` if it may be lost, None if unknown."""
+        """Return the part that a name refers to, `BrokenSymbol` if it may be lost, None if unknown."""
         owner = self.visible_parts.get(name)
         found = self.robot.parts.get(name) if owner is None else owner.parts.get(name)
         if self.robot.absent and isinstance(found, WireSymbol):
-            return Broken()  # it may be an actuator of the robot that is not there
-        return Broken() if found is None and self.excused(name) else found
+            return BrokenSymbol()  # it may be an actuator of the missing robot
+        return BrokenSymbol() if found is None and self.may_be_lost(name) else found
 
-    def excused(self, name: str) -> bool:
+    def may_be_lost(self, name: str) -> bool:
         """Return True if the name may be declared in text that could not be read."""
         return self.robot.absent or self.incomplete or name in self.lost_names
 
     def resolve(self, path: tuple[str, ...]) -> tuple[Scope, tuple[str, ...]]:
         """Follow aliases at the front of a path: the scope that they lead to, and the rest.
 
-        The robot is not seen through an alias: its names are never prefixed.
+        An alias does not lead to the robot's names: they are never prefixed.
         """
         scope = self
         while len(path) > 1 and path[0] in scope.aliases:
@@ -174,7 +174,7 @@ class Scope:
 class Report:
     """The collector of all checkers' findings, and the source of numbers for memory cells.
 
-    `suggestions` is the number of names that may still be compared with known ones: comparing is slow.
+    `suggestions` is the number of suggestions that may still be computed, which is slow.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -195,10 +195,10 @@ class Report:
 
     def suggest(self, name: str, known: Iterable[str]) -> str | None:
         """Return a hint with the closest known name, if one is close."""
-        if self.suggestions == 0 or len(name) > _LONGEST_NAME:
+        if self.suggestions == 0 or len(name) > _MAX_NAME_LENGTH:
             return None
         self.suggestions -= 1
-        some = islice((k for k in known if abs(len(k) - len(name)) <= _LONGEST_NAME // 8), 20_000)
+        some = islice((k for k in known if abs(len(k) - len(name)) <= _MAX_NAME_LENGTH // 8), 20_000)
         return did_you_mean(name, some)
 
     def new_cell(self) -> int:
@@ -213,14 +213,14 @@ def span_of(scope: Scope, node: ast.SyntaxNode) -> Span:
 
 
 def label(scope: Scope, node: ast.SyntaxNode, text: str = "first declared here") -> Label:
-    """Point at another place that an error is about."""
+    """Return a label that points at another place that an error is about."""
     return Label(span_of(scope, node), text)
 
 
 def _clipped(message: str) -> str:
     """Return a message in which very long names are clipped."""
-    return message if len(message) <= _LONGEST_MESSAGE else f"{message[:_LONGEST_MESSAGE]} ..."
+    return message if len(message) <= _MAX_MESSAGE_LENGTH else f"{message[:_MAX_MESSAGE_LENGTH]} ..."
 
 
-_LONGEST_MESSAGE = 1000
-_LONGEST_NAME = 64
+_MAX_MESSAGE_LENGTH = 1000
+_MAX_NAME_LENGTH = 64

@@ -1,4 +1,4 @@
-"""The network: wires, what drives actuators, and what may stand where."""
+"""Checking of the network: wires, cycles, and which modules may drive which actuator."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.references import resolve_part
-from colony.dsl.check.scope import ActuatorSymbol, Broken, Report, Scope
+from colony.dsl.check.scope import ActuatorSymbol, BrokenSymbol, Report, Scope
 from colony.ir import program as ir
 from colony.record import Record, record
 
 
 @record
 class PendingWire(Record):
-    """A wire as declared; `drives` is the actuator it is assigned to, in the file that was asked for."""
+    """A wire as declared; `drives` is the actuator that it is assigned to, in the main file."""
 
     node: ast.WireDecl
     scope: Scope
@@ -42,10 +42,10 @@ def _wiring(checker: Checker, node: ast.Wiring) -> ir.Wiring | None:
     if isinstance(node, ast.Reference):
         part = resolve_part(checker, node)
         if isinstance(part, ActuatorSymbol):
-            hint = "give what drives it a name of its own, and use that"
-            checker.error("E506", node, f"`{node.text}` is an actuator; an actuator's name is no wire", hint)
+            hint = "give the wiring that drives it a name of its own, and use that name"
+            checker.error("E506", node, f"`{node.text}` is an actuator, not a wire", hint)
             return None
-        if part is None or isinstance(part, Broken):
+        if part is None or isinstance(part, BrokenSymbol):
             return None
         return ir.Use(name=part.name, span=checker.span(node))
     relations = {link.relation for link in node.links}
@@ -135,7 +135,7 @@ def _report_cycle(report: Report, place: PendingWire, use: ir.Use, cycle: list[s
     report.error(place.scope, "E502", node, message, "the network must have no cycle")
 
 
-# --- what may stand where --------------------------------------------------------------------------
+# --- outputs of wirings ----------------------------------------------------------------------------
 
 
 def check_outputs(
@@ -144,10 +144,10 @@ def check_outputs(
     modules: Mapping[str, ir.AnyModule],
     scopes: Mapping[str, Scope],
 ) -> None:
-    """Check that every module that can reach an actuator commands it; others may stand only as inhibitors.
+    """Check that every module that can reach an actuator commands it; others may only inhibit.
 
-    Follows each actuator's wiring without the dominant sides of `inhibits`. Errors are reported where the
-    actuator's own wiring names the wire that leads to them.
+    This follows each actuator's wiring, except the dominant sides of `inhibits`. Errors are reported where
+    the actuator's own wiring names the wire that leads to the module.
     """
     by_name = {w.name: w for w in wires}
     for root in wires:
@@ -186,14 +186,16 @@ def _first_misfit(
 
 def _report_misfit(report: Report, scope: Scope, use: ir.Use, module: ir.AnyModule, actuator: str) -> None:
     node = ast.Name(text=use.name, start=use.span.start, end=use.span.end)
-    who = f"`{module.name}`" if use.name == module.name else f"`{use.name}` leads to `{module.name}`, which"
-    stands = f"and stands where it would drive `{actuator}`"
+    subject = (
+        f"`{module.name}`" if use.name == module.name else f"`{use.name}` leads to `{module.name}`, which"
+    )
+    misplaced = f"but is used where it would drive `{actuator}`"
     if module.actuator is None:
-        hint = "a module without `do` can stand only below the dominant side of an `inhibits`"
-        report.error(scope, "E504", node, f"{who} commands nothing, {stands}", hint)
+        hint = "a module without `do` may be used only on the dominant side of an `inhibits`"
+        report.error(scope, "E504", node, f"{subject} commands nothing, {misplaced}", hint)
     else:
         hint = "all modules under one wiring command the same actuator, dominant sides of `inhibits` aside"
-        report.error(scope, "E505", node, f"{who} commands `{module.actuator}`, {stands}", hint)
+        report.error(scope, "E505", node, f"{subject} commands `{module.actuator}`, {misplaced}", hint)
 
 
 def reached(wires: list[ir.Wire]) -> set[str]:

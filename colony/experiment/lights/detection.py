@@ -1,10 +1,10 @@
-"""The detection of ceiling lights, apart from their count: the ceiling camera's looks at known lights.
+"""Statistics of the detection of ceiling lights, by comparison with their known places.
 
 A light that is on is *in view* if its center is no more than `IN_VIEW_MM` ahead or behind, so that both of
 its edges are in the image, the robot is below it, and its heading is no farther from the corridor's than the
 detector allows. It is *passed* when the robot's center comes below its middle, and *detected* if at least one
-look reported it while it was in view. A report farther than `NEAR_MM` from every light that is on is *false*.
-Looks count while the Navigator tracks lights, as no client looks at the ceiling otherwise.
+look reported it while it was in view. A report farther than `MATCH_RADIUS_MM` from every light that is on is
+*false*. Looks count while the Navigator tracks lights, as no client looks at the ceiling otherwise.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from colony.nav.maps.stickrep.geometry import direction
 from colony.nav.maps.stickrep.model import Pose
 from colony.sim.cameras.ceiling import LIGHT_ACROSS_MM
 from colony.sim.hazards.scenery import CeilingLight
-from colony.vision.lights.looks import Look
-from colony.vision.lights.scan_lines import STEEPEST_DEG
+from colony.vision.lights.observing import CeilingObservation
+from colony.vision.lights.scan_lines import MAX_TILT_DEG
 
 IN_VIEW_MM = 420.0
-"""Half a light is 300 mm; the camera sees 779 mm ahead and behind."""
+"""Largest distance ahead in mm of a light in view: the camera sees 779 mm, half a light is 300 mm."""
 
-NEAR_MM = 150.0
+MATCH_RADIUS_MM = 150.0
 """Largest distance of a reported light from a real one, along the corridor: a quarter of its length."""
 
 _REACH_MM = 1100.0
@@ -33,8 +33,13 @@ _REACH_MM = 1100.0
 class LightDetection(NamedTuple):
     """Counts of lights that are on, and of reports.
 
-    How many lights were passed, and how many of these detected; in how many looks one was in view, and in how
-    many of these it was reported; how many reports there were in all looks, and how many of these were false.
+    Attributes:
+        passed: number of lights passed.
+        detected: number of those lights that were detected.
+        in_view: number of looks with a light in view, counted per light.
+        in_view_told: number of those in which the light was reported.
+        told: number of reports in all looks.
+        false: number of false reports.
     """
 
     passed: int
@@ -46,10 +51,10 @@ class LightDetection(NamedTuple):
 
 
 class _Relative(NamedTuple):
-    """A light in the frame of the robot.
+    """A light relative to the robot.
 
-    Its distance ahead along the corridor, its distance to the left of the robot, and the turn of the robot's
-    heading against the corridor.
+    It has the distance ahead along the corridor, the distance to the left, and the robot's heading relative
+    to the corridor.
     """
 
     ahead_mm: float
@@ -58,56 +63,57 @@ class _Relative(NamedTuple):
 
 
 @dataclass(slots=True)
-class LightWatch:
-    """Counts over a run. Mutable: the counts.
+class LightDetectionMonitor:
+    """The counts of a run. Mutable.
 
     Attributes:
-        lights: on the ceiling, whether on or out.
+        lights: all lights of the ceiling, on or out.
     """
 
     lights: Sequence[CeilingLight]
     _ahead: dict[int, float] = field(default_factory=dict)
-    _told: set[int] = field(default_factory=set)
+    _reported: set[int] = field(default_factory=set)
     _passed: set[int] = field(default_factory=set)
     _looks: list[int] = field(default_factory=lambda: [0, 0, 0, 0])
 
-    def moved(self, pose: Pose) -> None:
+    def add_pose(self, pose: Pose) -> None:
         """Record the robot's pose while it tracks lights."""
         before, self._ahead = self._ahead, {}
         for number, light in self._near(pose):
             at = _relative(light, pose)
-            if abs(at.turned_deg) > STEEPEST_DEG or abs(at.left_mm) > LIGHT_ACROSS_MM / 2:
+            if abs(at.turned_deg) > MAX_TILT_DEG or abs(at.left_mm) > LIGHT_ACROSS_MM / 2:
                 continue
             self._ahead[number] = at.ahead_mm
             if before.get(number, -1.0) > 0.0 >= at.ahead_mm:
                 self._passed.add(number)
 
-    def looked(self, look: Look, pose: Pose) -> None:
-        """Record an image taken at a pose, and the lights that were reported in it."""
+    def add_observation(self, look: CeilingObservation, pose: Pose) -> None:
+        """Record the lights reported in an image that was taken at a pose."""
         near = [(number, _relative(light, pose)) for number, light in self._near(pose)]
         in_view = {number: at.ahead_mm for number, at in near if _is_in_view(at)}
         seen = {
             number
             for number, ahead_mm in in_view.items()
-            if any(abs(told.ahead_mm - ahead_mm) <= NEAR_MM for told in look.lights)
+            if any(abs(report.ahead_mm - ahead_mm) <= MATCH_RADIUS_MM for report in look.lights)
         }
-        self._told |= seen
+        self._reported |= seen
         self._looks[0] += len(in_view)
         self._looks[1] += len(seen)
         self._looks[2] += len(look.lights)
         self._looks[3] += sum(
-            all(abs(told.ahead_mm - at.ahead_mm) > NEAR_MM for _, at in near) for told in look.lights
+            all(abs(report.ahead_mm - at.ahead_mm) > MATCH_RADIUS_MM for _, at in near)
+            for report in look.lights
         )
 
     @property
     def counts(self) -> LightDetection:
-        """Counts so far."""
-        return LightDetection(len(self._passed), len(self._passed & self._told), *self._looks)
+        """The counts so far."""
+        return LightDetection(len(self._passed), len(self._passed & self._reported), *self._looks)
 
     @property
     def undetected(self) -> tuple[CeilingLight, ...]:
-        """Lights that are on and were passed without being reported."""
-        return tuple(self.lights[number] for number in sorted(self._passed - self._told))
+        """The lights that are on and were passed without being reported."""
+        return tuple(self.lights[number] for number in sorted(self._passed - self._reported))
 
     def _near(self, pose: Pose) -> list[tuple[int, CeilingLight]]:
         """Return the lights that are on and not far from the robot."""
@@ -124,7 +130,7 @@ def _is_in_view(at: _Relative) -> bool:
     return (
         abs(at.ahead_mm) <= IN_VIEW_MM
         and abs(at.left_mm) <= LIGHT_ACROSS_MM / 2
-        and abs(at.turned_deg) <= STEEPEST_DEG
+        and abs(at.turned_deg) <= MAX_TILT_DEG
     )
 
 

@@ -1,4 +1,4 @@
-"""The result of the detection of ceiling lights in one run: as data, as a table of results, and in tables."""
+"""The result of the detection of ceiling lights in a run: as data, in the file of results, and in tables."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class LightResult:
     Attributes:
         key: key of the run.
         origin, goal: nodes of the map.
-        failure: why the drive failed; "" if it reached the goal. What was seen until then counts.
+        failure: the reason why the run failed; "" if it reached the goal. Counts up to a failure are valid.
         counts: the counts of lights.
         undetected: places of the lights that are on and were passed without being reported, x and y in mm.
     """
@@ -37,7 +37,7 @@ class LightResult:
 def detection_total(results: Sequence[LightResult]) -> LightDetection:
     """Return the counts over runs."""
     counts = [result.counts for result in results]
-    return LightDetection(*(sum(one) for one in zip(*counts, strict=True))) if counts else _NOTHING
+    return LightDetection(*(sum(column) for column in zip(*counts, strict=True))) if counts else _NOTHING
 
 
 def light_targets(results: Sequence[LightResult]) -> tuple[Target, ...]:
@@ -52,7 +52,7 @@ def light_targets(results: Sequence[LightResult]) -> tuple[Target, ...]:
             met=counts.passed > 0 and detected.good >= 0.995 * detected.trials,
         ),
         Target(
-            what="false lights, of all that were told",
+            what="false lights, of all reported",
             found=rate(Count(counts.false, counts.told)),
             promised="at most 1 in 1,000",
             met=counts.told > 0 and 1000 * counts.false <= counts.told,
@@ -61,7 +61,7 @@ def light_targets(results: Sequence[LightResult]) -> tuple[Target, ...]:
 
 
 def light_tables(runs: Sequence[ListedRun], results: Sequence[LightResult]) -> list[str]:
-    """Return the tables over all runs, a row a run, and of undetected lights; none without results."""
+    """Return the table of targets, the table with one row per run, and that of undetected lights."""
     if not results:
         return []
     tables = [targets_markdown(light_targets(results)), _run_table(runs, results), _undetected_table(results)]
@@ -77,7 +77,7 @@ def _run_table(runs: Sequence[ListedRun], results: Sequence[LightResult]) -> str
             reached = sum(not result.failure for result in of_run)
             rows.append([*which, f"{reached}/{len(of_run)}", *_cells(detection_total(of_run))])
     rows.append(["all", "", "", "", *_cells(detection_total(results))])
-    head = ["run", "from", "to", "reached", "lights detected", "in looks", "false, of all told"]
+    head = ["run", "from", "to", "reached", "lights detected", "in looks", "false, of all reported"]
     return markdown(head, rows)
 
 
@@ -106,4 +106,4 @@ LIGHT_TABLE = Table(
     kind=LightResult,
     columns=(*KEY_COLUMNS, "origin", "goal", "failure", *LightDetection._fields, "undetected"),
 )
-"""A row a run; the lights that were not detected are a JSON list of places."""
+"""One row per run; the undetected lights are a JSON list of places."""

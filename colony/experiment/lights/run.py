@@ -1,4 +1,4 @@
-"""A run with an additional observer of the ceiling, which measures the detection of lights."""
+"""A run with an additional script that measures the detection of ceiling lights."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Generator
 from typing import Any
 
-from colony.experiment.lights.detection import LightWatch
+from colony.experiment.lights.detection import LightDetectionMonitor
 from colony.experiment.lights.results import LightResult
 from colony.experiment.runs import Run, RunSpec
 from colony.experiment.true_path import TruePath
@@ -16,14 +16,14 @@ from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
 from colony.vision.lights.ceiling_camera import UPWARD
-from colony.vision.lights.looks import Look, cameras_looker, hurry
+from colony.vision.lights.observing import CeilingObservation, ceiling_observer, ensure_period
 from colony.vision.periods import PERIOD_S
 
 
-def light_witness(on_look: Callable[[Look], None]) -> Script:
+def light_probe(on_look: Callable[[CeilingObservation], None]) -> Script:
     """Look at the ceiling as often as CTracker, with its knowledge of the heading, and report each look."""
-    yield from hurry((CEILING_CAMERA,), PERIOD_S)
-    looks = cameras_looker((CEILING_CAMERA,), (UPWARD,))
+    yield from ensure_period((CEILING_CAMERA,), PERIOD_S)
+    looks = ceiling_observer((CEILING_CAMERA,), (UPWARD,))
     while True:
         yield from sleep(PERIOD_S)
         for look in (yield from looks((yield from _tilt_deg()))):
@@ -40,31 +40,31 @@ def _tilt_deg() -> Generator[Step, Any, float]:
     return math.remainder(position.heading - direction, 360.0)
 
 
-def run_with_witness(spec: RunSpec) -> LightResult:
-    """Drive a run to its end, and count what is seen of the lights on its legs of lights."""
-    looks: list[Look] = []
-    driven = Run(spec, more={"witness": light_witness(looks.append)})
-    watch, path = LightWatch(driven.scenery.lights), TruePath()
+def run_with_light_probe(spec: RunSpec) -> LightResult:
+    """Drive a run to its end, and count detections on its legs along ceiling lights."""
+    looks: list[CeilingObservation] = []
+    run = Run(spec, more={"witness": light_probe(looks.append)})
+    watch, path = LightDetectionMonitor(run.scenery.lights), TruePath()
     try:
-        going = True
-        while going:
-            pose = driven.world.true_pose(0)
-            path.add(driven.loop.now_ns, pose)
-            tracking = driven.watcher.mode == "L"
+        running = True
+        while running:
+            pose = run.world.true_pose(0)
+            path.add(run.loop.now_ns, pose)
+            tracking = run.monitor.mode == "L"
             if tracking:
-                watch.moved(pose)
-            going = driven.step()
+                watch.add_pose(pose)
+            running = run.step()
             for look in looks:
                 if tracking:
-                    watch.looked(look, path.at(look.t_ns))
+                    watch.add_observation(look, path.at(look.t_ns))
             looks.clear()
     finally:
-        driven.close()
+        run.close()
     return LightResult(
         key=spec.key,
-        origin=driven.plan.origin,
-        goal=driven.plan.goal,
-        failure=driven.failure or "",
+        origin=run.plan.origin,
+        goal=run.plan.goal,
+        failure=run.failure or "",
         counts=watch.counts,
         undetected=tuple((round(light.x_mm), round(light.y_mm)) for light in watch.undetected),
     )

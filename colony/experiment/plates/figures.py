@@ -1,4 +1,4 @@
-"""Figures of plate finders over many runs, and how they stand to what was promised."""
+"""Statistics of plate finders over many runs, and the comparison with targets."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections import Counter
 from collections.abc import Sequence
 
 from colony.experiment.figures import Target, rate
-from colony.experiment.plates.judged import AGAIN, INSTEAD
+from colony.experiment.plates.judging import AGAIN, INSTEAD
 from colony.experiment.plates.record import FINDER_NAMES, Finder, Kind, PlateResult, Tally, tally
 from colony.nav.confidence.estimate import Count
 from colony.nav.confidence.plates import PlateEvent, plate_counts
 
 _SYMBOLS: dict[Kind, str] = {"found": "D", "missed": "M", "false": "P", "unseen": "M", "beyond": ""}
-"""Symbols of the automaton of section 6.3, which does not ask why a plate was missed."""
+"""Symbols of the automaton of section 6.3, which does not distinguish why a plate was missed."""
 
 
 def total(results: Sequence[PlateResult], finder: Finder) -> Tally:
@@ -22,8 +22,8 @@ def total(results: Sequence[PlateResult], finder: Finder) -> Tally:
 
 
 def walks(results: Sequence[PlateResult], finder: Finder) -> tuple[str, ...]:
-    """Return each run as a string of D, M and P, as `plate_counts` takes them."""
-    return tuple("".join(_SYMBOLS[one.kind] for one in r.outcomes[finder]) for r in results)
+    """Return each run as a string of D, M and P, for `plate_counts`."""
+    return tuple("".join(_SYMBOLS[outcome.kind] for outcome in r.outcomes[finder]) for r in results)
 
 
 def events(results: Sequence[PlateResult], finder: Finder) -> dict[PlateEvent, Count]:
@@ -32,8 +32,10 @@ def events(results: Sequence[PlateResult], finder: Finder) -> dict[PlateEvent, C
 
 
 def taken_for_plates(results: Sequence[PlateResult], finder: Finder) -> Counter[str]:
-    """Count what false sightings really were, all plates being one kind of thing."""
-    return Counter(_thing(one.name) for r in results for one in r.outcomes[finder] if one.kind == "false")
+    """Count the real objects of false sightings; all plates count as one kind."""
+    return Counter(
+        _thing(outcome.name) for r in results for outcome in r.outcomes[finder] if outcome.kind == "false"
+    )
 
 
 def _thing(name: str) -> str:

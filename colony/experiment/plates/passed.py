@@ -1,11 +1,11 @@
-"""The door plates that a robot really passed on its left, and the time that they were in view.
+"""The door plates that a robot actually passed on its left, and the time for which each was in view.
 
 This is the ground truth for plate finders: it comes from the map and the true path. A plate is *passed* when
 the robot crosses the normal of the wall through the plate's middle, with the plate to its left, no farther
-than `FARTHEST_MM` and no wall in between. It is *in view* while both of its ends are in the camera's field,
-it is no farther than that, and the camera is turned away from the normal by less than `STEEPEST_DEG`, beyond
-which finders do not look (thesis section 5.7). People in front of it are ignored here: that is the finder's
-bad luck.
+than `MAX_DISTANCE_MM` and no wall in between. It is *in view* while both of its ends are in the camera's
+field, it is no farther than that, and the camera is turned away from the normal by less than `MAX_ANGLE_DEG`,
+beyond which finders do not look (thesis section 5.7). People in front of the plate are ignored: they count
+against the finder.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ from colony.nav.maps.stickrep.geometry import direction
 from colony.nav.maps.stickrep.model import Pose
 from colony.vision.level_camera import SIDE
 
-FARTHEST_MM = 2500.0
+MAX_DISTANCE_MM = 2500.0
 """Largest distance of a plate's middle from the camera."""
 
-STEEPEST_DEG = 50.0
+MAX_ANGLE_DEG = 50.0
 """Largest angle between the camera's axis and the normal of the wall."""
 
 _BEFORE_WALL_MM = 20.0
 
 
 class Pass(NamedTuple):
-    """A plate, by its number, was passed at `at_ns`; it was in view for `in_view_ns` in all."""
+    """A plate, by its number, with the time at which it was passed and the total time in view."""
 
     plate: int
     at_ns: int
     in_view_ns: int
 
 
-class PassWatch:
-    """Looks at the true pose, frame after frame. Mutable: what it has seen.
+class PassMonitor:
+    """The monitor of passed plates, updated with the true pose of each frame. Mutable: the plates so far.
 
     Args:
         plates: all plates of the floor.
-        walls: (n, 4) in mm, what hides them.
+        walls: the walls that hide plates, (n, 4) in mm.
     """
 
     def __init__(self, plates: Sequence[Plate], walls: NDArray[np.float64]) -> None:
@@ -59,15 +59,15 @@ class PassWatch:
         self._passed: dict[int, int] = {}
         self._last_ns = 0
 
-    def look(self, t_ns: int, pose: Pose) -> None:
-        """Take in where the robot is; times grow from call to call."""
+    def update(self, t_ns: int, pose: Pose) -> None:
+        """Record the robot's pose; times must increase from call to call."""
         to_plate = self._middles - (pose.x_mm, pose.y_mm)
         depth = (to_plate * self._inward).sum(axis=1)
-        # The robot that has the wall on its left goes along (inward.y, -inward.x).
+        # A robot with the wall on its left moves along (inward.y, -inward.x).
         along = to_plate[:, 0] * self._inward[:, 1] - to_plate[:, 1] * self._inward[:, 0]
         turned = np.remainder(pose.heading_deg + SIDE.yaw_deg - self._facing + 180.0, 360.0) - 180.0
-        near = (depth > 0.0) & (np.hypot(depth, along) <= FARTHEST_MM)
-        self._look_at_views(t_ns, pose, near & (np.abs(turned) < STEEPEST_DEG))
+        near = (depth > 0.0) & (np.hypot(depth, along) <= MAX_DISTANCE_MM)
+        self._update_views(t_ns, pose, near & (np.abs(turned) < MAX_ANGLE_DEG))
         if self._along is not None:
             crossed = near & (np.abs(turned) < 90.0) & (self._along > 0.0) & (along <= 0.0)
             for plate in np.flatnonzero(crossed).tolist():
@@ -77,13 +77,13 @@ class PassWatch:
 
     @property
     def passes(self) -> tuple[Pass, ...]:
-        """The plates that were passed, in this order."""
+        """The passed plates in chronological order."""
         return tuple(
             Pass(plate, at_ns, int(self._in_view_ns[plate]))
-            for plate, at_ns in sorted(self._passed.items(), key=lambda one: (one[1], one[0]))
+            for plate, at_ns in sorted(self._passed.items(), key=lambda item: (item[1], item[0]))
         )
 
-    def _look_at_views(self, t_ns: int, pose: Pose, candidates: NDArray[np.bool_]) -> None:
+    def _update_views(self, t_ns: int, pose: Pose, candidates: NDArray[np.bool_]) -> None:
         axis = direction(pose.heading_deg + SIDE.yaw_deg)
         for plate in np.flatnonzero(candidates).tolist():
             middle, inward = self._middles[plate], self._inward[plate]

@@ -1,4 +1,4 @@
-"""The results of the plate finders in one run, as data and as a table of results."""
+"""The results of the plate finders in a run, as data and in the file of results."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from colony.experiment.record import FailureReason, RunKey
 from colony.experiment.results import KEY_COLUMNS, Table
 
 Finder = Literal["thesis", "ours", "map"]
-"""A finder: the thesis's as printed; ours, which knows only images, heading and sonar; ours with the map."""
+"""A finder: as printed in the thesis; ours, from images, heading and sonar alone; ours with the map."""
 
 FINDERS: tuple[Finder, ...] = ("thesis", "ours", "map")
 
@@ -23,18 +23,22 @@ FINDER_NAMES: Mapping[Finder, str] = {
 Kind = Literal["found", "missed", "unseen", "false", "beyond"]
 """The outcome of a plate, or of a sighting.
 
-found, missed: a plate that was passed, and in view for long enough. unseen: one that was passed, but not in
-view for long enough: no finder can find it. false: a sighting of something else, or of a plate once more.
-beyond: a sighting of a plate that was not passed, as at the end of the way; it counts neither way.
+found, missed: a plate that was passed and in view for long enough. unseen: a plate that was passed but not in
+view for long enough, which no finder can find. false: a sighting of another object, or of a plate once more.
+beyond: a sighting of a plate that was not passed, for example at the end of the route; it does not count.
 """
 
 
 class Outcome(NamedTuple):
-    """One plate or sighting.
+    """The outcome of a plate or a sighting.
 
-    `at_ns` is when the plate was passed, of false ones when they were seen; `name` the door, or what was
-    taken for a plate; `text` what was read, `right` whether that is on the plate; (x_mm, y_mm) where the
-    sighting really was, or the plate.
+    Attributes:
+        kind: the kind of outcome.
+        at_ns: the time at which the plate was passed; for a false sighting its time.
+        name: the door of the plate, or the object that was mistaken for a plate.
+        text: the text that was read.
+        right: True if the text is that of the plate.
+        x_mm, y_mm: the true place of the sighting; without one, of the plate.
     """
 
     kind: Kind
@@ -48,14 +52,14 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlateResult:
-    """One run with several finders that looked at the same images.
+    """The result of a run with several finders that looked at the same images.
 
     Attributes:
         key: key of the run.
         origin, goal: nodes of the map.
-        failure: why the drive failed; "" where it reached the goal. What was found until then counts.
-        time_s: duration of the drive.
-        outcomes: of each finder, in the order of their times.
+        failure: the reason why the run failed; "" if it reached the goal. Outcomes up to a failure are valid.
+        time_s: duration of the run in seconds.
+        outcomes: the outcomes of each finder in chronological order.
     """
 
     key: RunKey
@@ -67,10 +71,7 @@ class PlateResult:
 
 
 class Tally(NamedTuple):
-    """Counts of plates that were found, missed and out of view.
-
-    With them come the number of found plates that were read right, and the number of false sightings.
-    """
+    """The numbers of found, missed and unseen plates, of plates read correctly, and of false sightings."""
 
     found: int
     missed: int
@@ -80,18 +81,18 @@ class Tally(NamedTuple):
 
     @property
     def due(self) -> int:
-        """The plates that could be found."""
+        """The number of plates that could be found."""
         return self.found + self.missed
 
 
 def tally(outcomes: Sequence[Outcome]) -> Tally:
-    """Count them."""
-    kinds = [one.kind for one in outcomes]
+    """Count the outcomes by kind."""
+    kinds = [outcome.kind for outcome in outcomes]
     return Tally(
         found=kinds.count("found"),
         missed=kinds.count("missed"),
         unseen=kinds.count("unseen"),
-        right=sum(one.right for one in outcomes if one.kind == "found"),
+        right=sum(outcome.right for outcome in outcomes if outcome.kind == "found"),
         false=kinds.count("false"),
     )
 
@@ -101,4 +102,4 @@ PLATE_TABLE = Table(
     kind=PlateResult,
     columns=(*KEY_COLUMNS, "origin", "goal", "failure", "time_s", *(f"found_{finder}" for finder in FINDERS)),
 )
-"""A row a run; what came of each finder is a JSON list of `Outcome`s."""
+"""One row per run; the outcomes of each finder are a JSON list."""

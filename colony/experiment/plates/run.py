@@ -1,7 +1,7 @@
-"""A run in which several plate finders look at the same images of the side camera, and none of them steers.
+"""A run in which several plate finders look at the same images, without correcting the pose.
 
-They are the finder as printed, ours, and ours with the map. The robot is driven by all sources but plates, so
-that what one of them believes does not change the way, and all three see the same.
+They are the finder as printed, ours, and ours with the map. The pose is estimated from all sources but
+plates, so that no finder influences the path, and all three see the same images.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from colony.experiment.plates.judged import Sighting, judged, true_place
-from colony.experiment.plates.named import names_in
-from colony.experiment.plates.passed import PassWatch
+from colony.experiment.plates.judging import Sighting, judge_sightings, true_place
+from colony.experiment.plates.naming import sighting_namer
+from colony.experiment.plates.passed import PassMonitor
 from colony.experiment.plates.record import FINDERS, Finder, Outcome, PlateResult
-from colony.experiment.runs import Run, RunSpec, building_at, finished
+from colony.experiment.runs import Run, RunSpec, building_at, run_to_end
 from colony.experiment.true_path import TruePath
 from colony.nav.maps.signs import plates_of
 from colony.nav.maps.stickrep.geometry import Point
@@ -22,24 +22,24 @@ from colony.nav.pose.tracker import Source
 from colony.robots.variants import SIDE_CAMERA
 from colony.runtime.kit.script import Script
 from colony.vision.plates.finder import plate_finder
-from colony.vision.plates.sights import PlateSight
+from colony.vision.plates.observations import FoundPlate
 
 
 class PlateRun:
-    """A run with its finders. Mutable: all of it.
+    """A run with its finders. Mutable.
 
     Raises:
         NoPlanError, DiagnosticError: see `runs.plan_of`.
     """
 
     def __init__(self, spec: RunSpec) -> None:
-        steered = replace(spec, sources=spec.sources - {Source.PLATES}, cameras=spec.cameras | {SIDE_CAMERA})
-        self.sights: Mapping[Finder, list[PlateSight]] = {finder: [] for finder in FINDERS}
-        self.run = Run(steered, more=self._finders(steered))
+        run_spec = replace(spec, sources=spec.sources - {Source.PLATES}, cameras=spec.cameras | {SIDE_CAMERA})
+        self.sights: Mapping[Finder, list[FoundPlate]] = {finder: [] for finder in FINDERS}
+        self.run = Run(run_spec, more=self._finders(run_spec))
         self.floor = self.run.building.maps[0]
         self.plates = plates_of(self.floor)
         self.path = TruePath()
-        self.passed = PassWatch(self.plates, self.run.scenery.walls)
+        self.passed = PassMonitor(self.plates, self.run.scenery.walls)
         self._people: dict[int, list[list[float]]] = {}
 
     def _finders(self, spec: RunSpec) -> Mapping[str, Script]:
@@ -54,11 +54,11 @@ class PlateRun:
         }
 
     def step(self) -> bool:
-        """Drive one frame; False when the run is over."""
+        """Drive one frame; return False when the run is over."""
         run = self.run
         pose = run.world.true_pose(0)
         self.path.add(run.loop.now_ns, pose)
-        self.passed.look(run.loop.now_ns, pose)
+        self.passed.update(run.loop.now_ns, pose)
         self._people[run.loop.now_ns] = run.world.people.tolist()
         return run.step()
 
@@ -79,16 +79,16 @@ class PlateRun:
         )
 
     def _outcomes(self, finder: Finder) -> tuple[Outcome, ...]:
-        named = names_in(self.floor, self.run.scenery, lambda t_ns: self._people.get(t_ns, ()))
+        named = sighting_namer(self.floor, self.run.scenery, lambda t_ns: self._people.get(t_ns, ()))
         sightings = [self.sighting(sight) for sight in self.sights[finder]]
-        return judged(sightings, self.plates, self.passed.passes, named)
+        return judge_sightings(sightings, self.plates, self.passed.passes, named)
 
-    def sighting(self, sight: PlateSight) -> Sighting:
+    def sighting(self, sight: FoundPlate) -> Sighting:
         """Return a reported sighting, at its true place."""
         place = true_place(Point(*sight.place), Pose(*sight.robot), self.path.at(sight.t_ns))
         return Sighting(sight.t_ns, place, sight.text, sight.door)
 
 
 def run_with_finders(spec: RunSpec) -> PlateResult:
-    """Drive a run to its end, and see what the finders made of it."""
-    return finished(PlateRun(spec))
+    """Drive a run to its end, and return the finders' results."""
+    return run_to_end(PlateRun(spec))

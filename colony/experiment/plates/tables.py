@@ -1,4 +1,4 @@
-"""Tables of plate finders in Markdown: ours beside the published ones."""
+"""Markdown tables of plate finders: our results beside the published ones."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from colony.nav.confidence.plates import (
 from colony.nav.confidence.published_plates import PUBLISHED_WALKS
 
 _PLATES = 15
-"""Length of the corridor, in plates, for the probability that all are detected: the mean of the walks."""
+"""Number of plates of the corridor for the probability that all are detected: the mean of the walks."""
 
 
 def plate_tables(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> list[str]:
@@ -52,7 +52,7 @@ def plate_target_table(results: Sequence[PlateResult]) -> str:
 
 
 def walk_table(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> str:
-    """Return a row a walk, over all of its seeds: found, missed, false of each finder, and as published."""
+    """Return a table with one row per walk: the counts of each finder over all seeds, and as published."""
     head = ["walk", "from", "to", "reached", "plates", "out of view"]
     head += [f"{FINDER_NAMES[finder]}: found, missed, false" for finder in FINDERS]
     head += ["published: found, missed, false"]
@@ -81,7 +81,7 @@ def walk_table(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> st
 
 
 def finder_table(results: Sequence[PlateResult]) -> str:
-    """Return a row a finder: what it found, read and took for a plate, with exact 95 % intervals."""
+    """Return a table with one row per finder: its rates, with exact 95 % intervals."""
     rows = []
     for finder in FINDERS:
         count = total(results, finder)
@@ -119,7 +119,7 @@ def finder_table(results: Sequence[PlateResult]) -> str:
 
 
 def false_table(results: Sequence[PlateResult]) -> str:
-    """Return the table of what was taken for plates, with counts; "" if nothing was."""
+    """Return a table of the objects mistaken for plates, with counts; "" for none."""
     counts = {finder: taken_for_plates(results, finder) for finder in FINDERS}
     names = sorted(set().union(*counts.values()))
     rows = [[name, *(str(counts[finder][name]) for finder in FINDERS)] for name in names]
@@ -128,7 +128,7 @@ def false_table(results: Sequence[PlateResult]) -> str:
 
 
 def plate_event_table(results: Sequence[PlateResult]) -> str:
-    """Return the events of Table 6.6 and what follows for `_PLATES` plates, beside the published."""
+    """Return the events of Table 6.6 and the probabilities for `_PLATES` plates, with those published."""
     counts = {finder: events(results, finder) for finder in FINDERS}
     rows = [
         [
@@ -150,7 +150,7 @@ _OURS: tuple[Finder, ...] = ("ours", "map")
 
 
 def missed_table(results: Sequence[PlateResult]) -> str:
-    """Return a row for each plate that a finder of ours missed, misread, or saw where none is."""
+    """Return a table of the plates that our finders missed or misread, and of false sightings."""
     rows = []
     for result in results:
         for finder in _OURS:

@@ -1,4 +1,4 @@
-"""Runs whose pose was estimated from different sources: as data, how they are kept, and in tables."""
+"""The results of runs with different sources of the pose: as data, in the file of results, and in tables."""
 
 from __future__ import annotations
 
@@ -15,19 +15,22 @@ from colony.experiment.tables import markdown, targets_markdown
 
 ALL_SOURCES, ODOMETRY = "all", "odometry alone"
 
-HONEST = (0.85, 0.999)
-"""Range of the part of true poses in the ellipsoid that should hold 95 in 100.
+CONSISTENT_RANGE = (0.85, 0.999)
+"""Accepted range of the fraction of true poses inside the 95 % ellipsoid of the estimate.
 
-Within these bounds the covariance is right within a factor of about two, in either direction.
+Within it the covariance is correct within a factor of about two.
 """
 
 
 class PoseErrors(NamedTuple):
     """Errors of the estimate against the true pose, along a run.
 
-    `looks` is the number of comparisons; `square_mm2` and `square_deg2` are the sums of the squared errors of
-    the position and the heading, `worst_mm` the worst error of the position; `inside` is how often the true
-    pose lay in the ellipsoid that should hold 95 in 100.
+    Attributes:
+        looks: number of comparisons.
+        square_mm2: sum of the squared errors of the position.
+        square_deg2: sum of the squared errors of the heading.
+        worst_mm: largest error of the position.
+        inside: number of true poses inside the 95 % ellipsoid.
     """
 
     looks: int = 0
@@ -40,8 +43,11 @@ class PoseErrors(NamedTuple):
 class SourceOutcome(NamedTuple):
     """The outcome of a run with some of the sources.
 
-    Why it failed, "" if it reached the goal; how far from the goal the robot stood at last; the speed of its
-    worst contact; the errors of the estimate along the way.
+    Attributes:
+        failure: the reason for a failure; "" if the run reached the goal.
+        off_mm: final distance from the goal.
+        contact_mm_s: speed of the hardest contact.
+        errors: errors of the estimate along the path.
     """
 
     failure: FailureReason
@@ -52,12 +58,12 @@ class SourceOutcome(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceResult:
-    """One run, driven once for each choice of sources.
+    """The result of a run that was driven once for each choice of sources.
 
     Attributes:
         key: key of the run.
         origin, goal: nodes of the map.
-        outcomes: by what was left out, as "no lights"; `ALL_SOURCES` and `ODOMETRY` are among them.
+        outcomes: the outcomes by the omitted source, such as "no lights"; with `ALL_SOURCES` and `ODOMETRY`.
     """
 
     key: RunKey
@@ -67,12 +73,12 @@ class SourceResult:
 
     @property
     def failure(self) -> FailureReason:
-        """Reason why the run with all sources failed."""
+        """The reason why the run with all sources failed."""
         return self.outcomes[ALL_SOURCES].failure
 
 
 def source_targets(results: Sequence[SourceResult]) -> tuple[Target, ...]:
-    """Compare the estimate from all sources with what is expected of it."""
+    """Compare the results with all sources with the promised values."""
     if not results:
         return ()
     outcomes = [result.outcomes[ALL_SOURCES] for result in results]
@@ -87,16 +93,16 @@ def source_targets(results: Sequence[SourceResult]) -> tuple[Target, ...]:
             met=reached == len(outcomes),
         ),
         Target(
-            what="true poses in the ellipsoid that should hold 95 %",
+            what="true poses inside the 95 % ellipsoid",
             found=f"{part:.1%}",
-            promised=f"{HONEST[0]:.0%} to {HONEST[1]:.1%}",
-            met=HONEST[0] <= part <= HONEST[1],
+            promised=f"{CONSISTENT_RANGE[0]:.0%} to {CONSISTENT_RANGE[1]:.1%}",
+            met=CONSISTENT_RANGE[0] <= part <= CONSISTENT_RANGE[1],
         ),
     )
 
 
 def source_tables(runs: Sequence[ListedRun], results: Sequence[SourceResult]) -> list[str]:
-    """Return the runs, their results, and a row for each choice of sources; none without results."""
+    """Return the list of runs, the targets, and a table with one row per choice of sources."""
     if not results:
         return []
     head = [
@@ -110,10 +116,10 @@ def source_tables(runs: Sequence[ListedRun], results: Sequence[SourceResult]) ->
         "bumped",
     ]
     rows = [_cells(name, [r.outcomes[name] for r in results]) for name in results[0].outcomes]
-    return [_told(results), targets_markdown(source_targets(results)), markdown(head, rows)]
+    return [_description(results), targets_markdown(source_targets(results)), markdown(head, rows)]
 
 
-def _told(results: Sequence[SourceResult]) -> str:
+def _description(results: Sequence[SourceResult]) -> str:
     """Describe the runs."""
     numbers = ", ".join(map(str, sorted({result.key.number for result in results})))
     seeds = ", ".join(map(str, sorted({result.key.seed for result in results})))

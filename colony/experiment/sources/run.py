@@ -1,7 +1,7 @@
-"""The value of each source of the pose: runs that are repeated with one source left out.
+"""The contribution of each source of the pose estimate: runs are repeated with one source left out.
 
-The doors, people and slips are the same, and the estimate is compared with the true pose along the way. There
-are no elevators on these ways, and so no markers.
+Doors, people and slips stay the same, and the estimate is compared with the true pose along the path. The
+paths have no elevators, and so no markers.
 """
 
 from __future__ import annotations
@@ -24,36 +24,36 @@ from colony.experiment.sources.results import (
 )
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.pose import PoseEstimate, pose_of
-from colony.nav.pose.tracker import ALL, Source
+from colony.nav.pose.tracker import EVERY_SOURCE, Source
 from colony.nav.shared import POSE
 from colony.robots.variants import CEILING_CAMERA, SIDE_CAMERA
 
 NUMBERS = (1, 22, 24, 28, 35, 39)
-"""Numbers of the published runs that are repeated.
+"""Numbers of the published runs to repeat.
 
-One corridor, two corners, many; and in the new wing a short way, a long one past dark corridors, and one with
-two corners.
+They have one corridor, two corners, and many; in the new wing they are a short path, a long one past dark
+corridors, and one with two corners.
 """
 
-LOOK_FRAMES = 10
-"""Number of frames between two looks at the estimate."""
+COMPARISON_INTERVAL = 10
+"""Number of frames between two comparisons of the estimate."""
 
-IN_95 = 7.815
-"""The square of the distance, in standard deviations, within which 95 in 100 of three dimensions are."""
+CHI_SQUARE_95 = 7.815
+"""The 95 % quantile of the chi-square distribution with three degrees of freedom."""
 
 _LEFT_OUT = (Source.SONAR, Source.LOCAL_MAPS, Source.LIGHTS, Source.PLATES)
 
 CHOICES: Mapping[str, frozenset[Source]] = {
-    ALL_SOURCES: ALL,
-    **{f"no {source.value.replace('-', ' ')}": ALL - {source} for source in _LEFT_OUT},
-    "no sonar, no local maps": ALL - {Source.SONAR, Source.LOCAL_MAPS},
+    ALL_SOURCES: EVERY_SOURCE,
+    **{f"no {source.value.replace('-', ' ')}": EVERY_SOURCE - {source} for source in _LEFT_OUT},
+    "no sonar, no local maps": EVERY_SOURCE - {Source.SONAR, Source.LOCAL_MAPS},
     ODOMETRY: frozenset(),
 }
-"""The sources of each row; the odometry is always one."""
+"""The sources of each row, in addition to the odometry."""
 
 
 def source_list() -> tuple[ListedRun, ...]:
-    """Return some of the published runs, which have something of everything."""
+    """Return a representative selection of the published runs."""
     return tuple(run for run in published_list() if run.number in NUMBERS)
 
 
@@ -64,7 +64,7 @@ def run_with_sources(spec: RunSpec) -> SourceResult:
 
 
 def _chosen(spec: RunSpec, sources: frozenset[Source]) -> RunSpec:
-    """Return the run with the chosen sources; without plates the robot has no side camera."""
+    """Return the run with these sources; without plates the robot has no side camera."""
     cameras = {CEILING_CAMERA, SIDE_CAMERA} if Source.PLATES in sources else {CEILING_CAMERA}
     return replace(spec, sources=sources, cameras=frozenset(cameras))
 
@@ -76,9 +76,9 @@ def _outcome(spec: RunSpec) -> SourceOutcome:
         while going:
             now_ns, k, true = run.loop.now_ns, run.loop.k, run.world.true_pose(0)
             going = run.step()
-            pose = _estimate(run) if k % LOOK_FRAMES == 0 else None
+            pose = _estimate(run) if k % COMPARISON_INTERVAL == 0 else None
             if pose is not None and pose.t_ns == now_ns:
-                errors = with_look(errors, pose, true)
+                errors = with_comparison(errors, pose, true)
     finally:
         run.close()
     return SourceOutcome(run.failure or "", run.off_mm, run.world.contact_speed(0), errors)
@@ -89,8 +89,8 @@ def _estimate(run: Run) -> PoseEstimate | None:
     return pose_of(msgspec.msgpack.decode(variables.value(POSE).data)) if variables.has(POSE) else None
 
 
-def with_look(errors: PoseErrors, pose: PoseEstimate, true: Pose) -> PoseErrors:
-    """Return the errors after another look at the estimate and the true pose of one moment."""
+def with_comparison(errors: PoseErrors, pose: PoseEstimate, true: Pose) -> PoseErrors:
+    """Return the errors after another comparison of an estimate with the true pose of the same time."""
     x, y = true.x_mm - pose.x_mm, true.y_mm - pose.y_mm
     turn = math.remainder(true.heading_deg - pose.heading_deg, 360.0)
     off = np.array([x, y, turn])
@@ -103,5 +103,5 @@ def with_look(errors: PoseErrors, pose: PoseEstimate, true: Pose) -> PoseErrors:
         square_mm2=errors.square_mm2 + x * x + y * y,
         square_deg2=errors.square_deg2 + turn * turn,
         worst_mm=max(errors.worst_mm, math.hypot(x, y)),
-        inside=errors.inside + (distance <= IN_95),
+        inside=errors.inside + (distance <= CHI_SQUARE_95),
     )

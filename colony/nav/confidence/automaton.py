@@ -1,12 +1,12 @@
 """The probability that a robot reaches its goal: the automaton of thesis section 6.3, in exact fractions.
 
 A plan's modes are the input: l along lights, c around a corner, d to the goal. Each mode takes the automaton
-from state to state, with a probability; what is missing to 1 is the robot being lost.
+from state to state, with a probability; with the remaining probability the robot is lost.
 
     S start    F first light of a corridor found    C after a corner    G goal
 
-The probability of an arc is that of the events that must come true on it, and the automaton is deterministic:
-so the confidence of a string is a product of powers of the events' probabilities.
+The probability of an arc is the product of those of the events required on it. The automaton is
+deterministic, so the confidence of a string is a product of powers of the events' probabilities.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 State = Literal["S", "F", "C", "G"]
-"""S is where every run begins, G where it is to end."""
+"""Every run begins in S, and is to end in G."""
 
 RIDE = "v"
-"""A ride of an elevator, after which the automaton starts again on the next floor. The thesis has none."""
+"""The mode of an elevator ride, which restarts the automaton on the next floor. The thesis has none."""
 
 
 class Event(Enum):
@@ -38,7 +38,7 @@ class Event(Enum):
 
 
 class Arc(NamedTuple):
-    """An arc of the automaton: the state it leads to, and the events that must come true on it."""
+    """An arc of the automaton: the state that it leads to, and the events required on it."""
 
     to: State
     events: tuple[Event, ...]
@@ -57,11 +57,12 @@ PUBLISHED_ARCS: Arcs = MappingProxyType(
         ("C", "d"): Arc("G", (Event.CORNER, Event.DEAD_RECKONING)),
     }
 )
-"""Those of Figure 6.6. A risk is charged where its mode is left; but a path that begins with a corner is
-charged for that one twice, on entering and on leaving it."""
+"""Arcs of Figure 6.6. A risk is charged when its mode ends; a path that begins with a corner is charged for
+it
+twice, on entering and on leaving it."""
 
 ALL_ARCS: Arcs = MappingProxyType({**PUBLISHED_ARCS, ("S", "d"): Arc("G", (Event.DEAD_RECKONING,))})
-"""The published arcs, and a path that has neither a light nor a corner, of which the thesis has none."""
+"""The published arcs, and one for a path with neither lights nor corners, which the thesis does not have."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,10 +81,10 @@ class Automaton:
 
 
 def powers_of(modes: str, arcs: Arcs = PUBLISHED_ARCS) -> Counter[Event] | None:
-    """Count how often each event must come true along a string, rides aside.
+    """Count the occurrences of each event required by a string; rides require none.
 
     Returns:
-        None where no way leads from S to G along it, or where there is nothing but rides.
+        None if the string does not lead from S to G, or has nothing but rides.
     """
     powers: Counter[Event] = Counter()
     for part in modes.split(RIDE):
@@ -114,6 +115,7 @@ TABLE_6_5 = (
     PublishedConfidence("NE.men.R", "302R", "clclcclccd", 0.6809),
     PublishedConfidence("341R", "381R", "lclclcclcclclclclcd", 0.5110),
 )
-"""The string of the last row has lost an `lc` in print; it stands here as its confidence and Table 6.2 have
-it. The confidence of the first row is that of C to G; that of its string is .9802, by the thesis's own
+"""Table 6.5. The printed string of the last row lacks an `lc`; it is given here as its confidence and Table
+6.2
+require. The confidence of the first row is that from C to G; that of its string is .9802, by the thesis's own
 matrices."""

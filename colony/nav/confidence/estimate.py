@@ -1,10 +1,9 @@
 """Estimates of the automaton's probabilities from the results of runs, with their confidence intervals.
 
-Each event is a Bernoulli trial: so many times it could come true, so many times it did. Intervals of one
-probability are those of Wilson (1927), or the exact and wider ones of Clopper and Pearson (1934). The
-interval of a string's confidence comes from drawing each event's probability from its posterior distribution
-under Jeffreys' prior, Beta(k + 1/2, n - k + 1/2). Resampling the runs instead would call an event certain
-that never failed.
+Each event is a Bernoulli trial with k successes in n trials. Intervals of one probability are those of Wilson
+(1927), or the exact and wider ones of Clopper and Pearson (1934). The interval of a string's confidence comes
+from drawing each event's probability from its posterior distribution under Jeffreys' prior, Beta(k + 1/2, n -
+k + 1/2). Resampling the runs instead would make an event certain that never failed.
 """
 
 from __future__ import annotations
@@ -34,11 +33,11 @@ class Count(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunModes:
-    """The result of a run.
+class RunOutcome:
+    """The outcome of a run.
 
-    It holds the run's modes, the number of modes that the run completed and, if it failed along lights,
-    whether it had found the first light.
+    The run's modes, the number of modes that it completed and, if it failed along lights, whether it had
+    found the first light.
     """
 
     modes: str
@@ -61,8 +60,8 @@ PUBLISHED_COUNTS: Counts = MappingProxyType(
 """Counts of the thesis's runs: those of section 6.3, and those of the mode D in Tables 6.1 and 6.2."""
 
 
-def counts_of(runs: Iterable[RunModes]) -> dict[Event, Count]:
-    """Count how often each event could come true in these runs, and how often it did.
+def counts_of(runs: Iterable[RunOutcome]) -> dict[Event, Count]:
+    """Count the trials and successes of each event in these runs.
 
     Raises:
         ValueError: a run completed more modes than it has, or fewer than none.
@@ -81,7 +80,7 @@ def counts_of(runs: Iterable[RunModes]) -> dict[Event, Count]:
 
 
 def _events(mode: str, before: str, done: bool, found: bool) -> list[tuple[Event, bool]]:
-    """Return the events that could come true in a mode after the one before, and whether each one did."""
+    """Return the events of a mode that follows `before`, each with True for a success."""
     match mode:
         case "l":
             first = Event.CORNER_LIGHT if before == "c" else Event.START_LIGHT
@@ -95,7 +94,7 @@ def _events(mode: str, before: str, done: bool, found: bool) -> list[tuple[Event
 
 
 def estimated(counts: Counts, arcs: Arcs = ALL_ARCS) -> Automaton:
-    """Return the automaton with the relative frequencies; as in the thesis, an untried event is sure."""
+    """Return the automaton with the relative frequencies; as in the thesis, an untried event is certain."""
     events = {
         event: Fraction(count.good, count.trials) if count.trials else Fraction(1)
         for event, count in counts.items()
@@ -123,13 +122,13 @@ def wilson(count: Count, level: float = 0.95) -> Interval:
     part, square = good / n, z * z / n
     middle = (part + square / 2) / (1 + square)
     half = z / (1 + square) * math.sqrt(part * (1 - part) / n + square / (4 * n))
-    # Where all or none were good the bound is exactly 1 or 0, which rounding would miss.
+    # With all or no successes the bound is exactly 1 or 0, which rounding would miss.
     low = 0.0 if good == 0 else middle - half
     return Interval(low, 1.0 if good == n else middle + half)
 
 
 def clopper_pearson(count: Count, level: float = 0.95) -> Interval:
-    """Return the exact interval: the probabilities that make neither tail rarer than half of 1 - `level`."""
+    """Return the exact interval: the probabilities under which neither tail is below half of 1 - `level`."""
     good, n = count
     tail = (1 - level) / 2
     low = 0.0 if good == 0 else _root(lambda p: regularized_beta(good, n - good + 1, p) - tail)
@@ -143,7 +142,7 @@ def string_interval(
     """Return the interval of a string's confidence, or None if the automaton does not accept the string.
 
     Args:
-        counts: counts of all events; events that the string does not need change nothing.
+        counts: counts of all events; those that the string does not require have no effect.
         modes: the string: the modes of a plan, in order.
         seed: seed of the draws.
         level: level of the interval.
@@ -154,7 +153,7 @@ def string_interval(
     if powers is None:
         return None
     logs = np.zeros(draws)
-    for number, event in enumerate(Event):  # a stream each: other events change nothing
+    for number, event in enumerate(Event):  # a random stream each: independent of the other events
         if powers[event]:
             good, trials = counts[event]
             drawn = np.random.default_rng((seed, number)).beta(good + 0.5, trials - good + 0.5, draws)
@@ -179,13 +178,13 @@ def _root(rising: Callable[[float], float]) -> float:
 
 
 _TINY = 1e-300
-_MOST_TERMS = 10_000
+_MAX_TERMS = 10_000
 
 
 def regularized_beta(a: float, b: float, x: float) -> float:
     """Return I_x(a, b), the distribution function of Beta(a, b), to about 1e-12.
 
-    By its continued fraction (Abramowitz and Stegun 26.5.8), evaluated by Lentz's method.
+    It is evaluated as a continued fraction (Abramowitz and Stegun 26.5.8) by Lentz's method.
     """
     if x <= 0.0 or x >= 1.0:
         return float(x >= 1.0)
@@ -196,7 +195,7 @@ def regularized_beta(a: float, b: float, x: float) -> float:
     )
     c, d = 1.0, 1.0 / (1.0 - (a + b) * x / (a + 1) or _TINY)
     fraction = d
-    for m in range(1, _MOST_TERMS):
+    for m in range(1, _MAX_TERMS):
         for numerator in (
             m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m)),
             -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1)),

@@ -1,12 +1,12 @@
 """The probability that all door plates of a corridor are detected: thesis Figures 6.8 and 6.9.
 
-At most one plate is missed, and at most one false one seen, between two that are detected (section 6.3).
+The model allows at most one missed plate, and at most one false one, between two detected plates (section
+6.3).
 
-Its events E1 to E9 (Table 6.6) are counted in walks, as section 6.3 counts them. A walk is a string: D where
-a plate was detected, M where one was missed, P where something else was taken for one. False ones right after
-each other are one, as the nine labels from a wall of glass bricks are in the thesis. The probabilities of
-events "in the middle of a sequence" are parts of all symbols but the first of each walk: 132, 19 and 11 of
-162 there.
+Its events E1 to E9 (Table 6.6) are counted in walks, as in section 6.3. A walk is a string: D for a detected
+plate, M for a missed one, P for a false one. Successive false ones count once, as the nine labels from a wall
+of glass bricks do in the thesis. The probabilities of events "in the middle of a sequence" are relative to
+all symbols but the first of each walk: 132, 19 and 11 of 162 there.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ _DETECTED = ("E3", "E4", "E5", "E8")
 
 
 def all_as_printed(events: PlateEvents, plates: int) -> Fraction:
-    """Return p5 to the power of `plates`: the thesis's probability that all are detected.
+    """Return p5 to the power of `plates`: the thesis's probability that all plates are detected.
 
-    It takes the first plate for one like the others, and a false one in between for a failure.
+    It treats the first plate like the others, and a false one in between as a failure.
     """
     return events["E5"] ** plates
 
@@ -49,7 +49,7 @@ def all_as_printed(events: PlateEvents, plates: int) -> Fraction:
 def all_detected(events: PlateEvents, plates: int) -> Fraction:
     """Return the probability that all plates are detected, whatever false ones are seen in between.
 
-    A path detects each plate at once or after one false one, as Figure 6.9 has no way from one false one to
+    A path detects each plate at once or after one false one, as Figure 6.9 has no arc from one false one to
     the next.
     """
     first = events["E4"] + events["E7"] * events["E8"]
@@ -58,7 +58,7 @@ def all_detected(events: PlateEvents, plates: int) -> Fraction:
 
 
 def plate_counts(walks: Iterable[str]) -> dict[PlateEvent, Count]:
-    """Count how often each event could come true in these walks, and did.
+    """Count the trials and successes of each event in these walks.
 
     Raises:
         ValueError: a walk has other letters than D, M and P.
@@ -93,9 +93,9 @@ def plate_counts(walks: Iterable[str]) -> dict[PlateEvent, Count]:
 
 
 def plate_events(counts: Mapping[PlateEvent, Count | None]) -> PlateEvents:
-    """Return the relative frequencies; what was never tried counts as sure.
+    """Return the relative frequencies; untried events count as certain.
 
-    Two plates are never missed in a row there, so that E3 is 1 as in the thesis.
+    E3 is 1 as in the thesis, where two plates are never missed in a row.
     """
     return {
         event: Fraction(*count) if count and count.trials and event != "E3" else Fraction(event in _DETECTED)

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublishedWalk:
-    """A walk, and which plates were found on it.
+    """A walk, and the plates found on it.
 
     Attributes:
         origin, goal: nodes of `maps/msu_engineering_3.stickrep`.
-        found, missed: what is written on the plates. Three were elevators', and some doors had two plates
-            ("350.1", "350.2"), which the map has not.
-        false: what else was taken for a plate, and where; a number is a plate that was counted twice.
+        found, missed: texts of the plates. Three were elevators', and some doors had two plates ("350.1",
+            "350.2"), which the map does not have.
+        false: false detections and their places; a number is a plate that was counted twice.
     """
 
     origin: str
@@ -29,9 +29,9 @@ class PublishedWalk:
     false: tuple[str, ...]
 
 
-# Hard to read in print, and settled by what is on the other walks along the same wall: on walk 4 the last
-# plate is 341; on walk 6 the second 320 may be 322, and is left; walk 5 ends at "V317R", which is 317R; on
-# walk 8 "364, 350.1 350.2" is 346, 350.1, 350.2, which the walk meets in this order.
+# Entries that are hard to read in print were inferred from the other walks along the same wall: on walk 4 the
+# last plate is 341; on walk 6 the second 320 may be 322, and is kept; walk 5 ends at "V317R", which is 317R;
+# on walk 8 "364, 350.1 350.2" is 346, 350.1, 350.2, the order along the walk.
 _TABLE = """
 352L 384R
   found  352 354 356 360 364 368 elev 372 376 380 382 384

@@ -11,17 +11,18 @@ ModeLetter = Literal["l", "c", "d"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublishedRun:
-    """A run, and what became of it.
+    """A run and its outcome.
 
     Attributes:
         wing, number: the table, and the row in it.
         origin, goal: nodes of `maps/msu_engineering_3.stickrep`.
         began: date and time of day, ISO 8601.
-        distance_mm: from jamb to jamb along the ring, rounded down to millimeters in the tables.
-        beyond_goal_mm: where the robot stopped; negative is before the goal, None a failed run.
+        distance_mm: distance from jamb to jamb along the ring, rounded down to millimeters in the tables.
+        beyond_goal_mm: distance of the stopped robot beyond the goal, negative before it; None for failed
+            runs.
         seconds: its duration; None for failed runs.
-        done, needed: how often the modes l, c and d were gone through, and how often they had to be. Where
-            a mode failed, the tables count it in some rows and in others not.
+        done, needed: completed and required numbers of the modes l, c and d. The tables count a failed mode
+            in some rows and not in others.
         failed_mode: the mode in which a failed run failed.
     """
 
@@ -48,9 +49,9 @@ class PublishedRun:
         return self.began > "1993-12-23"
 
 
-# Some figures are hard to read in print and were settled by others: in row 8 of the new wing the corners by
-# the ring and by the total of 79 in section 6.3, in its row 6 the lights by the total of 57 there; where the
-# robot stopped in its rows 1 and 2 is a guess (it may be 2 cm in place of 7).
+# Some figures are hard to read in print and were inferred from others: in row 8 of the new wing the corners
+# from the ring and the total of 79 in section 6.3, in its row 6 the lights from the total of 57 there. The
+# stops in its rows 1 and 2 are guesses (2 cm may be right instead of 7).
 _TABLE = """
 wing no origin    goal         date       time     m      cm     s    L    C      D  failed in
 old  1 350R         376L         1993-10-31 12:33   78.181   -13   326  1/1   0/0    1/1  -

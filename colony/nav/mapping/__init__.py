@@ -1,1 +1,1 @@
-"""Local maps from sonar readings, the lines in them, and the match of these lines to walls."""
+"""Local maps from sonar readings, the lines in them, and the matching of these lines to walls."""

@@ -1,8 +1,8 @@
-"""Straight lines in a local map, by the Hough transform: the strongest one, and those parallel to it.
+"""The Hough transform of a local map: its strongest straight line, and those parallel to it.
 
-Each occupied cell votes, with its certainty, for all lines through it. The walls of a hallway are the global
-maximum and what a search guided by it finds on the other side (thesis section 5.5); each line is then fitted
-to its cells, so that it is known better than to a cell and a degree. Source: Duda and Hart 1972.
+Each occupied cell votes, weighted by its certainty, for all lines through it. The walls of a hallway are the
+global maximum, and what a search guided by it finds on the other side (thesis section 5.5). Each line is then
+fitted to its cells, for a resolution better than a cell and a degree. Source: Duda and Hart 1972.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ class Line(NamedTuple):
 
     Attributes:
         angle_deg: its direction, counterclockwise from ahead, in [-90, 90).
-        distance_mm: its distance to the left of the origin, as seen along its direction.
+        distance_mm: its distance to the left of the origin, looking along its direction.
         weight: the sum of the certainties of its cells.
-        begin_mm, end_mm: the range of its cells along its direction, from the foot of the origin.
+        begin_mm, end_mm: the range of its cells along its direction, from the foot of the perpendicular
+            through the origin.
         spread_mm: the standard deviation of its cells across it.
     """
 
@@ -42,8 +43,8 @@ class Line(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HoughSetting:
-    """The setting of the search for lines.
+class HoughParameters:
+    """The parameters of the search for lines.
 
     Attributes:
         angle_step_deg, distance_step_mm: the size of a bin.
@@ -64,31 +65,31 @@ class HoughSetting:
     least_length_mm: float = 800.0
 
 
-def lines_in(cells: Cells, setting: HoughSetting | None = None) -> tuple[Line, ...]:
-    """Return the strongest line, and the strongest parallel to it on either side; none if cells are few."""
-    setting = setting or HoughSetting()
-    if cells.certainty.sum() < setting.least_weight:
+def lines_in(cells: Cells, parameters: HoughParameters | None = None) -> tuple[Line, ...]:
+    """Return the strongest line, and the strongest parallel on either side; none if the cells are too few."""
+    parameters = parameters or HoughParameters()
+    if cells.certainty.sum() < parameters.least_weight:
         return ()
-    votes, angles, nearest = _votes(cells, setting)
+    votes, angles, nearest = _votes(cells, parameters)
     angle, distance = np.unravel_index(int(votes.argmax()), votes.shape)
-    first = _fitted(cells, angles[angle], nearest + setting.distance_step_mm * float(distance), setting)
+    first = _fitted(cells, angles[angle], nearest + parameters.distance_step_mm * float(distance), parameters)
     if first is None:
         return ()
     found = [first]
     for side in (1.0, -1.0):
-        start = _guided(votes, angles, nearest, first, side, setting)
-        line = None if start is None else _fitted(cells, *start, setting)
+        start = _guided(votes, angles, nearest, first, side, parameters)
+        line = None if start is None else _fitted(cells, *start, parameters)
         if line is not None:
             off = float(_half_turned(line.angle_deg - first.angle_deg))
-            found += [line] if abs(off) <= setting.parallel_deg else []
+            found += [line] if abs(off) <= parameters.parallel_deg else []
     return tuple(found)
 
 
-def _votes(cells: Cells, setting: HoughSetting) -> tuple[Floats, Floats, float]:
-    """Return the votes, (angles, distances), the angles of the bins, and the first bin's distance."""
-    angles = np.radians(np.arange(-90.0, 90.0, setting.angle_step_deg))
+def _votes(cells: Cells, parameters: HoughParameters) -> tuple[Floats, Floats, float]:
+    """Return the votes, (angles, distances), the bins' angles, and the first bin's distance."""
+    angles = np.radians(np.arange(-90.0, 90.0, parameters.angle_step_deg))
     distances = np.outer(np.cos(angles), cells.left_mm) - np.outer(np.sin(angles), cells.ahead_mm)
-    step = setting.distance_step_mm
+    step = parameters.distance_step_mm
     nearest = math.floor(distances.min() / step) * step
     bins = np.rint((distances - nearest) / step).astype(np.int64)
     width = int(bins.max()) + 2
@@ -101,16 +102,16 @@ def _votes(cells: Cells, setting: HoughSetting) -> tuple[Floats, Floats, float]:
 
 
 def _guided(
-    votes: Floats, angles: Floats, nearest: float, first: Line, side: float, setting: HoughSetting
+    votes: Floats, angles: Floats, nearest: float, first: Line, side: float, parameters: HoughParameters
 ) -> tuple[float, float] | None:
     """Return the strongest line parallel to the first one, at a plausible distance on one side of it."""
     off = np.degrees(angles) - first.angle_deg
-    rows = np.flatnonzero(np.abs(_half_turned(off)) <= setting.parallel_deg)
-    # A line at 89 degrees and its parallel at -89 have opposite directions, and left is right.
+    rows = np.flatnonzero(np.abs(_half_turned(off)) <= parameters.parallel_deg)
+    # A line at 89 degrees and its parallel at -89 have opposite directions: left and right are swapped.
     sign = np.where(np.abs(off[rows]) > 90.0, -1.0, 1.0)[:, None]
-    distances = nearest + setting.distance_step_mm * np.arange(votes.shape[1])
+    distances = nearest + parameters.distance_step_mm * np.arange(votes.shape[1])
     apart = side * (sign * distances - first.distance_mm)
-    plausible = (apart >= setting.least_apart_mm) & (apart <= setting.most_apart_mm)
+    plausible = (apart >= parameters.least_apart_mm) & (apart <= parameters.most_apart_mm)
     if not plausible.any():
         return None
     part = np.where(plausible, votes[rows], -1.0)
@@ -125,18 +126,18 @@ def _half_turned(angle_deg: Floats | float) -> Floats:
 
 _REFINEMENTS = 3
 _STRAY = 0.02
-"""Part of a line at either end that does not count for its end: cells that happen to lie in its way."""
+"""Part of a line's weight that is cut off at either end: stray cells on the line."""
 
 
-def _fitted(cells: Cells, angle_rad: float, distance_mm: float, setting: HoughSetting) -> Line | None:
+def _fitted(cells: Cells, angle_rad: float, distance_mm: float, parameters: HoughParameters) -> Line | None:
     """Fit a line to the cells near to it by total least squares; None if they are too few."""
     for _ in range(_REFINEMENTS):
         cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
         across = cosine * cells.left_mm - sine * cells.ahead_mm
-        near = np.abs(across - distance_mm) <= setting.near_mm
+        near = np.abs(across - distance_mm) <= parameters.near_mm
         weight = cells.certainty[near]
         total = float(weight.sum())
-        if total < setting.least_weight:
+        if total < parameters.least_weight:
             return None
         along = (cosine * cells.ahead_mm + sine * cells.left_mm)[near]
         off = across[near] - distance_mm
@@ -144,7 +145,7 @@ def _fitted(cells: Cells, angle_rad: float, distance_mm: float, setting: HoughSe
         da, do = along - middle_along, off - middle_off
         aa, ao, oo = float(weight @ (da * da)), float(weight @ (da * do)), float(weight @ (do * do))
         turn = 0.5 * math.atan2(2.0 * ao, aa - oo)
-        # The line goes on through the middle of its cells, which are `middle_along` ahead.
+        # The line turns about the middle of its cells, which is `middle_along` ahead.
         x = cosine * middle_along - sine * (distance_mm + middle_off)
         y = sine * middle_along + cosine * (distance_mm + middle_off)
         angle_rad += turn
@@ -154,7 +155,7 @@ def _fitted(cells: Cells, angle_rad: float, distance_mm: float, setting: HoughSe
     first, last = np.searchsorted(part, (_STRAY, 1.0 - _STRAY))
     ends = float(along[order[first]]), float(along[order[min(last, len(order) - 1)]])
     line = _in_order(angle_rad, distance_mm, total, ends, math.sqrt(max(oo, 0.0) / total))
-    return line if line.length_mm >= setting.least_length_mm else None
+    return line if line.length_mm >= parameters.least_length_mm else None
 
 
 def _in_order(

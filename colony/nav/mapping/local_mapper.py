@@ -1,8 +1,8 @@
-"""The local mapper of the thesis: a client that corrects the heading at RServer by the sonars (section 5.5).
+"""The local mapper of the thesis: a client that corrects RServer's heading by the sonars (section 5.5).
 
-It corrects the heading only, once for every three lights, against the direction of the goal, and so not at
-all in a hallway of fewer lights. The pose estimator (`colony/nav/pose/estimate.py`) replaces it and follows
-the robot through the map scan by scan, everywhere. This client is the baseline of the comparison.
+It corrects the heading only, once for every three lights, toward the direction of the goal, and so never in a
+hallway of fewer lights. The pose estimator (`colony/nav/pose/estimate.py`) replaces it: it tracks the robot
+in the map scan by scan, everywhere. This client is kept as the baseline for comparison.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from colony.nav.asks import adjusted, asked, taken
-from colony.nav.mapping.himm import HimmMap, HimmSetting
+from colony.nav.calls import try_adjust_position, try_ask, try_wait
+from colony.nav.mapping.himm import HimmMap, HimmParameters
 from colony.nav.mapping.hough import lines_in
 from colony.nav.mapping.local_map import local_pose
 from colony.nav.mapping.orientation import directed, wrapped
@@ -25,20 +25,20 @@ from colony.runtime.library import data, proximity, robot
 from colony.runtime.library.proximity import SonarReading
 from colony.runtime.library.robot import Position
 
-LIGHTS_A_MAP = 3
-"""A map begins below one light and ends below the second one after it, where the next map begins."""
+LIGHTS_PER_MAP = 3
+"""Lights of a map: it begins below the first and ends below the third, where the next map begins."""
 
 PERIOD_S = 0.1
-"""Seconds from scan to scan."""
+"""Seconds between two scans."""
 
 
 def local_mapper() -> Script:
-    """Correct RServer's heading in the ceiling-light tracking mode. Runs forever.
+    """Correct RServer's heading in the ceiling-light tracking mode; never ends.
 
     The correction comes from the lines in a local map of every three lights.
     """
     model = SonarModel()
-    himm = HimmSetting(full_range_mm=model.full_range_mm, ring_mm=model.ring_mm)
+    himm = HimmParameters(full_range_mm=model.full_range_mm, ring_mm=model.ring_mm)
     for name in (START_MAP, LIGHT_DETECTED):
         yield from do("DServer", data.create_semaphore(name, 0))
     while True:
@@ -47,40 +47,40 @@ def local_mapper() -> Script:
             pass
 
 
-def _map_segment(himm: HimmSetting) -> Generator[Step, Any, bool]:
-    """Make maps along a segment until its last light; True where the next segment began before that."""
-    while (yield from taken(LIGHT_DETECTED, 0.0)):  # a light of the segment before
+def _map_segment(himm: HimmParameters) -> Generator[Step, Any, bool]:
+    """Build maps along a segment until its last light; return True if the next segment begins earlier."""
+    while (yield from try_wait(LIGHT_DETECTED, 0.0)):  # a light of the previous segment
         pass
     lights_left = int((yield from do("DServer", data.get(GOAL_DISTANCE, type=float))))
     local, origin, lights, heard_ns = HimmMap(himm), None, 0, -1
     while lights_left > 0:
         yield from sleep(PERIOD_S)
-        if (yield from taken(START_MAP, 0.0)):
+        if (yield from try_wait(START_MAP, 0.0)):
             return True
         scan, where = yield from _scan_and_position()
         if origin is not None and scan is not None and where is not None and scan.t_ns != heard_ns:
             heard_ns = scan.t_ns
             local.mark(local_pose(origin, _pose(where)), np.array(scan.ranges))
-        if not (yield from taken(LIGHT_DETECTED, 0.0)):
+        if not (yield from try_wait(LIGHT_DETECTED, 0.0)):
             continue
         lights, lights_left = lights + 1, lights_left - 1
-        if origin is not None and lights == LIGHTS_A_MAP:
+        if origin is not None and lights == LIGHTS_PER_MAP:
             yield from _correct_heading(local, origin)
-        if lights in (1, LIGHTS_A_MAP):
-            where = yield from asked("RServer", robot.position())
+        if lights in (1, LIGHTS_PER_MAP):
+            where = yield from try_ask("RServer", robot.position())
             origin, lights = None if where is None else _pose(where), 1
             local.clear()
     return False
 
 
 def _correct_heading(local: HimmMap, origin: Pose) -> Generator[Step, Any, None]:
-    """Turn RServer's heading so that the hallway in the map leads where the goal is."""
+    """Turn RServer's heading so that the hallway in the map has the direction of the goal."""
     lines = lines_in(local.cells())
     if not lines:
         return
     goal = yield from do("DServer", data.get(GOAL_DIRECTION, type=float))
     seen = directed(origin.heading_deg + lines[0].angle_deg, goal)
-    yield from adjusted(0.0, 0.0, wrapped(goal - seen))
+    yield from try_adjust_position(0.0, 0.0, wrapped(goal - seen))
 
 
 def _pose(where: Position) -> Pose:
@@ -88,7 +88,7 @@ def _pose(where: Position) -> Pose:
 
 
 def _scan_and_position() -> Generator[Step, Any, tuple[SonarReading | None, Position | None]]:
-    """Return the newest scan, and the position right after it; None for what is not known now."""
-    scan = yield from asked("PServer", proximity.sonar())
-    where = yield from asked("RServer", robot.position())
+    """Return the newest scan, and the position right after it; None for what is unavailable."""
+    scan = yield from try_ask("PServer", proximity.sonar())
+    where = yield from try_ask("RServer", robot.position())
     return scan, where

@@ -1,4 +1,4 @@
-"""The direction along a hallway: lines have no direction, robots do (thesis section 5.5)."""
+"""The direction along a hallway, from the orientation of a line and the goal (thesis section 5.5)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ def wrapped(angle_deg: float) -> float:
 def directed(orientation_deg: float, goal_deg: float) -> float:
     """Return the direction of a hallway: of the two along its orientation, the one nearer to the goal's.
 
-    Both are headings in one frame. Where they are equally near, 90 degrees away, it is the orientation as it
-    is given.
+    Both are headings in one frame. If both directions are 90 degrees away, the orientation itself is
+    returned.
 
     Returns:
         `orientation_deg` or that plus 180, in (-180, 180].

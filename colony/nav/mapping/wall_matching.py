@@ -1,9 +1,10 @@
-"""Lines that a local map shows, matched to the walls of the building: by how much the robot's pose is off.
+"""Matches the lines of a local map to the walls of the building, which gives the error of the robot's pose.
 
-A line is taken for a wall where it runs nearly along it, not far from it, beside it for a good part of its
-length, and with the robot on the wall's free side. So the leaf of an open door, which stands at an angle, and
-the back wall of a room, which is too far away, match no line. Two walls along a hallway give the heading
-and the place across it; a wall ahead, in a turning space or at a hallway's end, the place along it as well.
+A line matches a wall if it is nearly parallel to it, not far from it, beside it for a good part of its
+length, and has the robot on the wall's free side. So the leaf of an open door, which stands at an angle, and
+the back wall of a room, which is too far away, match no line. Two walls along a hallway give the heading and
+the position across it; a wall ahead, in a turning space or at a hallway's end, also gives the position along
+it.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ import numpy as np
 from colony.nav.mapping.hough import Line
 from colony.nav.mapping.orientation import wrapped
 from colony.nav.maps.stickrep.model import Pose
-from colony.nav.pose.echoes import Bools, Floats, Mirrors
+from colony.nav.pose.echoes import Bools, Floats, Reflectors
 
 
-class Sighting(NamedTuple):
-    """A line as it is believed to run through the building.
+class WallCandidate(NamedTuple):
+    """A line of a local map in the frame of the building, by the estimated pose.
 
-    The ends are in mm, x east and y north; with them come the sum of the certainties of the line's cells, and
-    the standard deviation of the cells across the line, in mm.
+    The ends are in mm, x east and y north; `weight` is the sum of the certainties of the line's cells,
+    `spread_mm` the standard deviation of the cells across the line.
     """
 
     x0_mm: float
@@ -40,7 +41,7 @@ class Sighting(NamedTuple):
         return math.hypot(self.x1_mm - self.x0_mm, self.y1_mm - self.y0_mm)
 
 
-def sighted(line: Line, origin: Pose) -> Sighting:
+def in_building_frame(line: Line, origin: Pose) -> WallCandidate:
     """Return a line of the local map that began at `origin`, in the frame of the building."""
     angle = math.radians(line.angle_deg)
     cosine, sine = math.cos(angle), math.sin(angle)
@@ -51,15 +52,15 @@ def sighted(line: Line, origin: Pose) -> Sighting:
         ahead = cosine * along - sine * line.distance_mm
         left = sine * along + cosine * line.distance_mm
         ends += [origin.x_mm + ahead * east - left * north, origin.y_mm + ahead * north + left * east]
-    return Sighting(ends[0], ends[1], ends[2], ends[3], line.weight, line.spread_mm)
+    return WallCandidate(ends[0], ends[1], ends[2], ends[3], line.weight, line.spread_mm)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gate:
-    """The limits within which a line may be a wall.
+    """The limits within which a line matches a wall.
 
-    The largest angle and the largest distance between the line and the wall on the map, and the least part of
-    the line's length that must be beside the wall.
+    The largest angle and the largest distance between the line and the wall, and the least part of the line's
+    length that must be beside the wall.
     """
 
     angle_deg: float = 15.0
@@ -71,13 +72,13 @@ DEFAULT_GATE = Gate()
 
 
 class WallMatch(NamedTuple):
-    """A line that is a wall.
+    """A line matched to a wall.
 
     Attributes:
-        turn_deg: correction of the heading, for the line to run along the wall.
-        shift_mm: how far the pose is to move along the wall's normal then, away from the wall.
-        normal_x, normal_y: that direction, a unit vector.
-        turn_sd_deg, shift_sd_mm: the standard deviations of both.
+        turn_deg: correction of the heading that makes the line parallel to the wall.
+        shift_mm: correction of the position after that, along the wall's normal, away from the wall.
+        normal_x, normal_y: the normal, a unit vector.
+        turn_sd_deg, shift_sd_mm: standard deviations of both corrections.
     """
 
     turn_deg: float
@@ -90,23 +91,25 @@ class WallMatch(NamedTuple):
 
 _SAME_WALL_MM = 60.0
 _SAME_WALL_DEG = 2.0
-_LEAST_SPREAD_MM = 20.0
+_MIN_SPREAD_MM = 20.0
 _INDEPENDENT = 4.0
-"""Number of cells that count as one independent cell of a line: one reading makes several cells alike."""
+"""Number of independent cells assumed for a line's fit: one reading affects several cells."""
 
 
-def matched(sighting: Sighting, walls: Mirrors, robot: Pose, gate: Gate = DEFAULT_GATE) -> WallMatch | None:
-    """Return the wall that a line is, seen from the robot's believed pose, or None.
+def match_wall(
+    candidate: WallCandidate, walls: Reflectors, robot: Pose, gate: Gate = DEFAULT_GATE
+) -> WallMatch | None:
+    """Match a line to a wall, seen from the robot's estimated pose; None without a match.
 
-    `walls` are those near by. Pieces of wall in one line count as one wall, doors between them too; what may
-    not be heard does not count.
+    `walls` are those nearby. Collinear pieces of wall, and doors between them, count as one wall; those that
+    may return no echo do not count.
     """
-    length = sighting.length_mm
+    length = candidate.length_mm
     if length == 0.0 or len(walls.length) == 0:
         return None
-    turn, offset, beside, facing = _compared(sighting, walls, robot)
+    turn, offset, beside, facing = _compared(candidate, walls, robot)
     fits = (np.abs(turn) <= gate.angle_deg) & (np.abs(offset) <= gate.offset_mm)
-    fits &= facing & (beside > 0.0) & np.isfinite(walls.doubt)
+    fits &= facing & (beside > 0.0) & np.isfinite(walls.sigma_factor)
     best, most = -1, gate.beside * length
     for i in np.flatnonzero(fits).tolist():
         same = np.abs(offset - offset[i]) <= _SAME_WALL_MM
@@ -115,33 +118,35 @@ def matched(sighting: Sighting, walls: Mirrors, robot: Pose, gate: Gate = DEFAUL
             best, most = i, total
     if best < 0:
         return None
-    spread = max(sighting.spread_mm, _LEAST_SPREAD_MM) / math.sqrt(_INDEPENDENT)
+    spread = max(candidate.spread_mm, _MIN_SPREAD_MM) / math.sqrt(_INDEPENDENT)
     return WallMatch(
         turn_deg=float(turn[best]),
         shift_mm=-float(offset[best]),
         normal_x=float(walls.normal[best, 0]),
         normal_y=float(walls.normal[best, 1]),
-        # The cells of a line are spread over it evenly: their standard deviation is its length / sqrt(12).
+        # The cells are spread evenly over the line: their standard deviation along it is length / sqrt(12).
         turn_sd_deg=math.degrees(spread * math.sqrt(12.0) / length),
         shift_sd_mm=spread,
     )
 
 
-def _compared(sighting: Sighting, walls: Mirrors, robot: Pose) -> tuple[Floats, Floats, Floats, Bools]:
+def _compared(
+    candidate: WallCandidate, walls: Reflectors, robot: Pose
+) -> tuple[Floats, Floats, Floats, Bools]:
     """Compare a line with each wall.
 
     Returns:
         The turn about the robot that makes the line parallel to the wall, in degrees; the offset into the
         free space after it, and the length beside the wall, in mm; and whether both face the robot.
     """
-    length = sighting.length_mm
-    along_x = (sighting.x1_mm - sighting.x0_mm) / length
-    along_y = (sighting.y1_mm - sighting.y0_mm) / length
+    length = candidate.length_mm
+    along_x = (candidate.x1_mm - candidate.x0_mm) / length
+    along_y = (candidate.y1_mm - candidate.y0_mm) / length
     cross = along_x * walls.along[:, 1] - along_y * walls.along[:, 0]
     dot = along_x * walls.along[:, 0] + along_y * walls.along[:, 1]
     turn = np.arctan2(np.where(dot < 0.0, -cross, cross), np.abs(dot))
-    x = (sighting.x0_mm + sighting.x1_mm) / 2.0 - robot.x_mm
-    y = (sighting.y0_mm + sighting.y1_mm) / 2.0 - robot.y_mm
+    x = (candidate.x0_mm + candidate.x1_mm) / 2.0 - robot.x_mm
+    y = (candidate.y0_mm + candidate.y1_mm) / 2.0 - robot.y_mm
     cosine, sine = np.cos(turn), np.sin(turn)
     to_robot = np.array([robot.x_mm, robot.y_mm]) - walls.start
     to_line = to_robot + np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=1)
@@ -152,8 +157,8 @@ def _compared(sighting: Sighting, walls: Mirrors, robot: Pose) -> tuple[Floats, 
     return np.degrees(turn), offset, beside, (height > 0.0) & (height > offset)
 
 
-class PoseFix(NamedTuple):
-    """The correction to add to a pose, in mm and degrees, and the heading's standard deviation after it."""
+class PoseCorrection(NamedTuple):
+    """The correction to add to a pose, in mm and degrees, with the standard deviation of the heading's."""
 
     x_mm: float
     y_mm: float
@@ -164,11 +169,11 @@ class PoseFix(NamedTuple):
 _AGREE_DEG = 4.0
 
 
-def combined(matches: tuple[WallMatch, ...]) -> PoseFix | None:
+def combine_matches(matches: tuple[WallMatch, ...]) -> PoseCorrection | None:
     """Combine the matches of several walls; None without any.
 
-    The line with the smallest heading error leads; lines that want another heading are left out. The position
-    stays as it is along a direction in which no wall stands across.
+    Matches whose heading disagrees with that of the most accurate one are left out. Without a wall across a
+    direction, the position along that direction stays as it is.
     """
     if not matches:
         return None
@@ -182,7 +187,7 @@ def combined(matches: tuple[WallMatch, ...]) -> PoseFix | None:
         information += np.outer(normal, normal) / m.shift_sd_mm**2
         vector += normal * (m.shift_mm / m.shift_sd_mm**2)
     shift = np.linalg.pinv(information, rcond=1e-3) @ vector
-    return PoseFix(
+    return PoseCorrection(
         x_mm=float(shift[0]),
         y_mm=float(shift[1]),
         heading_deg=turn,

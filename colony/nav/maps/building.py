@@ -26,18 +26,18 @@ class Landing(NamedTuple):
 
 
 class Ride(NamedTuple):
-    """Two landings of one elevator; it goes both ways."""
+    """Two landings of one elevator, which goes both ways."""
 
-    one: Landing
-    other: Landing
+    first: Landing
+    second: Landing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Building:
-    """The floors that elevators lead to from one another.
+    """The floors that elevators connect.
 
     Attributes:
-        maps: the floors; the first is the one that was asked for, the others by how many rides they are away.
+        maps: the floors; first the requested one, then the others by the number of rides to them.
         rides: each pair of landings once, in the order of the maps.
     """
 
@@ -50,30 +50,30 @@ class Building:
         Raises:
             KeyError: there is none.
         """
-        for one in self.maps:
-            if one.name == name:
-                return one
+        for floor in self.maps:
+            if floor.name == name:
+                return floor
         raise KeyError(f"the building has no map `{name}`; it has {', '.join(m.name for m in self.maps)}")
 
     def part(self, names: Sequence[str]) -> Building:
-        """Return these floors, by their maps' names, in this order, and the rides between them.
+        """Return the building of these floors, by their maps' names, and the rides between them.
 
         Raises:
             KeyError: there is no such floor.
         """
-        rides = (r for r in self.rides if r.one.map in names and r.other.map in names)
+        rides = (r for r in self.rides if r.first.map in names and r.second.map in names)
         return Building(maps=tuple(self.map_named(name) for name in names), rides=tuple(rides))
 
 
 def load_building(path: str | os.PathLike[str]) -> Building:
-    """Load the map at `path` and those that its elevators lead to, directly or by way of others.
+    """Load the map at `path` and those that its elevators lead to, directly or through others.
 
     Raises:
-        DiagnosticError: one of the files cannot be read or is no sound map, or its elevators do not fit to
-            those of another; with all errors found, file by file, each with its place.
+        DiagnosticError: one of the files cannot be read or is no sound map, or its elevators do not match
+            those of another. It has all errors found, file by file, each with its place.
     """
     loaded = _load_all(os.fspath(path))
-    problems = [*_twins(loaded), *(p for one in loaded for p in _misled(one))]
+    problems = [*_duplicates(loaded), *(p for one in loaded for p in _link_errors(one))]
     if problems:
         raise DiagnosticError(problems)
     return Building(maps=tuple(one.map for one in loaded), rides=_rides(loaded))
@@ -81,7 +81,7 @@ def load_building(path: str | os.PathLike[str]) -> Building:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Loaded:
-    """A map, its text, and where each of its elevators leads, in the order of `map.elevators`."""
+    """A map, its text, and the maps to which its elevators lead, in the order of `map.elevators`."""
 
     source: Source
     map: Map
@@ -128,13 +128,13 @@ def _place(here: _Loaded, elevator: ElevatorLink, index: int) -> Span:
 
 def _unreadable(here: _Loaded, elevator: ElevatorLink, failure: DiagnosticError) -> Diagnostic:
     reason = failure.diagnostics[0].message
-    message = f"the elevator `{elevator.node}` leads to a map that is not there: {reason}"
-    hint = "the path counts from the folder of this map"
+    message = f"the elevator `{elevator.node}` leads to a map that cannot be loaded: {reason}"
+    hint = "give the path relative to the folder of this map"
     return error("M029", _place(here, elevator, 2), message, hint)
 
 
-def _misled(here: _Loaded) -> list[Diagnostic]:
-    """Return the errors in where a map's elevators lead."""
+def _link_errors(here: _Loaded) -> list[Diagnostic]:
+    """Return the errors of a map's `elevator` lines."""
     problems: list[Diagnostic] = []
     for elevator, there in zip(here.map.elevators, here.others, strict=True):
         kind = _kind_at(there.map, elevator.other_node)
@@ -170,7 +170,7 @@ def _leads_back(here: _Loaded, elevator: ElevatorLink, there: _Loaded) -> bool:
     )
 
 
-def _twins(loaded: list[_Loaded]) -> list[Diagnostic]:
+def _duplicates(loaded: list[_Loaded]) -> list[Diagnostic]:
     """Return errors for maps that share their name or floor with an earlier one."""
     problems: list[Diagnostic] = []
     for key in ("map", "floor"):
@@ -179,8 +179,8 @@ def _twins(loaded: list[_Loaded]) -> list[Diagnostic]:
             value = one.map.name if key == "map" else one.map.floor
             first = seen.setdefault(value, one)
             if first is not one and value:
-                message = f"the {key} is `{value}`; {first.source.name}, in the same building, says so, too"
-                hint = f"each file of a building has a `{key}` of its own"
+                message = f"the {key} `{value}` is also that of {first.source.name}, in the same building"
+                hint = f"give each map of a building a `{key}` of its own"
                 problems.append(error("M031", _header_place(one, key), message, hint))
     return problems
 
@@ -195,6 +195,6 @@ def _rides(loaded: list[_Loaded]) -> tuple[Ride, ...]:
     for one in loaded:
         for elevator, other in zip(one.map.elevators, one.others, strict=True):
             ride = Ride(Landing(one.map.name, elevator.node), Landing(other.map.name, elevator.other_node))
-            if Ride(ride.other, ride.one) not in rides:
+            if Ride(ride.second, ride.first) not in rides:
                 rides.append(ride)
     return tuple(rides)

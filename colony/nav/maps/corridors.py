@@ -1,9 +1,9 @@
 """The corridors of a floor, and the turning spaces where they meet, derived from its rings of walls.
 
 A ring is cut at its corners into sides: straight walls, which alcoves may interrupt. Two sides that face each
-other across no more than a corridor's width bound a corridor; where blocks of rooms stand in a row, the pairs
-along one line are one corridor. A jog is too short to have sides that face each other: it is the wall with
-which a corridor ends, and the one that faces it from beyond its corner.
+other across at most a corridor's width bound a corridor; collinear pairs, along blocks of rooms in a row, are
+one corridor. A jog is too short for sides that face each other: it is bounded by the wall at the end of a
+corridor, and by the one that faces this wall from beyond its corner.
 
 The turning space of two corridors is where they overlap (thesis section 5.3); its middle is where their
 middle lines cross.
@@ -27,15 +27,15 @@ NARROWEST_MM, WIDEST_MM = 1000.0, 4500.0
 """Range of a corridor's width, in mm: a wider room is a hall, in which two walls do not guide a robot."""
 
 STAND_MM = 650.0
-"""No robot is sent nearer to the wall with which a corridor ends: its hull has a radius of 0.4 m, and half a
-meter before a wall the Navigator stands; askew, a little sooner."""
+"""Least distance of a goal from the wall at a corridor's end: the robot's hull has a radius of 0.4 m, and the
+Navigator stops half a meter before a wall, or a little sooner at an angle."""
 
-_LEAST_FACING_MM = 300.0
+_MIN_FACING_MM = 300.0
 _PARALLEL = math.cos(math.radians(3.0))
 _COLLINEAR_MM = 350.0
-_ALCOVE_MM = 300.0  # by how much less than half the width a wall may stand out toward the middle
+_ALCOVE_MM = 300.0  # largest protrusion of a wall toward the middle
 _BESIDE_MM = 150.0
-_MOUTH_MM = 6000.0  # walls of one corridor may be interrupted by so much, where another one crosses it
+_MOUTH_MM = 6000.0  # largest gap in the walls of a corridor, where another one crosses it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,10 +43,10 @@ class Corridor:
     """A straight corridor, as the middle line between its walls.
 
     Attributes:
-        start, end: of the middle line, in mm, up to the walls in front of which the corridor ends.
-        heading_deg: from start to end; corridors along an axis lead west or north.
-        width_mm: between its walls, alcoves aside.
-        edges: those that bound it, (ring, edge) by their indices, alcoves included, rising.
+        start, end: ends of the middle line, in mm, at the walls in front of which the corridor ends.
+        heading_deg: heading from start to end; corridors along an axis lead west or north.
+        width_mm: distance between its walls, apart from alcoves.
+        edges: indices (ring, edge) of the edges that bound it, alcoves included, ascending.
     """
 
     start: Point
@@ -68,7 +68,7 @@ class Corridor:
     def abreast(self, x: float, y: float) -> float:
         """Return the distance from `start` at which a robot in the middle is abreast of a place, in mm.
 
-        The walls that end the corridor limit it: there the robot is as nearly abreast as they allow.
+        Near the corridor's ends it is limited by `STAND_MM`.
         """
         off = min(STAND_MM, self.length_mm / 2)
         return min(max(self.along(x, y), off), self.length_mm - off)
@@ -93,7 +93,7 @@ class TurningSpace:
 
 
 def corridors_of(source: Map) -> tuple[Corridor, ...]:
-    """Return the corridors of a floor, by where they begin, from north to south; may be empty.
+    """Return the corridors of a floor, from north to south by their starts; may be empty.
 
     Rooms, halls and dead ends without length are no corridors.
     """
@@ -143,8 +143,8 @@ def crossing(one: Corridor, other: Corridor) -> Point | None:
 class _Strip:
     """A part of a corridor: along `heading_deg`, in [0, 180), from `low` to `high` of the projection onto it.
 
-    `across` is the middle line's projection onto what is left of the heading, `seeds` are places of the
-    middle line, in terms of `low`, that are known to be free.
+    `across` is the middle line's projection onto the direction left of the heading; `seeds` are places on the
+    middle line that are probably free, projected like `low`.
     """
 
     heading_deg: float
@@ -162,7 +162,7 @@ class _Strip:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Floor:
-    """The walls, for rays and for what is free."""
+    """The walls of a floor, for rays and tests of free space."""
 
     segments: NDArray[np.float64]
     rings: tuple[tuple[Point, ...], ...]
@@ -190,7 +190,7 @@ def _facing(sides: Sequence[Side]) -> list[_Strip]:
             low, high = one.low, one.high
             ends = sorted((one.along(other.begin), one.along(other.end)))
             low, high = max(low, ends[0]), min(high, ends[1])
-            if high - low >= _LEAST_FACING_MM:
+            if high - low >= _MIN_FACING_MM:
                 strips.append(_strip(one, width, low, high, one.edges + other.edges))
     return strips
 
@@ -205,7 +205,7 @@ def _across(one: Side, other: Side) -> float | None:
 
 
 def _strip(side: Side, width: float, low: float, high: float, edges: tuple[tuple[int, int], ...]) -> _Strip:
-    """Return the strip of `width` to the right of a side, from `low` to `high` after its beginning."""
+    """Return the strip of `width` to the right of a side, from `low` to `high` along it."""
     heading = side.heading_deg % 180.0
     if 180.0 - heading < 1e-6:
         heading = 0.0
@@ -228,7 +228,7 @@ def _strip(side: Side, width: float, low: float, high: float, edges: tuple[tuple
 
 
 def _is_clear(floor: _Floor, strip: _Strip) -> bool:
-    """Return True if nothing stands between the two sides at one of the seeds at least."""
+    """Return True if nothing stands between the two sides at one or more of the seeds."""
     least = strip.width / 2 - _ALCOVE_MM
     for seed in strip.seeds:
         at = strip.point(seed)
@@ -240,7 +240,7 @@ def _is_clear(floor: _Floor, strip: _Strip) -> bool:
 
 
 def _without_accidents(strips: Sequence[_Strip]) -> list[_Strip]:
-    """Leave out what is wider than long, and lies between sides that bound longer strips with others.
+    """Leave out strips that are wider than long, and whose sides bound longer strips with others.
 
     The outer walls of a short jog face each other across its two turning spaces.
     """
@@ -254,7 +254,7 @@ def _without_accidents(strips: Sequence[_Strip]) -> list[_Strip]:
 
 
 def _merge(floor: _Floor, strips: Sequence[_Strip]) -> list[_Strip]:
-    """Join the strips that lie along one line, with no more than the mouth of a corridor between them."""
+    """Join collinear strips with at most the mouth of a corridor between them."""
     merged: list[_Strip] = []
     for strip in sorted(strips, key=lambda s: (s.heading_deg, s.low)):
         for i, other in enumerate(merged):
@@ -278,7 +278,7 @@ def _continues(floor: _Floor, one: _Strip, other: _Strip) -> bool:
 
 
 def _joined(one: _Strip, other: _Strip) -> _Strip:
-    """Join two strips to one, in the middle of the longer ones."""
+    """Join two strips; their middle lines are averaged by their lengths."""
     long, more = one.high - one.low, other.high - other.low
     return replace(
         one,
@@ -292,9 +292,10 @@ def _joined(one: _Strip, other: _Strip) -> _Strip:
 
 
 def _jogs(floor: _Floor, sides: Sequence[Side], strips: Sequence[_Strip]) -> list[_Strip]:
-    """Return the strips before sides that face no other, between two corridors of which the side ends one.
+    """Return the strips before sides that face no other and end a corridor.
 
-    The wall that faces the side is searched from beyond the side's outer corner, across the other corridor.
+    The wall that faces such a side is searched from beyond the side's outer corner, across the other
+    corridor.
     """
     bounding = {edge: strip for strip in strips for edge in strip.edges}
     found = []
@@ -326,7 +327,7 @@ def _jog(floor: _Floor, side: Side, at_its_end: bool, beyond: float) -> _Strip |
 
 
 def _corridor(floor: _Floor, strip: _Strip) -> Corridor:
-    """Extend a strip to the walls in front of it, or into what it opens into by a corridor's width."""
+    """Extend a strip to the walls at its ends, but by at most a corridor's width."""
     low, high = strip.low, strip.high
     for seed in strip.seeds:
         at = strip.point(seed)

@@ -1,4 +1,4 @@
-"""The sides of a ring: its walls from corner to corner, each as one straight line, alcoves aside."""
+"""The sides of a ring: its walls from corner to corner, each as one straight line, without alcoves."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from colony.nav.maps.stickrep.model import Map, Ring
 
 _SAME_HEADING_DEG = 2.0
 _SAME_LINE_MM = 60.0
-_LEAST_TURN_DEG = 20.0
+_MIN_TURN_DEG = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Side:
-    """A ring from one corner to the next, as met with the wall on the left hand.
+    """The part of a ring from one corner to the next, traced with the wall on the left.
 
     Attributes:
         ring: its index.
         begin, end: the corners, in mm.
         heading_deg: heading of most of its length.
-        inset: how far to the right of `begin` the line is on which most of it lies, in mm.
-        edges: (ring, edge) by their indices, in order.
-        turn_before, turn_after: the turn of the ring at either end, counterclockwise, in degrees.
+        inset: distance of the line on which most of it lies to the right of `begin`, in mm.
+        edges: indices (ring, edge) of its edges, in order.
+        turn_before, turn_after: turns of the ring at either end, counterclockwise, in degrees.
     """
 
     ring: int
@@ -47,12 +47,12 @@ class Side:
 
     @property
     def low(self) -> float:
-        """Begin of the side, as `along` counts."""
+        """Start of the side, as measured by `along`."""
         return min(0.0, self.along(self.end))
 
     @property
     def high(self) -> float:
-        """End of the side, as `along` counts."""
+        """End of the side, as measured by `along`."""
         return max(0.0, self.along(self.end))
 
 
@@ -75,7 +75,7 @@ def _cuts(ring: Ring) -> list[int]:
     named = [i for i, node in enumerate(ring.nodes) if node.corner]
     if len(named) >= 3:
         return named
-    turning = [i for i, node in enumerate(ring.nodes) if abs(node.turn_deg) >= _LEAST_TURN_DEG]
+    turning = [i for i, node in enumerate(ring.nodes) if abs(node.turn_deg) >= _MIN_TURN_DEG]
     return turning or [0]
 
 

@@ -1,8 +1,8 @@
 """The signs on the walls of a map: door plates and the markers on elevator doors (sections 5.4.6 and 5.7).
 
-The map gives the doors and elevators, and the signs follow from it. The plate of a door hangs beside it, on
-the side of its right jamb as seen from the corridor, or on the other side if there is no wall. A marker is
-pasted on the middle of an elevator's doors. All signs are as high as the robot's cameras.
+The signs follow from the doors and elevators of the map. The plate of a door hangs beside it, on the side of
+its right jamb as seen from the corridor, or on the other side if there is no wall. A marker is pasted on the
+middle of an elevator's doors. All signs hang at the height of the robot's cameras.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ CHARACTERS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 """The characters that may appear on a plate."""
 
 _GAP_MM = 70.0
-_MOST_CHARACTERS = 5
+_MAX_CHARACTERS = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sign:
-    """A flat thing on a wall.
+    """A sign on a wall.
 
     Attributes:
-        edge: the number of the map's edge on which it hangs, in the order of `Map.edges`.
+        edge: index of the map's edge on which it hangs, in the order of `Map.edges`.
         start_mm, end_mm: its range along that edge, from its node.
         middle: place of its middle in the plane, in mm.
-        heading_deg: where a robot looks that faces it: into the wall, perpendicular to it.
+        heading_deg: heading of a robot that faces it: into the wall, perpendicular to it.
     """
 
     edge: int
@@ -56,7 +56,7 @@ class Sign:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plate(Sign):
-    """The plate of a door: `door` is its name in the map ("364.double"), `text` what is on it ("364")."""
+    """The plate of a door: the door's name in the map ("364.double"), and the text on it ("364")."""
 
     door: str
     text: str
@@ -80,7 +80,7 @@ def plate_text(door: str) -> str:
     """
     parts = door.split(".")
     part = next((p for p in parts if any(c.isdigit() for c in p)), parts[-1])
-    return "".join(c for c in part.upper() if c in CHARACTERS)[:_MOST_CHARACTERS]
+    return "".join(c for c in part.upper() if c in CHARACTERS)[:_MAX_CHARACTERS]
 
 
 def plates_of(floor: Map) -> tuple[Plate, ...]:

@@ -24,7 +24,7 @@ class Walls:
         segments: (n, 4) float64, read-only: x0, y0, x1, y1 in mm, x east and y north, in the order of the
             map. The free space lies to the right of each; each ring is closed exactly.
         kinds: the kind of each segment.
-        attributes: the map's remark on each segment's surface, as "wood, room 12", or "".
+        attributes: the map's remark on each segment's surface, such as "wood, room 12", or "".
     """
 
     segments: NDArray[np.float64]
@@ -35,7 +35,7 @@ class Walls:
     def glass(self) -> tuple[bool, ...]:
         """True for segments that are panes of glass, which sonars may miss: the remark says `glass`.
 
-        Glass bricks are none: their surface is rough, and they are seen.
+        Glass bricks do not count: sonars detect their rough surface.
         """
         return tuple(_GLASS.search(attribute) is not None for attribute in self.attributes)
 
@@ -70,10 +70,9 @@ _BESIDE_MM = tuple(step * 500.0 for k in range(1, 9) for step in (k, -k))
 def lights_of(source: Map) -> NDArray[np.float64]:
     """Return the places of the ceiling lights: (n, 2) float64, x and y in mm.
 
-    A light projected onto one edge hangs half-way between the edge and the opposite wall, or the opposite
-    wall beside it if another corridor begins there. A light projected onto two edges hangs where the
-    perpendiculars meet. The lights of the corridors come first, in the order of the map, then those of the
-    turning spaces; each light once.
+    A light projected onto one edge hangs half-way between the edge and the opposite wall, or the wall next to
+    that if another corridor begins there. A light projected onto two edges hangs where the perpendiculars
+    meet. The lights of the corridors come first, in the order of the map, then those of the turning spaces.
     """
     segments = walls_of(source).segments
     places: list[Point] = []
@@ -104,10 +103,10 @@ def free_distance(
     """Return the distance from a place to the next wall, in mm; inf if there is none.
 
     Args:
-        segments: (n, 4) as of `Walls`.
+        segments: (n, 4) as in `Walls`.
         at: the place, in mm.
         away: the unit vector of the direction to look in.
-        least_mm: nearer walls do not count: the place may be on one.
+        least_mm: distance below which walls do not count, as the place may be on one.
     """
     ax, ay = segments[:, 0] - at.x, segments[:, 1] - at.y
     ex, ey = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
@@ -120,7 +119,7 @@ def free_distance(
 
 
 def point_on(wall: Sequence[float], along_mm: float) -> Point:
-    """Return the place on a wall, x0, y0, x1, y1, so far from its beginning."""
+    """Return the place on a wall, (x0, y0, x1, y1), at a distance from its start."""
     x0, y0, x1, y1 = wall
     length = math.hypot(x1 - x0, y1 - y0)
     return Point(x0 + (x1 - x0) * along_mm / length, y0 + (y1 - y0) * along_mm / length)

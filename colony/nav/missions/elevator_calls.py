@@ -5,27 +5,27 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any, NamedTuple
 
-from colony.nav.asks import values
+from colony.nav.calls import read_variables
 from colony.nav.shared import ELEVATOR_CALL
 from colony.runtime.kit.script import Step
 
 
-class Call(NamedTuple):
-    """The node of the elevator's doors, and the names of the maps of the robot's floor and of the other."""
+class ElevatorCall(NamedTuple):
+    """A call: the node of the elevator's doors, the map of the robot's floor, and that of the other floor."""
 
     node: str
     floor: str
-    other: str
+    destination: str
 
 
-def call_of(told: object) -> Call | None:
-    """Return the call in a value of ElevatorCall, or None if it is none."""
-    if isinstance(told, (list, tuple)) and len(told) == 3 and all(isinstance(word, str) for word in told):
-        return Call(*told)
+def elevator_call_of(value: object) -> ElevatorCall | None:
+    """Decode a value of ElevatorCall; None if it is no call."""
+    if isinstance(value, (list, tuple)) and len(value) == 3 and all(isinstance(word, str) for word in value):
+        return ElevatorCall(*value)
     return None
 
 
-def called() -> Generator[Step, Any, Call | None]:
-    """Return the present call at DServer, or None."""
-    told = yield from values(ELEVATOR_CALL)
-    return None if told is None else call_of(told[ELEVATOR_CALL])
+def current_call() -> Generator[Step, Any, ElevatorCall | None]:
+    """Return the present call at DServer, or None without one."""
+    variables = yield from read_variables(ELEVATOR_CALL)
+    return None if variables is None else elevator_call_of(variables[ELEVATOR_CALL])

@@ -1,8 +1,8 @@
 """Verification that a robot has arrived at its goal, by the door plate there (thesis section 6.3).
 
-The plate finder publishes each new plate in PlateSeen, whose newest values DServer remembers. The goal's
-plate, read near its place, confirms the goal; another plate in its place refutes it. No plate says nothing:
-the goal's may be on the wall to the right, or a person stands before it.
+The plate finder publishes each new plate in PlateSeen, of which DServer keeps the newest values. The goal's
+plate, read near its place, confirms the goal; another plate in its place refutes it. No plate decides
+nothing: the goal's may be on the wall to the right, or hidden by a person.
 """
 
 from __future__ import annotations
@@ -12,27 +12,28 @@ from collections.abc import Generator, Iterable
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from colony.nav.asks import asked
+from colony.nav.calls import try_ask
 from colony.nav.maps.signs import Plate, door_name, plates_of
 from colony.nav.maps.stickrep.model import Map
 from colony.nav.shared import PLATE_SEEN
 from colony.runtime.kit.script import Step, sleep
 from colony.runtime.library import data
 
-NEAR_MM = 1_500.0
-"""A plate that is read farther from its place than this was another one of that name."""
+SAME_PLATE_MM = 1_500.0
+"""Largest distance of a reading from the plate's place; a text read farther away is that of another plate."""
 
-IN_ITS_PLACE_MM = 600.0
-"""Another plate that is no farther from there hangs where the goal's should: doors are wider apart."""
+SAME_PLACE_MM = 600.0
+"""Largest distance at which another plate is in the place of the goal's: doors are farther apart than
+this."""
 
-REMEMBERED = 16
-"""Number of plates that DServer remembers: those of a corridor's last meters."""
+HISTORY_LENGTH = 16
+"""Number of plates that DServer keeps: those of a corridor's last meters."""
 
-BEFORE_NS = 3_000_000_000
-"""Time before its last segment at which a robot may already have read the plate beside the goal."""
+EARLY_NS = 3_000_000_000
+"""Time before the last segment in which the robot may already have read the plate beside the goal."""
 
-PATIENCE_S, LOOK_S = 2.0, 0.25
-"""Timeout for the plate to be read after the arrival, and the interval between two checks, in seconds."""
+READ_TIMEOUT_S, POLL_INTERVAL_S = 2.0, 0.25
+"""Timeout of reading the plate after the arrival, and interval between two checks, in seconds."""
 
 
 class Verdict(IntEnum):
@@ -43,8 +44,8 @@ class Verdict(IntEnum):
     RIGHT = 1
 
 
-class SeenPlate(NamedTuple):
-    """A value of PlateSeen: its time, its number since the finder began, its text, and its place in mm."""
+class ReportedPlate(NamedTuple):
+    """A value of PlateSeen: time, number since the finder's start, text, and place in mm."""
 
     t_ns: int
     number: int
@@ -53,29 +54,29 @@ class SeenPlate(NamedTuple):
     y_mm: float
 
 
-def seen_plate(told: Any) -> SeenPlate | None:
-    """Return a value of PlateSeen, or None if it is none."""
-    match told:
+def reported_plate(value: Any) -> ReportedPlate | None:
+    """Decode a value of PlateSeen; None if it is malformed."""
+    match value:
         case [int(t_ns), int(number), str(text), int() | float() as x, int() | float() as y]:
-            return SeenPlate(t_ns, number, text, float(x), float(y)) if math.isfinite(x + y) else None
+            return ReportedPlate(t_ns, number, text, float(x), float(y)) if math.isfinite(x + y) else None
         case _:
             return None
 
 
-def verdict_of(plate: Plate, seen: Iterable[SeenPlate]) -> Verdict:
-    """Return the verdict of these plates on a goal where `plate` hangs. An unreadable plate says nothing."""
+def verdict_of(plate: Plate, seen: Iterable[ReportedPlate]) -> Verdict:
+    """Return the verdict of the plates seen on a goal where `plate` hangs; unreadable plates do not count."""
     verdict = Verdict.UNSEEN
-    for one in seen:
-        off_mm = math.hypot(one.x_mm - plate.middle.x, one.y_mm - plate.middle.y)
-        if one.text == plate.text and off_mm <= NEAR_MM:
+    for read in seen:
+        off_mm = math.hypot(read.x_mm - plate.middle.x, read.y_mm - plate.middle.y)
+        if read.text == plate.text and off_mm <= SAME_PLATE_MM:
             return Verdict.RIGHT
-        if one.text and off_mm <= IN_ITS_PLACE_MM:
+        if read.text and off_mm <= SAME_PLACE_MM:
             verdict = Verdict.WRONG
     return verdict
 
 
 def plate_at(floor: Map, node: str) -> Plate | None:
-    """Return the plate of the door to which a node belongs, or None if it has none.
+    """Return the plate of a node's door, or None without one.
 
     The node may carry its floor: "376L" or "2:250R".
     """
@@ -84,22 +85,22 @@ def plate_at(floor: Map, node: str) -> Plate | None:
 
 
 def remember_plates() -> Generator[Step, Any, None]:
-    """Make DServer keep more than the newest plate."""
-    yield from asked("DServer", data.set_history(PLATE_SEEN, REMEMBERED))
+    """Make DServer keep the newest plates, not only the last one."""
+    yield from try_ask("DServer", data.set_history(PLATE_SEEN, HISTORY_LENGTH))
 
 
 def goal_verdict(plate: Plate, *, begun_ns: int) -> Generator[Step, Any, Verdict]:
-    """Return the verdict of the plates seen since about when the last segment began.
+    """Return the verdict of the plates seen on the last segment, or shortly before.
 
-    A plate that is in view has some time to be read.
+    A plate in view has until the timeout to be read.
     """
-    since_ns = begun_ns - BEFORE_NS
+    since_ns = begun_ns - EARLY_NS
     waited_s = 0.0
     while True:
-        values = (yield from asked("DServer", data.history(PLATE_SEEN))) or ()
-        plates = (seen_plate(value.read()) for value in values)
-        verdict = verdict_of(plate, [one for one in plates if one is not None and one.t_ns >= since_ns])
-        if verdict is Verdict.RIGHT or waited_s >= PATIENCE_S:
+        values = (yield from try_ask("DServer", data.history(PLATE_SEEN))) or ()
+        plates = (reported_plate(value.read()) for value in values)
+        verdict = verdict_of(plate, [read for read in plates if read is not None and read.t_ns >= since_ns])
+        if verdict is Verdict.RIGHT or waited_s >= READ_TIMEOUT_S:
             return verdict
-        yield from sleep(LOOK_S)
-        waited_s += LOOK_S
+        yield from sleep(POLL_INTERVAL_S)
+        waited_s += POLL_INTERVAL_S

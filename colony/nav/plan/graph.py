@@ -1,9 +1,9 @@
-"""The ways through a building as a directed graph, and the shortest of them.
+"""The routes through a building as a directed graph, and the shortest of them.
 
-Where a map is traveled with the wall on the left, a place is a position on a ring, and a way follows the
-rings as they are traced; its length is that of the edges that are counted. It changes the ring at links only,
-and between two nodes of one ring not at all (thesis sections 5.1 and 6.1). Where a map is traveled either
-way, a place is a position on the middle line of a corridor, and a way changes the corridor in turning spaces.
+On a map that is traveled with the wall on the left, a place is a position on a ring, and a route follows the
+rings as they are traced; its length is that of the counted edges. It changes rings at links only, and never
+between two nodes of one ring (thesis sections 5.1 and 6.1). On a map that is traveled either way, a place is
+a position on the middle line of a corridor, and a route changes corridors in turning spaces.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from colony.nav.maps.stickrep.geometry import Point, corners, trace
 from colony.nav.maps.stickrep.model import Map, Travel
 from colony.nav.maps.walls import lights_of
 
-_HOP_MM = 0.001  # so that of equally long ways the one with the fewest steps is taken
+_HOP_MM = 0.001  # per step, to prefer the fewest steps among equally long routes
 _TURN_MM = 0.1
 _RIDE_MM = 20_000.0
-"""Cost of riding an elevator, in mm of way, for the choice among several."""
+"""Cost of an elevator ride, in mm of travel."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,11 +33,11 @@ class Layout:
 
     Attributes:
         source: the map.
-        nodes: places of the nodes, a tuple a ring.
-        headings_deg: headings of the edges, a tuple a ring.
+        nodes: places of the nodes, a tuple per ring.
+        headings_deg: headings of the edges, a tuple per ring.
         corridors, spaces: as `colony/nav/maps/corridors.py` finds them.
         lights: (x, y) of the ceiling lights in mm.
-        bounded: the corridors that an edge bounds, (ring, edge) by their indices.
+        bounded: indices of the corridors that an edge bounds, by the edge's (ring, edge).
     """
 
     source: Map
@@ -63,9 +63,9 @@ class Layout:
         return after if after is not None else self.corridor_at(ring, (node - 1) % len(self.nodes[ring]))
 
     def joined(self, corridors: tuple[int, ...]) -> tuple[int, ...]:
-        """Return corridors with those between them that a way skips when it changes rings in a turning space.
+        """Insert the corridors that a route skips when it changes rings in a turning space.
 
-        Where two of them have no turning space, and no other corridors join them, they stay as they are.
+        Two successive corridors that no turning spaces connect stay as they are.
         """
         graph = nx.Graph(space.corridors for space in self.spaces)
         chain = list(corridors[:1])
@@ -101,7 +101,7 @@ def _beyond(corridor: Corridor, at: Point) -> float:
     return max(-along, along - corridor.length_mm, 0.0)
 
 
-class Spot(NamedTuple):
+class NodeIndex(NamedTuple):
     """A node of a building: the index of its floor, of its ring, and its own."""
 
     floor: int
@@ -111,27 +111,27 @@ class Spot(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Lift:
-    """A ride of an elevator, from before its doors at one node to before those at another; both ways."""
+    """An elevator ride between the doors at two nodes, in either direction."""
 
-    one: Spot
-    other: Spot
+    first: NodeIndex
+    second: NodeIndex
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
-    """The part of a way on one floor: from a node to another one through corridors, by their indices.
+    """The part of a route on one floor: from node to node through corridors, by their indices.
 
-    `length_mm` is what is counted of it.
+    `length_mm` is its counted length.
     """
 
-    origin: Spot
-    goal: Spot
+    origin: NodeIndex
+    goal: NodeIndex
     corridors: tuple[int, ...]
     length_mm: float
 
 
-Way = tuple[Stretch | Lift, ...]
-"""The parts of a way, in order; a lift joins two floors."""
+Route = tuple[Stretch | Lift, ...]
+"""The parts of a route, in order; a lift joins two floors."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -149,19 +149,23 @@ class _MiddlePlace:
     along_mm: float
 
 
-def shortest_way(
-    layouts: tuple[Layout, ...], lifts: tuple[Lift, ...], origin: Spot, goal: Spot, travel: Travel | None
-) -> Way | None:
-    """Return the shortest way from node to node, or None if there is none.
+def shortest_route(
+    layouts: tuple[Layout, ...],
+    lifts: tuple[Lift, ...],
+    origin: NodeIndex,
+    goal: NodeIndex,
+    travel: Travel | None,
+) -> Route | None:
+    """Return the shortest route from node to node, or None without one.
 
-    Elevators are ridden to other floors; they are ridden to the same floor only if it has no way of its own.
+    A route between nodes of one floor uses elevators only if the floor itself has no route.
 
     Args:
         layouts: the layouts of all floors.
         lifts: the elevators between them.
-        origin: the node where the way begins.
+        origin: the node where the route begins.
         goal: the node where it ends.
-        travel: direction of travel on all floors; None: on each as its map says.
+        travel: direction of travel on all floors; None for that of each floor's map.
     """
     if origin.floor == goal.floor:
         alone = _shortest(layouts, (), origin, goal, travel)
@@ -171,10 +175,14 @@ def shortest_way(
 
 
 def _shortest(
-    layouts: tuple[Layout, ...], lifts: tuple[Lift, ...], origin: Spot, goal: Spot, travel: Travel | None
-) -> Way | None:
+    layouts: tuple[Layout, ...],
+    lifts: tuple[Lift, ...],
+    origin: NodeIndex,
+    goal: NodeIndex,
+    travel: Travel | None,
+) -> Route | None:
     graph = nx.DiGraph()
-    ends = {origin, goal, *(spot for lift in lifts for spot in (lift.one, lift.other))}
+    ends = {origin, goal, *(spot for lift in lifts for spot in (lift.first, lift.second))}
     for floor in {spot.floor for spot in ends}:
         layout = layouts[floor]
         here = [spot for spot in ends if spot.floor == floor]
@@ -185,7 +193,7 @@ def _shortest(
             case "either":
                 _add_corridors(graph, floor, layout, here)
     for lift in lifts:
-        for one, other in ((lift.one, lift.other), (lift.other, lift.one)):
+        for one, other in ((lift.first, lift.second), (lift.second, lift.first)):
             graph.add_edge(one, other, weight=_RIDE_MM, length=0.0, corridor=None)
     try:
         return _parts(graph, nx.dijkstra_path(graph, origin, goal))
@@ -196,13 +204,13 @@ def _shortest(
 def _step(
     graph: Any, here: object, there: object, length: float, corridor: int | None, more: float = 0.0
 ) -> None:
-    """Add an edge of the graph; of several between the same places the shortest is kept."""
+    """Add an edge to the graph; keep the shortest of several between the same places."""
     weight = length + more + _HOP_MM
     if not graph.has_edge(here, there) or graph[here][there]["weight"] > weight:
         graph.add_edge(here, there, weight=weight, length=length, corridor=corridor)
 
 
-def _add_rings(graph: Any, floor: int, layout: Layout, ends: list[Spot], linked: bool) -> None:
+def _add_rings(graph: Any, floor: int, layout: Layout, ends: list[NodeIndex], linked: bool) -> None:
     links = layout.source.links if linked else ()
     rings = layout.source.rings
     spots = {node.name: (r, n) for r, ring in enumerate(rings) for n, node in enumerate(ring.nodes)}
@@ -225,7 +233,7 @@ def _add_rings(graph: Any, floor: int, layout: Layout, ends: list[Spot], linked:
         _step(graph, place, spot, 0.0, None)
 
 
-def _add_corridors(graph: Any, floor: int, layout: Layout, ends: list[Spot]) -> None:
+def _add_corridors(graph: Any, floor: int, layout: Layout, ends: list[NodeIndex]) -> None:
     along: list[set[_MiddlePlace]] = [set() for _ in layout.corridors]
     for space in layout.spaces:
         turn = [
@@ -250,16 +258,16 @@ def _add_corridors(graph: Any, floor: int, layout: Layout, ends: list[Spot]) -> 
             _step(graph, there, here, there.along_mm - here.along_mm, k)
 
 
-def _parts(graph: Any, path: list[Any]) -> Way:
-    """Cut a path of the graph where it rides from floor to floor."""
+def _parts(graph: Any, path: list[Any]) -> Route:
+    """Split a path of the graph at its elevator rides."""
     parts: list[Stretch | Lift] = []
     origin, length = path[0], 0.0
     corridors: list[int] = []
     for here, there in pairwise(path):
-        if isinstance(here, Spot) and isinstance(there, Spot):
-            # An elevator linked from floor to floor is ridden in one go.
+        if isinstance(here, NodeIndex) and isinstance(there, NodeIndex):
+            # Successive rides of an elevator are one ride.
             match parts[-1:]:
-                case [Lift(one=first)]:
+                case [Lift(first=first)]:
                     parts[-1] = Lift(first, there)
                 case _:
                     parts.append(Lift(here, there))
@@ -269,6 +277,6 @@ def _parts(graph: Any, path: list[Any]) -> Way:
         length += step["length"]
         if step["corridor"] is not None and corridors[-1:] != [step["corridor"]]:
             corridors.append(step["corridor"])
-        if isinstance(there, Spot):
+        if isinstance(there, NodeIndex):
             parts.append(Stretch(origin=origin, goal=there, corridors=tuple(corridors), length_mm=length))
     return tuple(parts)

@@ -1,9 +1,8 @@
-"""A way through corridors as straight legs, and each leg as segments in the Navigator's modes (section 5.3).
+"""Divides a path through corridors into straight legs, and each leg into segments (section 5.3).
 
-L  from the start of the leg to below its last light; left out where none hangs on the way
-E  on to the middle of the turning space         (all legs but the last)
-C  from there, in the heading of the next leg, out of the turning space
-D  on to the goal                                (the last leg)
+L  from the start of the leg to below its last light; left out on a leg without lights E  on to the middle of
+the turning space         (all legs but the last) C  from there, in the heading of the next leg, out of the
+turning space D  on to the goal                                (the last leg)
 """
 
 from __future__ import annotations
@@ -21,18 +20,19 @@ LEAVE_MM = 500.0
 """Distance that a robot drives out of a turning space before it looks for lights."""
 
 LIGHT_AHEAD_MM = 600.0
-"""A light is tracked if it is that far ahead at least where the tracking begins: the leading edge of a nearer
-one, 0.3 m before its middle, is about to pass or has passed already."""
+"""Least distance to a light where tracking begins: the leading edge of a nearer one, 0.3 m before its middle,
+is
+about to pass or has passed already."""
 
 LIGHT_BEFORE_GOAL_MM = 500.0
-"""A light is tracked if the goal is that far beyond it at least: a robot that passes it may overshoot."""
+"""Least distance from a tracked light to the goal: a robot that passes the light may overshoot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leg:
-    """A straight way along the middle of one corridor.
+    """A straight part of a path along the middle of one corridor.
 
-    `before_mm` and `after_mm` are how much of it, at either end, lies in a turning space.
+    `before_mm` and `after_mm` are the lengths of its parts in turning spaces, at either end.
     """
 
     corridor: Corridor
@@ -59,21 +59,23 @@ class Leg:
 
 
 @dataclass(frozen=True, slots=True)
-class Apart:
-    """Two corridors that were to follow one another, and do not meet."""
+class DisconnectedCorridors:
+    """Two successive corridors of a path that do not meet."""
 
-    one: Corridor
-    other: Corridor
+    first: Corridor
+    second: Corridor
 
 
-def legs_of(corridors: tuple[Corridor, ...], origin: Point, goal: Point) -> tuple[Leg, ...] | Apart:
-    """Return the legs through corridors from abreast of one place to abreast of another."""
+def legs_of(
+    corridors: tuple[Corridor, ...], origin: Point, goal: Point
+) -> tuple[Leg, ...] | DisconnectedCorridors:
+    """Return the legs through corridors, from abreast of one place to abreast of another."""
     order = _without_returns(list(range(len(corridors))), corridors)
     bends = []
     for i, j in pairwise(order):
         middle = crossing(corridors[i], corridors[j])
         if middle is None:
-            return Apart(corridors[i], corridors[j])
+            return DisconnectedCorridors(corridors[i], corridors[j])
         bends.append(middle)
     chain = [corridors[i] for i in order]
     first, last = chain[0], chain[-1]
@@ -87,7 +89,7 @@ def legs_of(corridors: tuple[Corridor, ...], origin: Point, goal: Point) -> tupl
 
 
 def _without_returns(order: list[int], corridors: tuple[Corridor, ...]) -> list[int]:
-    """Leave out the dead ends that a ring leads into and out of again."""
+    """Leave out the dead ends that a ring enters and leaves again."""
     kept: list[int] = []
     for i in order:
         if kept and corridors[kept[-1]] == corridors[i]:
@@ -102,7 +104,7 @@ def _without_returns(order: list[int], corridors: tuple[Corridor, ...]) -> list[
 def segments_of(
     legs: tuple[Leg, ...], lights: tuple[Point, ...], floor: str
 ) -> tuple[tuple[Segment, ...], str]:
-    """Return the segments of legs on one floor, and one letter a mode."""
+    """Return the segments of legs on one floor, and one letter per mode."""
     segments: list[Segment] = []
     modes = ""
     for i, leg in enumerate(legs):
@@ -124,7 +126,7 @@ def segments_of(
 
 
 def _lights_on(leg: Leg, lights: tuple[Point, ...], first: bool, last: bool) -> tuple[float, ...]:
-    """Return the distances from the leg's start of the lights to be tracked on it, rising."""
+    """Return the distances of the lights to track on a leg, from its start, ascending."""
     unit = direction(leg.heading_deg)
     low = LIGHT_AHEAD_MM if first else leg.before_mm + LIGHT_AHEAD_MM
     high = leg.length_mm - (LIGHT_BEFORE_GOAL_MM if last else leg.after_mm)
@@ -140,8 +142,8 @@ def _lights_on(leg: Leg, lights: tuple[Point, ...], first: bool, last: bool) -> 
 def _leaving(leg: Leg, marks: tuple[float, ...]) -> float:
     """Return the distance to drive out of the turning space in which a leg begins.
 
-    It is never more than half of the leg, so that a robot that drives too far still has the end ahead, and
-    never so much that the first light is no longer ahead.
+    It is at most half of the leg, so that the leg's end stays ahead of a robot that drives too far, and
+    leaves the first light ahead.
     """
     out = min(leg.before_mm + LEAVE_MM, leg.length_mm / 2)
     return min(out, marks[0] - LIGHT_AHEAD_MM) if marks else out

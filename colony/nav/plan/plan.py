@@ -19,15 +19,14 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Segment:
-    """A straight way in one mode, along the middle of a corridor, from `start` to `end`.
+    """A straight part of a path in one mode, along the middle of a corridor, from `start` to `end`.
 
-    `heading_deg` is where it leads. In the light-tracking mode `lights_mm` are the distances of the lights
-    from `start`, rising, and `end` is below the last one. A corner segment begins in the middle of the
-    turning space, with a turn to its heading, and ends where the robot is in the next corridor. `width_mm`
-    is the corridor's. An elevator segment leads from before its doors, which `heading_deg` faces, to before
-    them on another floor, whose map has them `turn_deg` further counterclockwise; its `width_mm` is that of
-    the doors, `doors_mm` how far they are from its start and from its end, and `doors` the nodes where they
-    begin on both floors.
+    In the light-tracking mode `lights_mm` are the distances of the lights from `start`, ascending, and `end`
+    is below the last one. A corner segment begins in the middle of the turning space, with a turn to its
+    heading, and ends in the next corridor. `width_mm` is the corridor's. An elevator segment leads from the
+    front of its doors, which `heading_deg` faces, to their front on another floor, whose map has them turned
+    by `turn_deg` counterclockwise. Its `width_mm` is that of the doors, `doors_mm` are the distances of the
+    doors from its start and from its end, and `doors` the nodes where they begin on both floors.
     """
 
     kind: GoalKind
@@ -42,7 +41,7 @@ class Segment:
 
     @property
     def length_mm(self) -> float:
-        """Length from start to end; 0 from floor to floor, each of which is measured by itself."""
+        """Length from start to end; 0 for a ride, as each floor has coordinates of its own."""
         if self.start.floor != self.end.floor:
             return 0.0
         return math.hypot(self.end.x_mm - self.start.x_mm, self.end.y_mm - self.start.y_mm)
@@ -54,11 +53,11 @@ class Plan:
 
     Attributes:
         origin, goal: names of nodes, "350R".
-        segments: in order; the first begins where the robot stands.
-        distance_mm: where the wall is kept on the left, the sum of the counted edges along the rings, which
-            is what the thesis's tables give; else how far it is along the middle of the corridors.
-        modes: one letter a mode, for the confidence automaton: "lclcld". A corner is one `c`, whatever its
-            segments (section 6.3). A ride of an elevator is a `v`, of which the thesis has none.
+        segments: the segments in order; the first begins at the robot's place.
+        distance_mm: for travel with the wall on the left, the sum of the counted edges along the rings, as in
+            the thesis's tables; else the distance along the middle of the corridors.
+        modes: one letter per mode, for the confidence automaton: "lclcld". A corner is one `c`, whatever its
+            segments (section 6.3); an elevator ride is a `v`, which the thesis does not have.
     """
 
     origin: str
@@ -69,11 +68,11 @@ class Plan:
 
     @property
     def floors(self) -> tuple[str, ...]:
-        """The names of the maps that it leads through, each once, in order."""
+        """The names of the maps on the path, each once, in order."""
         places = (place for segment in self.segments for place in (segment.start, segment.end))
         return tuple(dict.fromkeys(place.floor for place in places))
 
     @property
-    def way_mm(self) -> float:
+    def travel_mm(self) -> float:
         """Distance that the robot travels, along the middle of the corridors, in mm."""
         return sum(segment.length_mm for segment in self.segments)

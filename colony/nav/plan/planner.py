@@ -1,23 +1,22 @@
-"""The Path Planner's local part: a client that gives the Navigator a plan's segments (sections 5.3 and 5.8).
+"""The Path Planner's local part: a client that passes a plan's segments to the Navigator (sections 5.3, 5.8).
 
 For each segment it sets GoalType, GoalDirection and GoalDistance, ups $GoalData, and waits for $RobotStatus.
-A segment of lights is also for CTracker, which has LightOffset and $TrackData, and for the Local Mapper,
-which has $StartMap: there the Planner waits for $EndLMode, too, and reads Overshoot.
+A segment of lights also goes to CTracker, by LightOffset and $TrackData, and to the Local Mapper, by
+$StartMap; the Planner then also waits for $EndLMode, and reads Overshoot.
 
-The distance of a goal is known in two ways. By the pose, it is what is left of the segment from the robot's
-estimated position, which other clients keep correcting. By reckoning, as in the thesis, it is the segment's
-length, less the overshoot of the lights before it; the thesis did that from December 1993 on, and before not
-even that.
+The distance of a goal has two sources. By the pose, it is the rest of the segment from the robot's estimated
+position, which other clients keep correcting. By reckoning, as in the thesis, it is the segment's length,
+less the overshoot of the lights before it; the thesis compensates for the overshoot since December 1993.
 
-Before an elevator's segment the Planner sets ElevatorCall, for the operator of the buttons. After it, when
-the position has become one of the new floor's map, it sets Floor, for the clients that need the walls around
-the robot.
+Before an elevator's segment the Planner sets ElevatorCall, for the operator of the buttons. After it, it
+moves the position to the new floor's map, and then sets Floor, for the clients that need the walls around the
+robot.
 
-If a Planner dies, the robot goes on to the present goal and stands there. The next Planner begins with a plan
-from where the robot is: its first goal replaces the pursued one, and pending answers are discarded. If
-another client sets GoalType to NONE, the robot halts while the Planner goes on waiting. That is no pause: the
-Navigator would measure the whole distance again. To stop for good, end the Planner, then set GoalType to
-NONE; to go on, start another Planner.
+If a Planner dies, the robot continues to the present goal and stands there. The next Planner starts with a
+plan from the robot's place: its first goal replaces the pursued one, and pending answers are discarded. If
+another client sets GoalType to NONE, the robot halts while the Planner keeps waiting. This does not pause the
+goal: the Navigator would measure its whole distance again. To stop for good, end the Planner, then set
+GoalType to NONE; to continue, start another Planner.
 """
 
 from __future__ import annotations
@@ -26,10 +25,10 @@ from collections.abc import Callable, Generator
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple, assert_never
 
-from colony.nav.asks import taken
+from colony.nav.calls import try_wait
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point, direction
-from colony.nav.missions.elevator_calls import Call
+from colony.nav.missions.elevator_calls import ElevatorCall
 from colony.nav.missions.goal_verification import Verdict, goal_verdict, remember_plates
 from colony.nav.plan.plan import Plan, Segment
 from colony.nav.shared import (
@@ -53,13 +52,13 @@ from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
 
 INTO_ELEVATOR_MM = 900.0
-"""Distance behind the doors where a robot stands in an elevator: the middle of a cabin 1.8 m deep."""
+"""Distance behind the doors at which a robot stands in an elevator: the middle of a cabin 1.8 m deep."""
 
-SHORT_MM, MOST_SHORT_MM = 50.0, 1_500.0
+MIN_SHORTFALL_MM, MAX_SHORTFALL_MM = 50.0, 1_500.0
 """Limits of the distance by which a robot may be short of its goal, according to the plate there.
 
 A robot that is short by more than the former drives on; one that is short by more than the latter is lost,
-and stays.
+and stays where it is.
 """
 
 Positions = Literal["pose", "reckoning"]
@@ -84,8 +83,8 @@ class Goal(NamedTuple):
 def goal_of(segment: Segment, progress_mm: float) -> Goal:
     """Return the goal of a segment for a robot at this distance from its start.
 
-    Lights that are behind are left out. Where nothing is left of a segment its goal is 0 mm away, which the
-    Navigator has reached at once: so the goals of a plan are as many as its segments, and in their order.
+    Lights that are behind are left out. If nothing is left of a segment, its goal is 0 mm away, which the
+    Navigator reaches at once: so the goals of a plan correspond to its segments, in their order.
 
     Raises:
         ValueError: no robot can go along a segment of this kind.
@@ -114,10 +113,10 @@ def progress_along(segment: Segment, x_mm: float, y_mm: float) -> float:
     return (x_mm - segment.start.x_mm) * unit.x + (y_mm - segment.start.y_mm) * unit.y
 
 
-def landing(ride: Segment, x_mm: float, y_mm: float) -> Point:
-    """Return where a robot stands after an elevator ride, in mm on the map of the floor it is on.
+def place_after_ride(ride: Segment, x_mm: float, y_mm: float) -> Point:
+    """Return the place of a robot after an elevator ride, in mm on the new floor's map.
 
-    It is as far from the doors as it would be on the other floor; the corridor may be wider here.
+    It is as far from the doors as it would be on the old floor, even if the corridor has another width.
 
     Args:
         ride: the elevator's segment.
@@ -142,16 +141,16 @@ def planner(
     verify: Plate | None = None,
     on_verdict: OnVerdict | None = None,
 ) -> Script:
-    """Lead the robot along a plan; ends when it has arrived and stands.
+    """Lead the robot along a plan; end when it has arrived and stands.
 
     Args:
         plan: the plan.
         positions: the source of distances.
-        compensate: with `reckoning`, take the overshoot of lights off the distance that follows.
-        on_segment: called with the number of each segment that begins.
-        verify: the plate that hangs at the goal. GoalVerified reports whether it was read there, and the
-            robot drives the rest if it is short of the goal by then.
-        on_verdict: called with the verdict, too.
+        compensate: True to subtract the overshoot of lights from the next distance, with `reckoning`.
+        on_segment: callback at the start of each segment.
+        verify: the plate that hangs at the goal. GoalVerified reports whether it was read there, and a robot
+            that is short of the goal by it drives the rest.
+        on_verdict: callback with the verdict.
     """
     yield from _begin(plan.segments[0].start.floor)
     if verify is not None:
@@ -163,7 +162,7 @@ def planner(
         if verify is not None:
             begun_ns = yield from sleep(0.0)
         if segment.kind is GoalKind.ELEVATOR:
-            call = Call(segment.doors[0], segment.start.floor, segment.end.floor)
+            call = ElevatorCall(segment.doors[0], segment.start.floor, segment.end.floor)
             yield from do("DServer", data.set(ELEVATOR_CALL, list(call)))
         progress_mm = reckoned_mm
         if positions == "pose":
@@ -182,7 +181,7 @@ def planner(
 
 
 def _begin(floor: str) -> Generator[Step, Any, None]:
-    """Create missing semaphores, and withdraw what a Planner announced that was ended half-way."""
+    """Create missing semaphores, and withdraw the pending announcements of an interrupted Planner."""
     for name in SEMAPHORES:
         yield from do("DServer", data.create_semaphore(name, 0))
     for name in (START_MAP, TRACK_DATA, GOAL_DATA):
@@ -191,11 +190,11 @@ def _begin(floor: str) -> Generator[Step, Any, None]:
 
 
 def _verify(plate: Plate, last: Segment, begun_ns: int) -> Generator[Step, Any, Verdict]:
-    """Read the plate at the goal, which corrects the position too, and drive what is left of the way."""
+    """Read the plate at the goal, which also corrects the position, and drive the rest of the path."""
     verdict = yield from goal_verdict(plate, begun_ns=begun_ns)
     here = yield from do("RServer", robot.position())
     rest_mm = last.length_mm - progress_along(last, here.x, here.y)
-    if SHORT_MM < rest_mm < MOST_SHORT_MM:
+    if MIN_SHORTFALL_MM < rest_mm < MAX_SHORTFALL_MM:
         yield from _pursue(Goal(GoalKind.DEAD_RECKONING, last.heading_deg, rest_mm))
         yield from do("DServer", data.set(GOAL_TYPE, int(GoalKind.NONE)))
     yield from do("DServer", data.set(GOAL_VERIFIED, int(verdict)))
@@ -203,12 +202,12 @@ def _verify(plate: Plate, last: Segment, begun_ns: int) -> Generator[Step, Any, 
 
 
 def _drain(semaphore: str) -> Generator[Step, Any, None]:
-    while (yield from taken(semaphore, 0.0)):
+    while (yield from try_wait(semaphore, 0.0)):
         pass
 
 
 def _pursue(goal: Goal) -> Generator[Step, Any, float]:
-    """Give a goal and wait until it is reached; how far the robot was beyond it then, as far as is known."""
+    """Set a goal, and wait until it is reached; return the overshoot, 0 if unknown."""
     values: dict[str, object] = {
         GOAL_TYPE: int(goal.kind),
         GOAL_DIRECTION: goal.direction_deg,
@@ -218,7 +217,7 @@ def _pursue(goal: Goal) -> Generator[Step, Any, float]:
     if lights:
         values[LIGHT_OFFSET] = list(goal.offsets_mm)
     yield from do("DServer", data.set_many(values))
-    # Nothing is asked now: what is there answers a goal of a Planner that was ended.
+    # Answers that are pending now are to goals of an interrupted Planner.
     yield from _drain(ROBOT_STATUS)
     yield from _drain(END_L_MODE)
     if lights:
@@ -236,6 +235,6 @@ def _pursue(goal: Goal) -> Generator[Step, Any, float]:
 def _change_floor(ride: Segment) -> Generator[Step, Any, None]:
     """Move the base's position from the map of the floor left behind to that of the other floor."""
     here = yield from do("RServer", robot.position())
-    there = landing(ride, here.x, here.y)
+    there = place_after_ride(ride, here.x, here.y)
     yield from do("RServer", robot.adjust_position(there.x - here.x, there.y - here.y, ride.turn_deg))
     yield from do("DServer", data.set_many({FLOOR: ride.end.floor, ELEVATOR_CALL: []}))

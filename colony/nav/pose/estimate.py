@@ -1,11 +1,12 @@
 """The pose estimator: the only client that corrects RServer's position (thesis sections 5.5, 5.6, 5.7).
 
-Odometry, scans against the map, local maps, ceiling lights, door plates and the markers of elevators give one
-pose with one covariance. A client that sees a landmark publishes a `Fix` at DServer; the estimator takes it
-in once, for the pose of its moment. It publishes the estimate at DServer, and sends corrections to RServer.
+It fuses odometry, scans against the map, local maps, ceiling lights, door plates and the markers of elevators
+into one pose with one covariance. A client that observes a landmark publishes a `Fix` at DServer; the
+estimator uses each fix once, for the pose at its time. It publishes the estimate at DServer, and sends
+corrections to RServer.
 
-In an elevator the sonars say nothing of the map: its walls are mirrors, and its cabin is on no map. On
-another floor the map is another one, and the robot is where RServer says, give or take what a ride may hide.
+In an elevator the sonars are not used: its walls are mirrors, and its cabin is on no map. On another floor
+the estimator changes the map and restarts from RServer's position, with the uncertainty of a ride.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from __future__ import annotations
 from collections.abc import Generator, Mapping
 from typing import Any
 
-from colony.nav.asks import adjusted, asked
+from colony.nav.calls import try_adjust_position, try_ask
 from colony.nav.maps.walls import Walls
 from colony.nav.pose.fixes import fix_of
 from colony.nav.pose.pose import pose_list
-from colony.nav.pose.tracker import ALL, PoseTracker, Source, Told, position_at
+from colony.nav.pose.tracker import EVERY_SOURCE, LandmarkFix, PoseTracker, Source, position_at
 from colony.nav.shared import FLOOR, GOAL_TYPE, LIGHT_FIX, MARKER_FIX, PLATE_FIX, POSE, GoalKind
 from colony.runtime.kit.script import Script, Step, sleep
 from colony.runtime.library import data, proximity, robot
@@ -26,27 +27,27 @@ from colony.runtime.library.robot import Position
 
 _FIXES = {LIGHT_FIX: Source.LIGHTS, PLATE_FIX: Source.PLATES, MARKER_FIX: Source.MARKERS}
 _AHEAD_NS = 1_000_000_000
-"""A fix of a moment that is farther in the future is of a clock that is wrong."""
+"""Largest time of a fix ahead of the robot's clock; a fix from farther in the future is discarded."""
 _WITH_SCANS = frozenset({Source.SONAR, Source.LOCAL_MAPS})
 
 
 def pose_estimator(
     floors: Mapping[str, Walls],
     *,
-    sources: frozenset[Source] = ALL,
+    sources: frozenset[Source] = EVERY_SOURCE,
     period_s: float = 0.1,
 ) -> Script:
     """Estimate the robot's pose from all sources together, and correct RServer's position, forever.
 
-    While RServer, or what a source needs, is away or has nothing to say, it waits, or goes on without.
+    Without RServer's position the estimator waits; a source whose server does not answer is left out.
 
     Args:
-        floors: the walls of each floor, by the names that FLOOR has; the first one until it is set.
+        floors: the walls of each floor, by the values of FLOOR; the first floor counts until FLOOR is set.
         sources: the sources besides the odometry.
-        period_s: seconds between two looks at the sonars and the position.
+        period_s: seconds between two readings of the sonars and the position.
 
     Raises:
-        ValueError: there is no floor; later, in the script: FLOOR is none of them.
+        ValueError: `floors` is empty; later, in the script: FLOOR is none of them.
     """
     if not floors:
         raise ValueError("there is no floor; expected the walls of at least one")
@@ -68,12 +69,12 @@ class _Estimator:
         """Estimate the pose forever."""
         while True:
             yield from sleep(period_s)
-            # FLOOR before the position, which was adjusted before FLOOR was set.
-            yield from self._look_at_floor()
+            # Read FLOOR before the position: the Planner adjusts the position, then sets FLOOR.
+            yield from self._update_floor()
             scan = None
             if self._sources & _WITH_SCANS:
-                scan = yield from asked("PServer", proximity.sonar())
-            where = yield from asked("RServer", robot.position())
+                scan = yield from try_ask("PServer", proximity.sonar())
+            where = yield from try_ask("RServer", robot.position())
             if where is None:
                 continue
             fresh = scan if scan is not None and scan.t_ns > self._scan_ns else None
@@ -82,27 +83,27 @@ class _Estimator:
             yield from self._take(fresh, where)
 
     def _take(self, scan: SonarReading | None, where: Position) -> Generator[Step, Any, None]:
-        """Take in a scan, a position and the fixes of landmarks, and publish the result."""
+        """Update the tracker with a scan, a position and the fixes of landmarks, and publish the result."""
         ranges = None
         at = where
         if scan is not None:
             self._scan_ns = scan.t_ns
             at = position_at(scan.t_ns, where, self._last)
-            if not (yield from self._rides()):
+            if not (yield from self._is_riding()):
                 ranges = scan.ranges
-        told = yield from self._fixes(where.t_ns)
-        correction = self._tracker.take(ranges, at, told)
+        fixes = yield from self._fixes(where.t_ns)
+        correction = self._tracker.update(ranges, at, fixes)
         self._last = where
         dx, dy, turn = correction.x_mm, correction.y_mm, correction.heading_deg
-        if correction.is_worth_telling and (yield from adjusted(dx, dy, turn)):
-            self._tracker.told(correction)
+        if correction.is_significant and (yield from try_adjust_position(dx, dy, turn)):
+            self._tracker.record_correction(correction)
             heading = where.heading + turn
             self._last = Position(x=where.x + dx, y=where.y + dy, heading=heading, t_ns=where.t_ns)
         if (pose := self._tracker.estimate) is not None:
-            yield from asked("DServer", data.set(POSE, pose_list(pose)))
+            yield from try_ask("DServer", data.set(POSE, pose_list(pose)))
 
-    def _look_at_floor(self) -> Generator[Step, Any, None]:
-        floor = yield from asked("DServer", data.get(FLOOR))
+    def _update_floor(self) -> Generator[Step, Any, None]:
+        floor = yield from try_ask("DServer", data.get(FLOOR))
         if floor is None or floor == self._floor:
             return
         if floor not in self._floors:
@@ -111,28 +112,28 @@ class _Estimator:
         self._floor, self._last = floor, None
         self._tracker.enter(self._floors[floor])
 
-    def _rides(self) -> Generator[Step, Any, bool]:
+    def _is_riding(self) -> Generator[Step, Any, bool]:
         """Return True if the robot is on its way into an elevator, or in it."""
-        goal = yield from asked("DServer", data.get(GOAL_TYPE))
+        goal = yield from try_ask("DServer", data.get(GOAL_TYPE))
         return goal == GoalKind.ELEVATOR
 
-    def _fixes(self, now_ns: int) -> Generator[Step, Any, list[Told]]:
-        """Return the fixes that are new."""
-        told = yield from asked("DServer", data.get_many(_FIXES))
-        if told is None:
-            yield from _make_fixes()
+    def _fixes(self, now_ns: int) -> Generator[Step, Any, list[LandmarkFix]]:
+        """Return the fixes that were not used yet."""
+        values = yield from try_ask("DServer", data.get_many(_FIXES))
+        if values is None:
+            yield from _create_fix_variables()
             return []
-        found: list[Told] = []
+        found: list[LandmarkFix] = []
         for name, source in _FIXES.items():
-            fix = fix_of(told[name])
+            fix = fix_of(values[name])
             if fix is not None and self._newest_ns[name] < fix.t_ns <= now_ns + _AHEAD_NS:
                 self._newest_ns[name] = fix.t_ns
-                found.append(Told(source, fix))
+                found.append(LandmarkFix(source, fix))
         return found
 
 
-def _make_fixes() -> Generator[Step, Any, None]:
-    """Set the fixes of each source without any to an empty list, so that all can be read at once."""
+def _create_fix_variables() -> Generator[Step, Any, None]:
+    """Set the fix variables that are unset to an empty list, so that all can be read at once."""
     for name in _FIXES:
-        if (yield from asked("DServer", data.get(name))) is None:
-            yield from asked("DServer", data.set(name, []))
+        if (yield from try_ask("DServer", data.get(name))) is None:
+            yield from try_ask("DServer", data.set(name, []))

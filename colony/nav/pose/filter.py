@@ -1,11 +1,12 @@
-"""The position filter: the pose from odometry, sonar echoes of the map's walls, and landmarks.
+"""The position filter: estimates the pose from odometry, sonar echoes of the map's walls, and landmarks.
 
-An extended Kalman filter over x, y, the heading, and the errors of the odometry: its curvature, since wheels
-of unequal size turn a robot that believes that it goes straight, and its scale. The weight of a reading falls
-with its surprise (Huber), and is zero beyond a gate, so that people, open doors and cross-talk do no harm. A
-surprise for most of the sonars at once means that a wheel slipped: then headings all around are tried. A
-surprising landmark also indicates a slip: it moves the position, and teaches nothing of the odometry. Source:
-Thrun, Burgard and Fox, Probabilistic Robotics (2005), chapters 3 and 7; Leonard and Durrant-Whyte 1992.
+It is an extended Kalman filter over x, y, the heading, and two errors of the odometry: drift, as wheels of
+unequal size turn a robot that seems to drive straight, and scale. The weight of a reading falls with its
+normalized innovation (Huber), and is zero beyond a gate, so that people, open doors and cross-talk do no
+harm. If most sonars are off at once, a wheel has slipped, and the filter tries headings around the estimate.
+A landmark with a large innovation also indicates a slip: it moves the position, and leaves the odometry
+errors as they are. Source: Thrun, Burgard and Fox, Probabilistic Robotics (2005), chapters 3 and 7; Leonard
+and Durrant-Whyte 1992.
 """
 
 from __future__ import annotations
@@ -17,19 +18,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.nav.pose.echoes import Expected, Floats, Mirrors, Ring
+from colony.nav.pose.echoes import Floats, Prediction, Reflectors, SonarRing
 from colony.nav.pose.fixes import Row
-from colony.nav.pose.steps import NOW, Since, Step
+from colony.nav.pose.steps import NO_MOTION, MotionSince, Step
 
 
-class Leap(NamedTuple):
-    """Limits of how far a landmark may move the position at once, and turn the heading."""
+class JumpLimit(NamedTuple):
+    """Limits of the correction by one landmark: the shift of the position and the turn of the heading."""
 
     mm: float
     rad: float
 
 
-ANY_LEAP = Leap(math.inf, math.inf)
+NO_JUMP_LIMIT = JumpLimit(math.inf, math.inf)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,14 +38,15 @@ class Uncertainty:
     """Standard deviations of the filter.
 
     Attributes:
-        start_mm, start_deg, start_deg_m: at first, of the position, the heading and the drift a meter.
-        scale: of the odometry's scale at first: 0.01 is 10 mm a meter.
-        way: of the distance, a part of it, on each step.
-        way_mm: of the position, on the first meter; sqrt(d) times as much on d meters.
-        drift_deg: of the heading, likewise.
-        turn: of the heading, a part of what is turned in a step.
-        drift_change_deg_m: of the drift a meter, on the first meter, likewise.
-        most_mm: no position is less certain than this.
+        start_mm, start_deg, start_deg_m: initial values for the position, the heading and the drift per
+            meter.
+        scale: initial value for the odometry's scale: 0.01 is 10 mm per meter.
+        way: noise of the distance of a step, as a part of it.
+        way_mm: noise of the position after one meter; sqrt(d) times as much after d meters.
+        drift_deg: noise of the heading, likewise.
+        turn: noise of the heading, as a part of the turn of a step.
+        drift_change_deg_m: noise of the drift per meter, likewise.
+        most_mm: upper bound of the position's standard deviation.
     """
 
     start_mm: float = 60.0
@@ -52,41 +54,42 @@ class Uncertainty:
     start_deg_m: float = 1.5
     scale: float = 0.012
     way: float = 0.01
-    way_mm: float = 8.0
+    travel_mm: float = 8.0
     drift_deg: float = 0.9
     turn: float = 0.02
     drift_change_deg_m: float = 0.1
-    most_mm: float = 250.0
+    max_mm: float = 250.0
 
 
-# In standard deviations: from where a reading counts less, where not at all, up to where it is as expected;
-# and from where a landmark indicates a slip.
+# In standard deviations of the innovation: the bounds from which a reading counts less, does not count, and
+# still is as predicted; and the bound from which a landmark indicates a slip.
 _HUBER = 1.5
 _GATE = 3.5
-_AS_EXPECTED = 1.5
-_SLIPPED = 2.5
-# Readings that change by so much a radian reveal a slip; those of walls straight ahead of a sonar do not.
+_AS_PREDICTED = 1.5
+_SLIP_GATE = 2.5
+# Readings that change by this much per radian reveal a slip; those of walls that a sonar faces squarely do
+# not.
 _TURNING_MM = 200.0
 _FEWEST_TURNING = 4
 
 _STILL = 1e-6
-_FEWEST = 3  # informative readings; fewer are mostly a stretch of wall between two openings
-_AGREEMENT_RATE = 0.3  # a few scans, so that passing people do not count as being lost
+_FEWEST = 3  # readings; fewer are mostly of a stretch of wall between two openings
+_AGREEMENT_RATE = 0.3  # per scan: a few scans, so that passing people do not make the filter lost
 _LOST = 0.65  # open doors and people spoil up to a third of the readings
 
-# Relocation: headings up to 35 degrees away, each fitted to the scan from half-way to the next one.
+# Relocation tries headings up to 35 degrees away, and fits the pose to the scan from each of them.
 _TRIED_STEP_RAD = math.radians(5.0)
 _TRIED_RAD = tuple(sign * n * _TRIED_STEP_RAD for n in range(8) for sign in ((1, -1) if n else (1,)))
 _TRIED_MM = 60.0
 _FARTHEST = 2.5
-_ASIDE = 0.2  # so far off its way, a mm, goes a robot whose wheels slipped
+_ASIDE = 0.2  # lateral error per mm traveled of a robot whose wheels slipped
 _CONFIRMED = 0.8
 _FITS = 2
 _FEWEST_TO_RELOCATE = 7
 _EXPLAINED = 0.5
-_BETTER = 0.02  # of two headings that explain a scan alike the nearer one is taken
+_BETTER = 0.02  # of two headings that explain a scan equally well the nearer one is taken
 _EXPLAINED_SIGMA = 2.5
-_WORTH_IT = 0.15  # more than one person explains
+_WORTH_IT = 0.15  # more than a person before the robot explains
 _MUCH_BETTER = 0.2
 _AFTER_MM = 50.0
 _AFTER_RAD = math.radians(3.0)
@@ -96,13 +99,13 @@ class PoseFilter:
     """The pose of a robot and its covariance. Mutable.
 
     The state is x, y in mm, the heading in radians counterclockwise from north, the drift in radians a mm,
-    and the scale error of the odometry (0.01 where it says 990 mm for a meter).
+    and the scale error of the odometry (0.01 if it reports 990 mm for a meter).
     """
 
     def __init__(
-        self, ring: Ring, pose: tuple[float, float, float], noise: Uncertainty | None = None
+        self, ring: SonarRing, pose: tuple[float, float, float], noise: Uncertainty | None = None
     ) -> None:
-        """Begin at a pose: x, y in mm and the heading in degrees."""
+        """Start at a pose: x, y in mm and the heading in degrees."""
         self._ring = ring
         self._noise = noise or Uncertainty()
         self.state = np.array([pose[0], pose[1], math.radians(pose[2]), 0.0, 0.0])
@@ -115,21 +118,21 @@ class PoseFilter:
     def reset(
         self, pose: tuple[float, float, float], sigma_mm: float | None = None, sigma_deg: float | None = None
     ) -> None:
-        """Restart at a pose with this uncertainty; the errors of the odometry stay."""
+        """Restart at a pose with this uncertainty; keep the estimated errors of the odometry."""
         place = self._noise.start_mm if sigma_mm is None else sigma_mm
         heading = math.radians(self._noise.start_deg if sigma_deg is None else sigma_deg)
         self.state[:3] = pose[0], pose[1], math.radians(pose[2])
-        self.covariance = np.diag([place**2, place**2, heading**2, *self._of_odometry])
+        self.covariance = np.diag([place**2, place**2, heading**2, *self._odometry_variances])
         self.agreement = 1.0
         self._unconfirmed_mm = 0.0
 
     @property
-    def _of_odometry(self) -> list[float]:
+    def _odometry_variances(self) -> list[float]:
         """The variances of drift and scale."""
         return [float(variance) for variance in np.diag(self.covariance)[3:]]
 
     def move(self, step: Step) -> Step:
-        """Take in how the odometry says that the robot moved; gives that without drift and scale error."""
+        """Predict the pose after a step of the odometry; return the step without drift and scale error."""
         way = math.hypot(step.ahead_mm, step.left_mm)
         if way < _STILL and abs(step.turned_rad) < _STILL:
             return step
@@ -149,30 +152,30 @@ class PoseFilter:
         change[0, 3], change[1, 3], change[2, 3] = -y * signed / 2.0, x * signed / 2.0, signed
         change[0, 4], change[1, 4] = x / longer, y / longer
         self.covariance = change @ self.covariance @ change.T
-        self._spread(way, turned)
+        self._add_noise(way, turned)
         self._keep_bounded()
         return Step(ahead, left, turned + drift)
 
-    def _spread(self, way: float, turned: float) -> None:
-        """Add the uncertainty of a step of so many mm and radians."""
+    def _add_noise(self, way: float, turned: float) -> None:
+        """Add the process noise of a step: `way` in mm, `turned` in radians."""
         noise, meters = self._noise, way / 1e3
-        spread = noise.way_mm**2 * meters + (noise.way * way) ** 2
+        spread = noise.travel_mm**2 * meters + (noise.way * way) ** 2
         self.covariance[0, 0] += spread
         self.covariance[1, 1] += spread
         self.covariance[2, 2] += math.radians(noise.drift_deg) ** 2 * meters + (noise.turn * turned) ** 2
         self.covariance[3, 3] += (math.radians(noise.drift_change_deg_m) / 1e3) ** 2 * meters
 
     def shift(self, x_mm: float, y_mm: float, turn_rad: float) -> None:
-        """Apply a correction of the odometry: the robot did not move, but its pose is another one."""
+        """Follow a correction of the odometry by another client: the pose changes without a motion."""
         self.state[0] += x_mm
         self.state[1] += y_mm
         self.state[2] += turn_rad
 
     def _keep_bounded(self) -> None:
-        """Shrink the covariance along an axis that became less certain than it can be."""
+        """Bound the position's standard deviation along each axis."""
         for i in (0, 1):
-            if self.covariance[i, i] > self._noise.most_mm**2:
-                part = self._noise.most_mm / math.sqrt(self.covariance[i, i])
+            if self.covariance[i, i] > self._noise.max_mm**2:
+                part = self._noise.max_mm / math.sqrt(self.covariance[i, i])
                 self.covariance[i, :] *= part
                 self.covariance[:, i] *= part
 
@@ -181,77 +184,77 @@ class PoseFilter:
         """True if most of the recent readings did not match the map."""
         return self.agreement < _LOST
 
-    def listen(self, mirrors: Mirrors, ranges: Floats, blur_rad: float = 0.0) -> None:
-        """Take in a scan: (24,) in mm; what is not finite says nothing.
+    def observe_scan(self, reflectors: Reflectors, ranges: Floats, blur_rad: float = 0.0) -> None:
+        """Update with a scan, (24,) in mm; readings that are not finite are ignored.
 
-        `blur_rad`: by how much the heading may be off for this scan alone.
+        `blur_rad` is the standard deviation of a heading error of this scan alone.
         """
-        expected = self._ring.expect(mirrors, *self.state[:3])
-        used = _told(expected, ranges)
+        expected = self._ring.predict(reflectors, *self.state[:3])
+        used = _usable(expected, ranges)
         if len(used) >= _FEWEST:
             kept = self._update(expected, ranges, used, blur_rad)
             self.agreement += _AGREEMENT_RATE * (kept - self.agreement)
             if len(used) >= _FEWEST_TO_RELOCATE and kept >= _CONFIRMED:
                 self._unconfirmed_mm = 0.0
 
-    def observe(self, row: Row, since: Since = NOW, most: Leap = ANY_LEAP) -> bool:
-        """Take in a landmark's observation of the pose a while ago.
+    def observe(self, row: Row, since: MotionSince = NO_MOTION, limit: JumpLimit = NO_JUMP_LIMIT) -> bool:
+        """Update with a landmark's measurement of the pose at a past time.
 
-        A surprise indicates a slip, which is believed up to `most`.
+        A large innovation indicates a slip, which is accepted up to `limit`.
 
         Returns:
-            False if the observation is not believed; then nothing has changed.
+            False if the measurement is rejected; the state is unchanged then.
         """
         way = math.hypot(row.cx, row.cy)
-        if not row.sigma > 0.0 or not _is_plain(row, way, most):
+        if not row.sigma > 0.0 or not _is_unambiguous(row, way, limit):
             return False
         sine, cosine = math.sin(self.state[2]), math.cos(self.state[2])
         x = -since.ahead_mm * sine - since.left_mm * cosine
         y = since.ahead_mm * cosine - since.left_mm * sine
         then = self.state[:3] - (x, y, since.turned_rad)
-        off = row.value - (row.cx * then[0] + row.cy * then[1] + row.ch * then[2])
+        innovation = row.value - (row.cx * then[0] + row.cy * then[1] + row.ch * then[2])
         if row.ch:
-            off = math.remainder(off, 2.0 * math.pi * abs(row.ch))  # headings of any turn are meant
+            innovation = math.remainder(innovation, 2.0 * math.pi * abs(row.ch))  # modulo a full turn
         turning = row.ch + row.cx * y - row.cy * x
         jacobian = np.array([row.cx, row.cy, turning, 0.0, 0.0])
-        meanwhile = self._noise.way_mm**2 * since.way_mm / 1e3 * way * way
-        own = row.sigma**2 + meanwhile
-        spread = float(jacobian @ self.covariance @ jacobian) + own
-        surprise = abs(off) / math.sqrt(spread)
-        slipped = surprise > _SLIPPED
-        if slipped and abs(off) > (most.mm * way if way else most.rad * abs(row.ch)):
+        meanwhile = self._noise.travel_mm**2 * since.travel_mm / 1e3 * way * way
+        noise = row.sigma**2 + meanwhile
+        variance = float(jacobian @ self.covariance @ jacobian) + noise
+        normalized = abs(innovation) / math.sqrt(variance)
+        slipped = normalized > _SLIP_GATE
+        if slipped and abs(innovation) > (limit.mm * way if way else limit.rad * abs(row.ch)):
             return False
         if slipped:
-            self._loosen(row, off * off - spread + own)
+            self._add_slip(row, innovation * innovation - variance + noise)
         gained = self.covariance @ jacobian
-        gain = gained / (float(jacobian @ gained) + own)
+        gain = gained / (float(jacobian @ gained) + noise)
         if slipped:
             gain[3:] = 0.0
-        self.state += gain * off
+        self.state += gain * innovation
         kept = np.eye(len(gain)) - np.outer(gain, jacobian)
-        self.covariance = kept @ self.covariance @ kept.T + own * np.outer(gain, gain)
+        self.covariance = kept @ self.covariance @ kept.T + noise * np.outer(gain, gain)
         return True
 
-    def _loosen(self, row: Row, variance: float) -> None:
-        """Add the variance of an unnoticed change to the position along a row, or to the heading."""
+    def _add_slip(self, row: Row, variance: float) -> None:
+        """Add the variance of an undetected slip to the position along a row, or to the heading."""
         axis = np.array([row.cx, row.cy, 0.0] if row.cx or row.cy else [0.0, 0.0, row.ch])
         axis /= float(axis @ axis)
         self.covariance[:3, :3] += max(variance, 0.0) * np.outer(axis, axis)
 
-    def relocate(self, mirrors: Mirrors, ranges: Floats) -> bool:
-        """Try headings all around by one scan, and take one that explains most of it; False if none does.
+    def relocate(self, reflectors: Reflectors, ranges: Floats) -> bool:
+        """Try headings around the estimate on one scan, and adopt the best; False if none explains the scan.
 
-        The position must be about right, as far as it can be since walls were last where they belong: a wheel
-        that slips turns a robot more than it moves it.
+        The position must be about right, within what a slip since the last confirmed scan allows: a slipping
+        wheel turns a robot more than it moves it.
         """
-        saved, known = (self.state.copy(), self.covariance.copy()), self._of_odometry
-        best, found = max(_EXPLAINED, self._fit(mirrors, ranges) + _WORTH_IT), None
+        saved, known = (self.state.copy(), self.covariance.copy()), self._odometry_variances
+        best, found = max(_EXPLAINED, self._fit(reflectors, ranges) + _WORTH_IT), None
         for turn in _TRIED_RAD:
             self.state = saved[0].copy()
             self.state[2] += turn
-            explained = self._explained(mirrors, ranges, known)
+            explained = self._explained(reflectors, ranges, known)
             x, y = self.state[:2] - saved[0][:2]
-            if explained > best and math.hypot(x, y) < _FARTHEST * self._aside_mm:
+            if explained > best and math.hypot(x, y) < _FARTHEST * self._lost_sigma_mm:
                 best, found = explained + _BETTER, self.state
         self.state, self.covariance = saved
         if found is None:
@@ -259,91 +262,95 @@ class PoseFilter:
         self.agreement = max(self.agreement, _LOST)
         off = found - self.state
         if abs(off[2]) < _AFTER_RAD and math.hypot(off[0], off[1]) < _AFTER_MM:
-            return False  # what is wrong is nothing that another pose mends
+            return False  # no other pose explains the scan better
         self.state[:3] = found[:3]
-        self._doubt(_AFTER_MM, _AFTER_RAD)
+        self._inflate(_AFTER_MM, _AFTER_RAD)
         return True
 
-    def consider(self, pose: tuple[float, float, float], mirrors: Mirrors, ranges: Floats) -> bool:
-        """Go on from another pose if it explains a scan better; return False if it does not.
+    def adopt_if_better(
+        self, pose: tuple[float, float, float], reflectors: Reflectors, ranges: Floats
+    ) -> bool:
+        """Adopt another pose if it explains a scan much better; return False otherwise.
 
         The pose is x and y in mm and the heading in degrees.
         """
-        saved, known = (self.state.copy(), self.covariance.copy()), self._of_odometry
-        now = self._explained(mirrors, ranges, known)
+        saved, known = (self.state.copy(), self.covariance.copy()), self._odometry_variances
+        now = self._explained(reflectors, ranges, known)
         self.state = np.array([pose[0], pose[1], math.radians(pose[2]), *saved[0][3:]])
-        then = self._explained(mirrors, ranges, known)
+        then = self._explained(reflectors, ranges, known)
         found, (self.state, self.covariance) = self.state, saved
         if then < max(now + _MUCH_BETTER, _EXPLAINED):
             return False
         self.state[:3] = found[:3]
-        self._doubt(_AFTER_MM, _AFTER_RAD)
+        self._inflate(_AFTER_MM, _AFTER_RAD)
         self.agreement = _LOST
         return True
 
-    def _doubt(self, sigma_mm: float, sigma_rad: float) -> None:
-        """Make the pose this uncertain at least; what is known of the odometry stays."""
+    def _inflate(self, sigma_mm: float, sigma_rad: float) -> None:
+        """Raise the pose's standard deviations to at least these; keep those of the odometry errors."""
         kept = np.diag(self.covariance)
         floor = (sigma_mm**2, sigma_mm**2, sigma_rad**2, 0.0, 0.0)
         self.covariance = np.diag(np.maximum(kept, floor))
 
     @property
-    def _aside_mm(self) -> float:
-        """Standard deviation of the position where the way was lost, in mm."""
-        return min(_TRIED_MM + _ASIDE * self._unconfirmed_mm, self._noise.most_mm)
+    def _lost_sigma_mm(self) -> float:
+        """Standard deviation of a lost robot's position, in mm."""
+        return min(_TRIED_MM + _ASIDE * self._unconfirmed_mm, self._noise.max_mm)
 
-    def _explained(self, mirrors: Mirrors, ranges: Floats, known: list[float]) -> float:
-        """Return how much of a scan the state explains after a fit to it: from 0 to 1 for each reading."""
-        self.covariance = np.diag([self._aside_mm**2, self._aside_mm**2, _TRIED_STEP_RAD**2, *known])
+    def _explained(self, reflectors: Reflectors, ranges: Floats, known: list[float]) -> float:
+        """Fit the state to a scan, and return the part of the scan that it explains, from 0 to 1."""
+        self.covariance = np.diag(
+            [self._lost_sigma_mm**2, self._lost_sigma_mm**2, _TRIED_STEP_RAD**2, *known]
+        )
         for _ in range(_FITS):
-            expected = self._ring.expect(mirrors, *self.state[:3])
-            used = _told(expected, ranges)
+            expected = self._ring.predict(reflectors, *self.state[:3])
+            used = _usable(expected, ranges)
             if len(used) < _FEWEST_TO_RELOCATE:
                 return 0.0
             self._update(expected, ranges, used, 0.0)
-        return self._fit(mirrors, ranges)
+        return self._fit(reflectors, ranges)
 
-    def _fit(self, mirrors: Mirrors, ranges: Floats) -> float:
-        """Return how much of a scan the state explains as it is."""
-        expected = self._ring.expect(mirrors, *self.state[:3])
-        used = _told(expected, ranges)
+    def _fit(self, reflectors: Reflectors, ranges: Floats) -> float:
+        """Return the part of a scan that the present state explains, from 0 to 1."""
+        expected = self._ring.predict(reflectors, *self.state[:3])
+        used = _usable(expected, ranges)
         if len(used) < _FEWEST_TO_RELOCATE:
             return 0.0
         off = (ranges[used] - expected.ranges[used]) / (_EXPLAINED_SIGMA * expected.sigma[used])
         return float(np.maximum(1.0 - off * off, 0.0).mean())
 
-    def _update(self, expected: Expected, ranges: Floats, used: NDArray[np.intp], blur_rad: float) -> float:
-        """Correct the state by one scan; gives which part of the walls was read as expected."""
+    def _update(self, expected: Prediction, ranges: Floats, used: NDArray[np.intp], blur_rad: float) -> float:
+        """Update the state with one scan; return the part of the readings that were as predicted."""
         jacobian = np.zeros((len(used), len(self.state)))
         jacobian[:, :3] = expected.jacobian[used]
-        surprise = ranges[used] - expected.ranges[used]
-        own = expected.sigma[used] ** 2 + (jacobian[:, 2] * blur_rad) ** 2
-        spread = own + np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
-        size = np.abs(surprise) / np.sqrt(spread)
+        innovation = ranges[used] - expected.ranges[used]
+        noise = expected.sigma[used] ** 2 + (jacobian[:, 2] * blur_rad) ** 2
+        variance = noise + np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
+        size = np.abs(innovation) / np.sqrt(variance)
         kept = size < _GATE
         if kept.any():
-            weight = np.minimum(1.0, _HUBER / np.maximum(size[kept], _STILL)) / own[kept]
+            weight = np.minimum(1.0, _HUBER / np.maximum(size[kept], _STILL)) / noise[kept]
             rows = jacobian[kept]
-            # In the form of information: five unknowns, however many readings.
+            # The information form needs 5 x 5 inverses only, however many the readings.
             scale = np.sqrt(np.diag(self.covariance))
             prior = np.linalg.inv(self.covariance / np.outer(scale, scale))
             rows = rows * scale
             posterior = np.linalg.inv(prior + rows.T @ (weight[:, None] * rows))
-            self.state += scale * (posterior @ (rows.T @ (weight * surprise[kept])))
+            self.state += scale * (posterior @ (rows.T @ (weight * innovation[kept])))
             self.covariance = posterior * np.outer(scale, scale)
-        as_expected = size < _AS_EXPECTED
-        turning = as_expected[np.abs(jacobian[:, 2]) > _TURNING_MM]
-        part = float(as_expected.mean())
+        as_predicted = size < _AS_PREDICTED
+        turning = as_predicted[np.abs(jacobian[:, 2]) > _TURNING_MM]
+        part = float(as_predicted.mean())
         return part if len(turning) < _FEWEST_TURNING else min(part, float(turning.mean()))
 
 
-def _is_plain(row: Row, way: float, most: Leap) -> bool:
-    """Return True if a row says something that no turn of the heading can confuse with another place."""
-    if row.ch == 0.0 or way == 0.0 or most.mm == math.inf:
+def _is_unambiguous(row: Row, way: float, limit: JumpLimit) -> bool:
+    """Return True if a row is not empty, and a full turn of its heading cannot pass for another position."""
+    if row.ch == 0.0 or way == 0.0 or limit.mm == math.inf:
         return row.ch != 0.0 or way != 0.0
-    return math.pi * abs(row.ch) > most.mm * way
+    return math.pi * abs(row.ch) > limit.mm * way
 
 
-def _told(expected: Expected, ranges: Floats) -> NDArray[np.intp]:
-    """Return the sonars that are expected to hear a wall, and have a reading."""
+def _usable(expected: Prediction, ranges: Floats) -> NDArray[np.intp]:
+    """Return the sonars with both a prediction and a reading."""
     return np.flatnonzero(np.isfinite(expected.sigma) & np.isfinite(ranges))

@@ -1,13 +1,13 @@
-"""Landmark observations of the robot's pose: linear in x, y and the heading.
+"""Fixes: measurements of the robot's pose by landmarks, linear in x, y and the heading.
 
-A ceiling light gives the place along its corridor; a plate that is known from the map gives the same, and the
-distance to the wall; lines on the ceiling, or a wall, give the heading. Each is a row: the coefficients of x
-and y (in mm) and of the heading (in radians), their sum, and its standard deviation. Rows hold for the pose
-at the time of the image, `t_ns`.
+A ceiling light measures the position along its corridor; a plate of the map, that and the distance to the
+wall; lines on the ceiling, or a wall, the heading. Each measurement is a row: the coefficients of x and y (in
+mm) and of the heading (in radians), the measured sum, and its standard deviation. Rows hold for the pose at
+the time of the image, `t_ns`.
 
-Headings may be counted from any turn: whether one is 359 degrees or -1, `value` is right for both, since the
-filter looks for the turn that fits best. A row of both the place and the heading needs a heading that counts:
-a turn of it has to make more than the place may be off, or the row is rejected.
+Headings are measured modulo a full turn: 359 and -1 degrees are the same `value`, as the filter takes the
+turn that fits best. In a row of both position and heading, a full turn of the heading must change the sum by
+more than the position can be off; otherwise the row is rejected.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ class Row(NamedTuple):
 
 
 class Fix(NamedTuple):
-    """Observations of one moment, independent of each other."""
+    """Independent measurements of the pose at one time."""
 
     t_ns: int
     rows: tuple[Row, ...]
 
 
 def fix_list(fix: Fix) -> list[float]:
-    """Return a fix as DServer keeps it: the time, then five numbers a row."""
+    """Encode a fix for DServer: the time, then five numbers per row."""
     return [fix.t_ns, *(number for row in fix.rows for number in row)]
 
 
-def fix_of(told: Any) -> Fix | None:
-    """Return the fix in a value of DServer; None if it is no list, cut short, or not all finite."""
-    if not isinstance(told, list | tuple) or len(told) % 5 != 1:
+def fix_of(value: Any) -> Fix | None:
+    """Decode a fix from DServer; None if the value is no list of finite numbers of the right length."""
+    if not isinstance(value, list | tuple) or len(value) % 5 != 1:
         return None
-    if not all(isinstance(number, int | float) and math.isfinite(number) for number in told):
+    if not all(isinstance(number, int | float) and math.isfinite(number) for number in value):
         return None
-    numbers = tuple(float(number) for number in told[1:])
+    numbers = tuple(float(number) for number in value[1:])
     rows = tuple(Row(*numbers[i : i + 5]) for i in range(0, len(numbers), 5))
-    return Fix(int(told[0]), rows)
+    return Fix(int(value[0]), rows)

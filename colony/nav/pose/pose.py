@@ -10,8 +10,8 @@ class PoseEstimate(NamedTuple):
     """A pose in the map of the present floor, with its covariance.
 
     `x_mm` is east and `y_mm` north, the heading counterclockwise from north. `xx` to `hh` are the upper
-    triangle of the covariance, row by row: mm^2, mm^2, mm deg, mm^2, mm deg, deg^2. It holds for `t_ns`, in
-    the robot's time.
+    triangle of the covariance, row by row: mm^2, mm^2, mm deg, mm^2, mm deg, deg^2. The estimate is that at
+        `t_ns`, in the robot's time.
     """
 
     t_ns: int
@@ -37,14 +37,14 @@ class PoseEstimate(NamedTuple):
 
 
 def pose_list(pose: PoseEstimate) -> list[float]:
-    """Return a pose as DServer keeps it: ten numbers, in the order of `PoseEstimate`."""
+    """Encode a pose for DServer: ten numbers, in the order of `PoseEstimate`."""
     return list(pose)
 
 
-def pose_of(told: Any) -> PoseEstimate | None:
-    """Return the pose in a value of DServer; None if it is no list of ten finite numbers."""
-    if not isinstance(told, list | tuple) or len(told) != len(PoseEstimate._fields):
+def pose_of(value: Any) -> PoseEstimate | None:
+    """Decode a pose from DServer; None if the value is no list of ten finite numbers."""
+    if not isinstance(value, list | tuple) or len(value) != len(PoseEstimate._fields):
         return None
-    if not all(isinstance(number, int | float) and math.isfinite(number) for number in told):
+    if not all(isinstance(number, int | float) and math.isfinite(number) for number in value):
         return None
-    return PoseEstimate(int(told[0]), *map(float, told[1:]))
+    return PoseEstimate(int(value[0]), *map(float, value[1:]))

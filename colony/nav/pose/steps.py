@@ -1,4 +1,4 @@
-"""Motion of the robot by its odometry: from moment to moment, and since a past moment."""
+"""Motion of the robot by its odometry: from one time to the next, and since a past time."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 
 class Step(NamedTuple):
-    """A motion of the robot in its own frame at the beginning.
+    """A motion of the robot in its frame at the start.
 
-    Ahead and to the left in mm, turned in radians counterclockwise.
+    Ahead and to the left in mm, and the turn in radians counterclockwise.
     """
 
     ahead_mm: float
@@ -16,16 +16,16 @@ class Step(NamedTuple):
     turned_rad: float
 
 
-class Since(NamedTuple):
-    """The motion of the robot since a moment, in its own frame of now.
+class MotionSince(NamedTuple):
+    """The motion of the robot since a past time, in its present frame.
 
-    Ahead and to the left in mm, turned in radians counterclockwise, and the length of the way.
+    Ahead and to the left in mm, the turn in radians counterclockwise, and the distance traveled in mm.
     """
 
     ahead_mm: float
     left_mm: float
     turned_rad: float
-    way_mm: float
+    travel_mm: float
 
 
-NOW = Since(0.0, 0.0, 0.0, 0.0)
+NO_MOTION = MotionSince(0.0, 0.0, 0.0, 0.0)

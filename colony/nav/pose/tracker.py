@@ -1,9 +1,9 @@
-"""Follows a robot through the map of its floor, by odometry, sonar and landmarks.
+"""The pose tracker: follows a robot through the map of its floor by odometry, sonar and landmarks.
 
-In the normal case the position filter does it all. Where it lost the way, because a wheel slipped, say,
-headings around the believed one are tried on single scans; where that fails, a local map of the last meters
-is made, and the lines in it are matched to the walls. Without scans against the map such local maps, one
-after the other, take their place.
+Normally the position filter alone tracks the pose. If it is lost, because a wheel slipped, for example, the
+tracker tries headings around the estimated one on single scans. If that fails, it builds a local map of the
+last meters, and matches the lines in it to the walls. Without the source of scans against the map, a sequence
+of such local maps replaces it.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from colony.nav.mapping.himm import HimmSetting
+from colony.nav.mapping.himm import HimmParameters
 from colony.nav.mapping.local_map import Trail
-from colony.nav.mapping.wall_matching import Gate, WallMatch, combined, matched, sighted
+from colony.nav.mapping.wall_matching import Gate, WallMatch, combine_matches, in_building_frame, match_wall
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.maps.walls import Walls
-from colony.nav.pose.echoes import Floats, Mirrors, Ring, SonarModel, mirrors_of
-from colony.nav.pose.filter import Leap, PoseFilter
+from colony.nav.pose.echoes import Floats, Reflectors, SonarModel, SonarRing, reflectors_of
+from colony.nav.pose.filter import JumpLimit, PoseFilter
 from colony.nav.pose.fixes import Fix, Row
+from colony.nav.pose.motion_history import MotionHistory
 from colony.nav.pose.pose import PoseEstimate
 from colony.nav.pose.steps import Step
-from colony.nav.pose.way_back import WayBack
 from colony.runtime.library.robot import Position
 
 
@@ -40,11 +40,11 @@ class Source(Enum):
     MARKERS = "markers"
 
 
-ALL = frozenset(Source)
+EVERY_SOURCE = frozenset(Source)
 
 
-class Told(NamedTuple):
-    """A fix, and whose it is."""
+class LandmarkFix(NamedTuple):
+    """A fix and its source."""
 
     source: Source
     fix: Fix
@@ -52,69 +52,69 @@ class Told(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Correction:
-    """The correction of a position: what to add to it, in mm and degrees."""
+    """The correction to add to a position, in mm and degrees."""
 
     x_mm: float
     y_mm: float
     heading_deg: float
 
     @property
-    def is_worth_telling(self) -> bool:
-        """True if the correction is more than the noise of the estimate."""
+    def is_significant(self) -> bool:
+        """True if the correction exceeds the noise of the estimate."""
         return math.hypot(self.x_mm, self.y_mm) > _WORTH_MM or abs(self.heading_deg) > _WORTH_DEG
 
 
 _WORTH_MM = 4.0
 _WORTH_DEG = 0.15
-_LEAP_MM = 1_000.0
+_JUMP_MM = 1_000.0
 _FASTEST_MM_S = 800.0
 _SLACK_MM = 20.0
 _NEAR_MM = 1_000.0
 _TIMING_S = 0.02
 _RETRY_SCANS = 5
 _HOPEFUL_SCANS = 50
-_PAUSE_SCANS = 20  # trying takes time, and a robot that stays lost is probably outside of the map
+_PAUSE_SCANS = 20  # relocation is expensive, and a robot that stays lost is probably outside of the map
 _TRAIL_MM = 3_000.0
-_LEAST_TRAIL_MM = 1_500.0
+_MIN_TRAIL_MM = 1_500.0
 _NO_STEP = Step(0.0, 0.0, 0.0)
-_MOST_WAITING = 20
+_MAX_PENDING = 20
 _LINES_AFTER_SCANS = 15
 _LINES_GATE = Gate(angle_deg=40.0, offset_mm=1_000.0)
-_LINES_MM, _LINES_DEG = 20.0, 0.3  # no line is better than that: walls are not quite where they are drawn
-# Lights are found again by two of them; a plate or a marker may always be another one.
-_TRUSTED = {
-    Source.LIGHTS: Leap(2_600.0, math.radians(20.0)),
-    Source.PLATES: Leap(400.0, math.radians(10.0)),
-    Source.MARKERS: Leap(600.0, math.radians(15.0)),
-    Source.LOCAL_MAPS: Leap(_LINES_GATE.offset_mm, math.radians(_LINES_GATE.angle_deg)),
+_LINES_MM, _LINES_DEG = 20.0, 0.3  # lower bounds: the map's walls are not exact
+# A lost robot is relocated by two lights; a plate or a marker may be mistaken for another one.
+_JUMP_LIMITS = {
+    Source.LIGHTS: JumpLimit(2_600.0, math.radians(20.0)),
+    Source.PLATES: JumpLimit(400.0, math.radians(10.0)),
+    Source.MARKERS: JumpLimit(600.0, math.radians(15.0)),
+    Source.LOCAL_MAPS: JumpLimit(_LINES_GATE.offset_mm, math.radians(_LINES_GATE.angle_deg)),
 }
-_NEW_FLOOR_MM, _NEW_FLOOR_DEG = 150.0, 4.0  # after a ride, in which nothing but the odometry was known
+_NEW_FLOOR_MM, _NEW_FLOOR_DEG = 150.0, 4.0  # after a ride, during which only odometry was available
 
 
 class PoseTracker:
     """A tracker of the robot's pose. Mutable.
 
-    It holds the filter, the newest position that it was given, its way and the scans of the last meters, the
-    walls near by, and the fixes of moments that are still to come.
+    It holds the filter, the newest position, the motion and scans of the last meters, the reflectors nearby,
+    and the fixes whose times are still to come.
     """
 
-    def __init__(self, walls: Walls, *, sources: frozenset[Source] = ALL) -> None:
+    def __init__(self, walls: Walls, *, sources: frozenset[Source] = EVERY_SOURCE) -> None:
         """Begin without a position: the first one is taken as it is."""
         self._sonar = SonarModel()
         self._sources = sources
-        self._ring = Ring(self._sonar)
-        self._himm = HimmSetting(
+        self._ring = SonarRing(self._sonar)
+        self._himm = HimmParameters(
             half_side_mm=_TRAIL_MM + 4_000.0,
             full_range_mm=self._sonar.full_range_mm,
             ring_mm=self._sonar.ring_mm,
         )
-        self._mirrors = mirrors_of(walls)
-        self._near: Mirrors | None = None
-        self._near_at = (0.0, 0.0)
+        self._reflectors = reflectors_of(walls)
+        self._nearby: Reflectors | None = None
+        self._nearby_at = (0.0, 0.0)
         self._last: Position | None = None
         self._trail = Trail(_TRAIL_MM)
-        self._way_back = WayBack()
-        self._waiting: tuple[Told, ...] = ()
+        self._history = MotionHistory()
+        self._pending: tuple[LandmarkFix, ...] = ()
         self._lost_scans = 0
         self._filter: PoseFilter | None = None
 
@@ -130,15 +130,17 @@ class PoseTracker:
         return PoseEstimate(self._last.t_ns, x, y, math.degrees(heading) % 360.0, *upper)
 
     def enter(self, walls: Walls) -> None:
-        """Enter another floor: the robot's position is the next one that is taken."""
-        self._mirrors, self._near = mirrors_of(walls), None
-        self._last, self._waiting = None, ()
+        """Enter another floor, and restart from the next position."""
+        self._reflectors, self._nearby = reflectors_of(walls), None
+        self._last, self._pending = None, ()
 
-    def take(self, ranges: Sequence[float] | None, at: Position, told: Iterable[Told] = ()) -> Correction:
-        """Take in a scan, its odometry and the fixes of landmarks; return the correction of the odometry.
+    def update(
+        self, ranges: Sequence[float] | None, at: Position, fixes: Iterable[LandmarkFix] = ()
+    ) -> Correction:
+        """Update with a scan, its odometry and the fixes of landmarks; return the correction of the odometry.
 
-        Without ranges nothing is heard. Ranges and positions that are not finite are ignored. Fixes of
-        moments to come are kept until then.
+        Without ranges there is no scan. Ranges and positions that are not finite are ignored. Fixes whose
+        times are still to come are kept until then.
         """
         if not all(map(math.isfinite, (at.x, at.y, at.heading))):
             return Correction(x_mm=0.0, y_mm=0.0, heading_deg=0.0)
@@ -146,20 +148,20 @@ class PoseTracker:
         last, self._last = self._last, at
         if self._filter is None:
             self._filter = PoseFilter(self._ring, (at.x, at.y, at.heading))
-            self._way_back.begin(at.t_ns)
+            self._history.restart(at.t_ns)
         elif last is None:
             self._begin(self._filter, at, (_NEW_FLOOR_MM, _NEW_FLOOR_DEG))
         else:
             self._move(self._filter, last, at, scan)
-        self._look_at(self._filter, told)
+        self._take_fixes(self._filter, fixes)
         if scan is not None:
-            self._hear(self._filter, scan, _blur_rad(last, at))
+            self._take_scan(self._filter, scan, _blur_rad(last, at))
         x, y, heading = self._filter.state[:3].tolist()
         turned = math.remainder(math.degrees(heading) - at.heading, 360.0)
         return Correction(x_mm=x - at.x, y_mm=y - at.y, heading_deg=turned)
 
-    def told(self, by: Correction) -> None:
-        """Record a correction of the odometry, which its next positions include."""
+    def record_correction(self, by: Correction) -> None:
+        """Record that the odometry was corrected: its next positions include the correction."""
         if (last := self._last) is not None:
             heading = last.heading + by.heading_deg
             self._last = Position(x=last.x + by.x_mm, y=last.y + by.y_mm, heading=heading, t_ns=last.t_ns)
@@ -170,94 +172,94 @@ class PoseTracker:
         """Restart the filter at another position."""
         filter_.reset((at.x, at.y, at.heading), *sigma)
         self._trail.clear()
-        self._way_back.begin(at.t_ns)
+        self._history.restart(at.t_ns)
 
     def _move(self, filter_: PoseFilter, last: Position, at: Position, scan: Floats | None) -> None:
-        driven = _FASTEST_MM_S * max(at.t_ns - last.t_ns, 0) / 1e9  # at most
-        too_far = math.hypot(at.x - last.x, at.y - last.y) - driven
-        if too_far > _LEAP_MM:  # another client set it
+        farthest = _FASTEST_MM_S * max(at.t_ns - last.t_ns, 0) / 1e9
+        too_far = math.hypot(at.x - last.x, at.y - last.y) - farthest
+        if too_far > _JUMP_MM:  # another client set it
             self._begin(filter_, at)
         elif too_far > _SLACK_MM:  # another client corrected it
             turned = math.remainder(at.heading - last.heading, 360.0)
             filter_.shift(at.x - last.x, at.y - last.y, math.radians(turned))
-            self._way_back.go(at.t_ns, _NO_STEP)
+            self._history.add(at.t_ns, _NO_STEP)
         else:
             step = filter_.move(step_between(last, at))
-            self._way_back.go(at.t_ns, step)
+            self._history.add(at.t_ns, step)
             self._trail.add(step, scan)
 
-    def _look_at(self, filter_: PoseFilter, told: Iterable[Told]) -> None:
-        """Take in the landmarks' fixes of moments that are over."""
-        heard = (*self._waiting, *(one for one in told if one.source in self._sources))
-        self._waiting = tuple(one for one in heard if one.fix.t_ns > self._way_back.t_ns)[-_MOST_WAITING:]
-        for source, fix in heard:
-            since = self._way_back.since(fix.t_ns)
-            if fix.t_ns > self._way_back.t_ns or since is None:
+    def _take_fixes(self, filter_: PoseFilter, fixes: Iterable[LandmarkFix]) -> None:
+        """Update the filter with the fixes whose times have come."""
+        known = (*self._pending, *(fix for fix in fixes if fix.source in self._sources))
+        self._pending = tuple(new for new in known if new.fix.t_ns > self._history.t_ns)[-_MAX_PENDING:]
+        for source, fix in known:
+            motion = self._history.motion_since(fix.t_ns)
+            if fix.t_ns > self._history.t_ns or motion is None:
                 continue
             for row in fix.rows:
-                filter_.observe(row, since, _TRUSTED[source])
+                filter_.observe(row, motion, _JUMP_LIMITS[source])
 
-    def _hear(self, filter_: PoseFilter, scan: Floats, blur_rad: float) -> None:
-        """Take in a scan."""
-        near = self._around(*filter_.state[:2].tolist())
+    def _take_scan(self, filter_: PoseFilter, scan: Floats, blur_rad: float) -> None:
+        """Update the filter with a scan."""
+        near = self._nearby_reflectors(*filter_.state[:2].tolist())
         if Source.SONAR in self._sources:
-            filter_.listen(near, scan, blur_rad)
-            self._find_again(filter_, near, scan)
-        elif Source.LOCAL_MAPS in self._sources and self._trail.way_mm >= _LEAST_TRAIL_MM:
+            filter_.observe_scan(near, scan, blur_rad)
+            self._relocate(filter_, near, scan)
+        elif Source.LOCAL_MAPS in self._sources and self._trail.travel_mm >= _MIN_TRAIL_MM:
             for match in self._matches(filter_, near):
-                for row in _rows(match, filter_.state):
-                    filter_.observe(row, most=_TRUSTED[Source.LOCAL_MAPS])
+                for row in _measurements(match, filter_.state):
+                    filter_.observe(row, limit=_JUMP_LIMITS[Source.LOCAL_MAPS])
             self._trail.clear()  # each scan counts once
 
-    def _find_again(self, filter_: PoseFilter, near: Mirrors, scan: Floats) -> None:
-        """Look for the way, where it is lost."""
+    def _relocate(self, filter_: PoseFilter, near: Reflectors, scan: Floats) -> None:
+        """Relocate the filter if it is lost."""
         if not filter_.is_lost:
             self._lost_scans = 0
             return
         self._lost_scans += 1
         pause = _RETRY_SCANS if self._lost_scans < _HOPEFUL_SCANS else _PAUSE_SCANS
         if self._lost_scans % pause == 1 and filter_.relocate(near, scan):
-            self._trail.clear()  # it is not known when the wheel slipped
+            self._trail.clear()  # the time of the slip is unknown
         elif Source.LOCAL_MAPS not in self._sources:
             return
-        elif self._lost_scans % _LINES_AFTER_SCANS == 0 and self._trail.way_mm >= _LEAST_TRAIL_MM:
+        elif self._lost_scans % _LINES_AFTER_SCANS == 0 and self._trail.travel_mm >= _MIN_TRAIL_MM:
             self._match_lines(filter_, near, scan)
 
-    def _match_lines(self, filter_: PoseFilter, near: Mirrors, scan: Floats) -> None:
+    def _match_lines(self, filter_: PoseFilter, near: Reflectors, scan: Floats) -> None:
         """Correct the filter by the lines in a map of the last meters."""
         x, y, heading = filter_.state[:3].tolist()
-        fix = combined(self._matches(filter_, near))
+        fix = combine_matches(self._matches(filter_, near))
         if fix is not None:
             pose = (x + fix.x_mm, y + fix.y_mm, math.degrees(heading) + fix.heading_deg)
-            filter_.consider(pose, near, scan)
+            filter_.adopt_if_better(pose, near, scan)
 
-    def _matches(self, filter_: PoseFilter, near: Mirrors) -> tuple[WallMatch, ...]:
+    def _matches(self, filter_: PoseFilter, near: Reflectors) -> tuple[WallMatch, ...]:
         """Match the lines in a map of the last meters to walls."""
         x, y, heading = filter_.state[:3].tolist()
         here = Pose(x, y, math.degrees(heading))
         lines = self._trail.lines(self._himm)
-        found = (matched(sighted(line, here), near, here, _LINES_GATE) for line in lines)
+        found = (match_wall(in_building_frame(line, here), near, here, _LINES_GATE) for line in lines)
         return tuple(match for match in found if match is not None)
 
-    def _around(self, x_mm: float, y_mm: float) -> Mirrors:
-        """Return the walls that can be heard from here; they are searched again after each meter."""
-        moved = math.hypot(x_mm - self._near_at[0], y_mm - self._near_at[1])
-        if self._near is None or moved > _NEAR_MM:
+    def _nearby_reflectors(self, x_mm: float, y_mm: float) -> Reflectors:
+        """Return the reflectors in reach of a place; search again after each meter."""
+        moved = math.hypot(x_mm - self._nearby_at[0], y_mm - self._nearby_at[1])
+        if self._nearby is None or moved > _NEAR_MM:
             reach = self._sonar.reach_mm + self._sonar.ring_mm + _NEAR_MM
-            self._near, self._near_at = self._mirrors.near(x_mm, y_mm, reach), (x_mm, y_mm)
-        return self._near
+            self._nearby, self._nearby_at = self._reflectors.near(x_mm, y_mm, reach), (x_mm, y_mm)
+        return self._nearby
 
 
 def _blur_rad(last: Position | None, at: Position) -> float:
-    """Return the possible error of the heading at a scan because scan and position differ in time."""
+    """Return the error of the heading from the time difference between scan and position."""
     if last is None or at.t_ns <= last.t_ns:
         return 0.0
     turned = math.radians(abs(math.remainder(at.heading - last.heading, 360.0)))
     return turned / ((at.t_ns - last.t_ns) / 1e9) * _TIMING_S
 
 
-def _rows(match: WallMatch, state: Floats) -> tuple[Row, ...]:
-    """Return the observations of a wall found in a local map: the heading, and the distance of the wall."""
+def _measurements(match: WallMatch, state: Floats) -> tuple[Row, ...]:
+    """Return the measurements by a wall matched in a local map: the heading, and the distance of the wall."""
     x, y, heading = state[:3].tolist()
     off = match.normal_x * x + match.normal_y * y + match.shift_mm
     turned = heading + math.radians(match.turn_deg)
@@ -277,7 +279,7 @@ def step_between(last: Position, now: Position) -> Step:
 
 
 def position_at(t_ns: int, now: Position, last: Position | None) -> Position:
-    """Return the robot's position at a time near that of its newest one, at constant speed."""
+    """Extrapolate or interpolate the robot's position at a time near its newest one, at constant speed."""
     if last is None or now.t_ns <= last.t_ns or t_ns == now.t_ns:
         return now
     part = min(max((t_ns - now.t_ns) / (now.t_ns - last.t_ns), -1.0), 1.0)

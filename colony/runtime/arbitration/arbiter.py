@@ -1,18 +1,19 @@
 """Arbitration of an actuator: when it is commanded in a frame, and by which client.
 
-This is protocol logic without input, output or a clock. Being served first is not subsuming: a server that
-executed the requests of a frame in the order of their priorities would end up with the *last* command, the
-least important one. So exactly one of the commands requested in a frame is dispatched, once:
+This is protocol logic without input, output or a clock. Serving requests by priority is not enough: a server
+that executed all requests of a frame in that order would end up with the *last* command, the least important
+one. So exactly one of the commands requested in a frame is dispatched, once:
 
-- Requests carry the exclusive guard: a client that bids a command knows that the network lets it through, and
+- Clients evaluate exclusive guards: a client that bids a command knows that the network lets it through, and
   normally no other client bids one in that frame. Priorities are the second line of defense.
-- The frame is decided as soon as a command has come and no live client with a higher place is still to be
-  heard; a higher one that does not answer delays it by the grace period at most, for by its exclusive guard
-  the command is the right one. When all live clients have been heard and none commands, it is idle.
-- At the deadline the highest command of those that came is dispatched, or the idle command. A late or lost
+- The frame is decided as soon as a command has arrived and all live clients with a higher place have been
+  heard from. A higher client that does not answer delays the decision by at most the grace period, because
+  the exclusive guard of the command says that it is the right one. When all live clients have been heard
+  from and none commands, the actuator is idle.
+- At the deadline the highest command that has arrived is dispatched, or the idle command. A late or lost
   client therefore leads to idle, never to a lesser behavior.
 - Two commands in one frame are a violation: it is recorded, and the higher place wins.
-- Connections from outside the network, locks and the emergency stop come in as `Others`.
+- Connections from outside the network, locks and the emergency stop are `Interventions`.
 
 `ballot.py` has the rule, `Arbiter` the protocol around it: ticks, requests and times in, events out.
 """
@@ -24,14 +25,21 @@ from typing import Literal, NamedTuple
 
 from colony.ir.program import in_declared_units
 from colony.ir.types import ScalarValue
-from colony.runtime.arbitration.ballot import NOBODY, Ballot, Choice, Others, Places, malformed
+from colony.runtime.arbitration.ballot import (
+    NO_INTERVENTIONS,
+    Ballot,
+    Choice,
+    Interventions,
+    Places,
+    malformed,
+)
 from colony.runtime.protocol.deployment import ActuatorTable
 from colony.runtime.protocol.messages import Fate, Hold, Request, Tick, Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """Deadline after a tick, and grace period after the first command, at which an arbiter stops waiting.
+    """The deadline after a tick, and the grace period after the first command.
 
     The deadline counts from the time in the tick; with `from_arrival`, from the tick's arrival.
     """
@@ -42,9 +50,9 @@ class Timing:
 
 
 def timing(frame_ns: int, *, lockstep: bool = False) -> Timing:
-    """Return a deadline that leaves a fifth of the frame, and a grace period of a tenth of it.
+    """Return a deadline at four fifths of the frame, and a grace period of a tenth of it.
 
-    In lockstep the times of ticks count frames, and do not give their real beginnings.
+    In lockstep the times of ticks count frames, and are not the times at which the frames begin.
     """
     return Timing(deadline_ns=max(1, frame_ns * 4 // 5), grace_ns=frame_ns // 10, from_arrival=lockstep)
 
@@ -62,11 +70,11 @@ class Dispatch(NamedTuple):
 
 Event = Dispatch | Verdict
 
-AHEAD = 64
+MAX_FRAMES_AHEAD = 64
 """Largest number of frames by which a request may precede its tick; others are refused."""
 
-MOST_NOTES = 20
-LONGEST_NOTE = 200
+MAX_NOTES = 20
+MAX_NOTE_LENGTH = 200
 """Limits of a verdict: its number of notes, and the characters of each, whatever clients send."""
 
 Phase = Literal["open", "dispatched", "closed"]
@@ -75,12 +83,12 @@ Phase = Literal["open", "dispatched", "closed"]
 class Arbiter:
     """The arbitration protocol of one actuator. Mutable: the requests of the present frame and of later ones.
 
-    Every frame gives exactly one `Dispatch` and one `Verdict`: the dispatch when it is decided, the verdict
-    when every live client has been heard too, or the next frame begins.
+    Every frame gives exactly one `Dispatch` and one `Verdict`: the dispatch when the frame is decided, the
+    verdict when every live client has been heard from, or the next frame begins.
 
     Args:
-        actuator: the actuator, with its clients and their priorities.
-        times: the deadline and the grace period.
+        actuator: actuator, with its clients and their priorities.
+        times: deadline and grace period.
     """
 
     def __init__(self, actuator: ActuatorTable, times: Timing) -> None:
@@ -91,10 +99,10 @@ class Arbiter:
         self._tick = Tick(k=-1, t_ns=0)
         self._ahead: dict[int, list[Request]] = {}
         self._remarks: list[str] = []
-        self._begin(self._tick, frozenset(), 0, NOBODY)
+        self._begin(self._tick, frozenset(), 0, NO_INTERVENTIONS)
 
-    def _begin(self, tick: Tick, lost: frozenset[str], now_ns: int, others: Others) -> None:
-        self._tick, self._others = tick, others
+    def _begin(self, tick: Tick, lost: frozenset[str], now_ns: int, interventions: Interventions) -> None:
+        self._tick, self._interventions = tick, interventions
         self._lost = lost.intersection(self._places.names) if lost else lost
         self._ballot = Ballot(self._places, self._lost)
         self._late: set[str] = set()
@@ -111,17 +119,17 @@ class Arbiter:
         return self._decide_by if self._phase == "open" else None
 
     def open(
-        self, tick: Tick, lost: frozenset[str], now_ns: int, others: Others = NOBODY
+        self, tick: Tick, lost: frozenset[str], now_ns: int, interventions: Interventions = NO_INTERVENTIONS
     ) -> tuple[Event, ...]:
-        """Begin a frame, and end the one before it in its present state; ignore ticks of the past."""
+        """Begin a frame, and end the previous one in its present state; ignore ticks of the past."""
         if tick.k <= self._tick.k:
             return ()
         events = self._end_frame()
-        self._begin(tick, lost, now_ns, others)
+        self._begin(tick, lost, now_ns, interventions)
         self._phase = "open"
         if self._ahead:
             for request in self._ahead.pop(tick.k, ()):
-                self._note(request, now_ns)
+                self._take(request, now_ns)
             self._ahead = {k: v for k, v in self._ahead.items() if k > tick.k}
         return (*events, *self._advance(now_ns))
 
@@ -133,14 +141,14 @@ class Arbiter:
             return ()
         if request.k < k or self._phase == "closed":
             return ()
-        self._note(request, now_ns)
+        self._take(request, now_ns)
         return self._advance(now_ns)
 
-    def intervene(self, others: Others, now_ns: int) -> tuple[Event, ...]:
+    def intervene(self, interventions: Interventions, now_ns: int) -> tuple[Event, ...]:
         """Apply a change of commands from outside, locks or the stop; a dispatched frame stays as it is."""
         if self._phase != "open":
             return ()
-        self._others = others
+        self._interventions = interventions
         return self._advance(now_ns)
 
     def wake(self, now_ns: int) -> tuple[Event, ...]:
@@ -151,39 +159,39 @@ class Arbiter:
         """End the present frame in its present state, as no other follows."""
         return self._end_frame()
 
-    def remark(self, note: str) -> None:
-        """Add a note for people about this frame or, if that is over, about the next."""
+    def add_note(self, note: str) -> None:
+        """Add a note for users to the verdict of this frame or, if it is over, of the next."""
         notes = self._notes if self._phase in ("open", "dispatched") else self._remarks
-        if len(notes) < MOST_NOTES:
-            notes.append(note if len(note) <= LONGEST_NOTE else f"{note[: LONGEST_NOTE - 3]}...")
+        if len(notes) < MAX_NOTES:
+            notes.append(note if len(note) <= MAX_NOTE_LENGTH else f"{note[: MAX_NOTE_LENGTH - 3]}...")
 
     def _keep_for_later(self, request: Request) -> None:
         if request.client not in self._places.rank:
             return
         if self._tick.k >= 0:
-            wild = request.k > self._tick.k + AHEAD
+            too_far = request.k > self._tick.k + MAX_FRAMES_AHEAD
         else:  # no tick yet: the first may have any number
-            wild = request.k not in self._ahead and len(self._ahead) >= AHEAD
-        kept = None if wild else self._ahead.setdefault(request.k, [])
+            too_far = request.k not in self._ahead and len(self._ahead) >= MAX_FRAMES_AHEAD
+        kept = None if too_far else self._ahead.setdefault(request.k, [])
         if kept is not None and len(kept) < 2 * len(self._places.names):
             kept.append(request)
 
-    def _note(self, request: Request, now_ns: int) -> None:
+    def _take(self, request: Request, now_ns: int) -> None:
         client = request.client
         if client in self._ballot.requests or client in self._refused or client in self._late:
             return  # a duplicated message
-        wrong = malformed(request, self._actuator, self._places.rank)
-        if wrong is not None:
-            self.remark(wrong)
+        reason = malformed(request, self._actuator, self._places.rank)
+        if reason is not None:
+            self.add_note(reason)
             if client in self._places.rank:
                 self._refused.add(client)
-                self._ballot.without(client)
+                self._ballot.exclude(client)
             return
         if self._phase == "dispatched" and self._at_deadline:
             self._late.add(client)
-            self._ballot.late(client)
+            self._ballot.mark_late(client)
             if request.bid == "command":
-                self.remark(f"`{client}` commanded after the deadline")
+                self.add_note(f"`{client}` commanded after the deadline")
             return
         self._ballot.take(request)
         if request.bid == "command" and self._phase == "open":
@@ -192,7 +200,7 @@ class Arbiter:
     def _advance(self, now_ns: int) -> tuple[Event, ...]:
         dispatch: Dispatch | None = None
         if self._phase == "open":
-            choice = self._ballot.choose(self._others)
+            choice = self._ballot.choose(self._interventions)
             if choice.settled or now_ns >= self._decide_by:
                 self._at_deadline = now_ns >= self._deadline_ns
                 dispatch = self._dispatch(choice)
@@ -203,7 +211,7 @@ class Arbiter:
 
     def _end_frame(self) -> tuple[Event, ...]:
         if self._phase == "open":
-            return (self._dispatch(self._ballot.choose(self._others)), self._verdict())
+            return (self._dispatch(self._ballot.choose(self._interventions)), self._verdict())
         return (self._verdict(),) if self._phase == "dispatched" else ()
 
     def _dispatch(self, choice: Choice) -> Dispatch:
@@ -216,7 +224,7 @@ class Arbiter:
             if request.values is not None and fault is None:
                 values = request.values
         outside = None if choice.outside is None else choice.outside.connection
-        self._sent = Dispatch(self._tick.k, choice.by, values, fault, outside, self._others.hold)
+        self._sent = Dispatch(self._tick.k, choice.by, values, fault, outside, self._interventions.hold)
         self._phase = "dispatched"
         return self._sent
 
@@ -250,17 +258,19 @@ class Arbiter:
             return "late"
         if request.bid != "command":
             return request.bid
-        return _outdone(sent)
+        return _losing_fate(sent)
 
     def _fates_outside(self, sent: Dispatch) -> tuple[tuple[str, Fate], ...]:
         """Return the fates of outside connections whose command was not sent, after those of the network."""
-        if not self._others.commands:
+        if not self._interventions.commands:
             return ()
-        fate: Fate = "overridden" if sent.hold is None else _outdone(sent)
-        return tuple((c.connection, fate) for c in self._others.commands if c.connection != sent.outside)
+        fate: Fate = "overridden" if sent.hold is None else _losing_fate(sent)
+        return tuple(
+            (c.connection, fate) for c in self._interventions.commands if c.connection != sent.outside
+        )
 
 
-def _outdone(sent: Dispatch) -> Fate:
+def _losing_fate(sent: Dispatch) -> Fate:
     """Return the fate of a client whose command did not get through."""
     match sent.hold:
         case "stopped":

@@ -1,14 +1,14 @@
-"""The rule that gives an actuator to one of the parties that want it in a frame.
+"""The rule that gives an actuator to one of the parties that request it in a frame.
 
-Three kinds of parties want it. The clients of the network bid by their places; by their exclusive guards at
-most one of them commands. Connections from outside command by the priority of the connection, which is never
-that of a place: one above the network's winner takes its place, one below acts only when the network is idle.
-And the emergency stop or a lock keeps out all parties, or all but the holder.
+There are three kinds of parties. The clients of the network bid, and by their exclusive guards at most one of
+them commands. Connections from outside command with the priority of the connection, which no client has: one
+above the network's winner acts in its stead, one below acts only when the network is idle. The emergency stop
+keeps out all parties; a lock keeps out all but its holder.
 
-The rule applies to the part of the frame that has come. What is not known is never taken for idleness. A
-command from outside acts when every client with a higher place was heard and is silent, or when the network's
-winner has a lower place (then, by the exclusive guards, every client above that winner is inactive); a higher
-client that is late, lost or refused leaves idle.
+The rule applies to the requests that have arrived so far; a missing request is never taken for an idle one. A
+command from outside acts when every client with a higher place was heard from and does not command, or when
+the network's winner has a lower place (then, by the exclusive guards, every client above that winner is
+inactive). If a higher client is late, lost or refused, the actuator is idle.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Places:
         return sum(p > priority for p in self.priorities)
 
 
-class Outside(NamedTuple):
+class OutsideCommand(NamedTuple):
     """A command from outside the network; `values` in base units, in the order of the actuator's fields."""
 
     connection: str
@@ -44,37 +44,37 @@ class Outside(NamedTuple):
     values: tuple[ScalarValue, ...]
 
 
-class Others(NamedTuple):
-    """The influences on a frame besides the network: outside commands and holds.
+class Interventions(NamedTuple):
+    """The influences on a frame from outside the network: commands and holds.
 
     `commands` are in descending order of priority, no two of one priority. `hold` keeps out all parties, or
     all but the `holder` of the lock.
     """
 
-    commands: tuple[Outside, ...] = ()
+    commands: tuple[OutsideCommand, ...] = ()
     hold: Hold | None = None
     holder: str | None = None
 
 
-NOBODY = Others()
-STOPPED = Others(hold="stopped")
+NO_INTERVENTIONS = Interventions()
+STOPPED = Interventions(hold="stopped")
 
 
 class Choice(NamedTuple):
     """The present decision of a frame: the client `by` or the connection `outside` acts, or neither (idle).
 
-    `settled`: no client that could still be heard can change it.
+    `settled` is True if no outstanding request can change it.
     """
 
     by: str | None
-    outside: Outside | None
+    outside: OutsideCommand | None
     settled: bool
 
 
 class Ballot:
-    """The requests of one frame of one actuator. Mutable: those that came.
+    """The requests of one actuator in one frame. Mutable: the requests that arrived.
 
-    No method takes longer for more clients; only creating the ballot does.
+    Methods take constant time in the number of clients; only the constructor does not.
     """
 
     def __init__(self, places: Places, lost: Iterable[str]) -> None:
@@ -83,19 +83,19 @@ class Ballot:
         self.requests: dict[str, Request] = {}
         self.commands = 0
         self._heard = bytearray(count)
-        self._first = 0  # the highest rank that is still to be heard
-        self._gone = count  # the highest rank whose request will never be known
+        self._first_unheard = 0  # the highest rank that is still waited for
+        self._first_unknown = count  # the highest rank whose request will never be known
         self._contender = count  # the highest rank that commands
         for client in lost:
-            self.without(client)
+            self.exclude(client)
 
     @property
     def complete(self) -> bool:
-        """True if no client is left to be heard."""
-        return self._first == len(self._heard)
+        """True if no client is still waited for."""
+        return self._first_unheard == len(self._heard)
 
     def take(self, request: Request) -> None:
-        """Take a client's first, well-formed request; that of a lost client does not count."""
+        """Take a client's first, well-formed request; a lost client's request does not count."""
         rank = self._places.rank[request.client]
         self.requests[request.client] = request
         if self._heard[rank]:
@@ -103,54 +103,54 @@ class Ballot:
         if request.bid == "command":
             self.commands += 1
             self._contender = min(self._contender, rank)
-        self._pass(rank)
+        self._mark_heard(rank)
 
-    def without(self, client: str) -> None:
+    def exclude(self, client: str) -> None:
         """Stop waiting for a client; its bid stays unknown."""
         rank = self._places.rank[client]
-        self._gone = min(self._gone, rank)
-        self._pass(rank)
+        self._first_unknown = min(self._first_unknown, rank)
+        self._mark_heard(rank)
 
-    def late(self, client: str) -> None:
-        """Note a request that came after the decision."""
-        self._pass(self._places.rank[client])
+    def mark_late(self, client: str) -> None:
+        """Stop waiting for a client whose request came after the decision."""
+        self._mark_heard(self._places.rank[client])
 
-    def choose(self, others: Others) -> Choice:
-        """Return the decision, as far as it is known."""
-        match others.hold:
+    def choose(self, interventions: Interventions) -> Choice:
+        """Return the decision according to the requests so far."""
+        match interventions.hold:
             case "stopped":
                 return Choice(None, None, True)
             case "locked":
-                mine = (c for c in others.commands if c.connection == others.holder)
-                return Choice(None, next(mine, None), True)
+                by_holder = (c for c in interventions.commands if c.connection == interventions.holder)
+                return Choice(None, next(by_holder, None), True)
             case None:
                 pass
         count = len(self._heard)
-        if others.commands:
-            outside = others.commands[0]
+        if interventions.commands:
+            outside = interventions.commands[0]
             above = self._places.above(outside.priority)
             if above <= self._contender:
-                if min(self._first, self._gone) >= above:
+                if min(self._first_unheard, self._first_unknown) >= above:
                     return Choice(None, outside, True)
                 if self._contender < count:
                     return Choice(None, outside, False)
         if self._contender < count:
-            return Choice(self._places.names[self._contender], None, self._first > self._contender)
+            return Choice(self._places.names[self._contender], None, self._first_unheard > self._contender)
         return Choice(None, None, self.complete)
 
-    def _pass(self, rank: int) -> None:
+    def _mark_heard(self, rank: int) -> None:
         heard = self._heard
         heard[rank] = 1
-        if rank == self._first:
+        if rank == self._first_unheard:
             first = heard.find(0, rank)
-            self._first = len(heard) if first < 0 else first
+            self._first_unheard = len(heard) if first < 0 else first
 
 
 _BIDS = frozenset(get_args(Bid))
 
 
 def malformed(request: Request, actuator: ActuatorTable, places: Container[str]) -> str | None:
-    """Return the reason why a request is malformed, or None. No malformed request may move a robot."""
+    """Return why a request is malformed, or None. No malformed request may move a robot."""
     if request.client not in places:
         return f"`{request.client}` is no client of {actuator.name}"
     if request.bid not in _BIDS:
@@ -160,7 +160,7 @@ def malformed(request: Request, actuator: ActuatorTable, places: Container[str])
     if request.values is None:
         return None if request.fault else f"`{request.client}` commands without values"
     if len(request.values) != len(actuator.fields):
-        return f"`{request.client}` gave {len(request.values)} values, not {len(actuator.fields)}"
+        return f"`{request.client}` gave {len(request.values)} values, expected {len(actuator.fields)}"
     for field, value in zip(actuator.fields, request.values, strict=True):
         if not _acceptable(field, value):
             return f"`{request.client}` gave {field.name} = {value!r}"

@@ -1,29 +1,29 @@
-"""A lock of a server: one token, and the queue for it (thesis section 4.6.3, "Locking Mechanism").
+"""The lock of a server: one token, and the queue for it (thesis section 4.6.3, "Locking Mechanism").
 
-RServer's lock gives one client exclusive motion, a CServer's keeps its image from being replaced. Waiting
-requests are served by the priority of their connections, first come first served within one. Each waits no
-longer than its timeout, so that no client is given a lock after it stopped waiting. `drop` handles the death
-of the holder or of a waiting client.
+RServer's lock gives one connection exclusive motion, a CServer's keeps its image from being replaced. Waiting
+calls are served by the priority of their connections, then in the order of their arrival. Each waits no
+longer than its timeout, so that no client gets a lock for which it no longer waits. `drop` handles the end of
+a connection that holds the lock or waits for it.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from colony.runtime.protocol.calls import Asked, RefusedError
+from colony.runtime.protocol.calls import CallId, RefusedError
 from colony.runtime.protocol.connections import Caller
 
 
 class _Waiting(NamedTuple):
     order: tuple[int, int]
     until_ns: int
-    asked: Asked
+    call_id: CallId
 
 
 class LockQueue:
     """The holder of a token, and the calls that wait for it. Mutable: both.
 
-    Methods return the calls to answer, as they were granted or refused late.
+    Methods return the calls to answer: those that are granted now, or whose timeout has passed.
     """
 
     def __init__(self) -> None:
@@ -39,50 +39,50 @@ class LockQueue:
     @property
     def waiting(self) -> tuple[Caller, ...]:
         """Callers that wait for the token, in the order in which they will be served."""
-        return tuple(w.asked.caller for w in sorted(self._waiting))
+        return tuple(w.call_id.caller for w in sorted(self._waiting))
 
     @property
     def wake_at(self) -> int | None:
         """The earliest timeout of the waiting calls."""
         return min((w.until_ns for w in self._waiting), default=None)
 
-    def ask(self, asked: Asked, now_ns: int, *, wait_ns: int) -> bool:
+    def ask(self, call_id: CallId, now_ns: int, *, wait_ns: int) -> bool:
         """Return True if the token is granted now; otherwise the call waits. The lock is reentrant.
 
         Raises:
             RefusedError: "locked": another connection has the token, and the call does not wait.
         """
-        if self._holder is None or self._holder.connection == asked.caller.connection:
-            self._holder = asked.caller
+        if self._holder is None or self._holder.connection == call_id.caller.connection:
+            self._holder = call_id.caller
             return True
         if wait_ns <= 0:
             raise self.refusal()
         self._count += 1
-        self._waiting.append(_Waiting((-asked.caller.priority, self._count), now_ns + wait_ns, asked))
+        self._waiting.append(_Waiting((-call_id.caller.priority, self._count), now_ns + wait_ns, call_id))
         return False
 
-    def release(self, caller: Caller) -> tuple[Asked, ...]:
-        """Take the token back from its holder, and return the calls that are granted by that.
+    def release(self, caller: Caller) -> tuple[CallId, ...]:
+        """Take the token back from its holder, and return the calls that are granted now.
 
         Raises:
-            RefusedError: "unlocked": the caller does not have it.
+            RefusedError: "unlocked": the caller does not hold the lock.
         """
         if self._holder is None or self._holder.connection != caller.connection:
             raise RefusedError("unlocked", f"{caller.name} does not hold the lock")
         self._holder = None
         return self._grant()
 
-    def drop(self, caller: Caller) -> tuple[Asked, ...]:
+    def drop(self, caller: Caller) -> tuple[CallId, ...]:
         """Remove a connection that ended as holder and from the queue; return the calls that are granted."""
-        self._waiting = [w for w in self._waiting if w.asked.caller.connection != caller.connection]
+        self._waiting = [w for w in self._waiting if w.call_id.caller.connection != caller.connection]
         if self._holder is None or self._holder.connection != caller.connection:
             return ()
         self._holder = None
         return self._grant()
 
-    def expire(self, now_ns: int) -> tuple[Asked, ...]:
-        """Return the calls whose timeout has passed; they are to be refused."""
-        late = tuple(w.asked for w in sorted(self._waiting) if now_ns >= w.until_ns)
+    def expire(self, now_ns: int) -> tuple[CallId, ...]:
+        """Return the calls whose timeout has passed; the caller refuses them."""
+        late = tuple(w.call_id for w in sorted(self._waiting) if now_ns >= w.until_ns)
         self._waiting = [w for w in self._waiting if now_ns < w.until_ns]
         return late
 
@@ -91,12 +91,12 @@ class LockQueue:
         name = "nobody" if self._holder is None else self._holder.name
         return RefusedError("locked", f"{name} holds the lock")
 
-    def _grant(self) -> tuple[Asked, ...]:
+    def _grant(self) -> tuple[CallId, ...]:
         """Give the token to the first waiting connection, with all of its calls that wait."""
         if not self._waiting:
             return ()
-        self._holder = min(self._waiting).asked.caller
+        self._holder = min(self._waiting).call_id.caller
         connection = self._holder.connection
-        granted = tuple(w.asked for w in sorted(self._waiting) if w.asked.caller.connection == connection)
-        self._waiting = [w for w in self._waiting if w.asked.caller.connection != connection]
+        granted = tuple(w.call_id for w in sorted(self._waiting) if w.call_id.caller.connection == connection)
+        self._waiting = [w for w in self._waiting if w.call_id.caller.connection != connection]
         return granted

@@ -1,20 +1,20 @@
 """Motions of a base: the modes of the Labmate (thesis section 4.6.3), as control laws stepped once a frame.
 
     joystick              no command yet: the base stands, and the joystick moves it
-    go                    straight ahead, the heading held with error integration
-    proportional go       the same without integration
+    go                    straight ahead, the heading held by a PI controller
+    proportional go       the same by a P controller
     continuous turn       a number of degrees along an arc of a radius
-    point-to-point go     a distance, straight, by a trapezoid of speed
-    point-to-point turn   a number of degrees on the spot, by a trapezoid of speed
+    point-to-point go     a distance, straight, with a trapezoidal speed profile
+    point-to-point turn   a number of degrees on the spot, with a trapezoidal speed profile
     jog                   a turning rate on top of forward motion
 
 Commands in degrees are positive clockwise, as in the thesis, and so lower the heading, which grows
 counterclockwise; the resulting speeds are positive counterclockwise, as a driver's are. The trapezoid brakes
 for the remaining distance less what is driven before the next frame, so that it does not overshoot on a base
-that brakes as commanded. Every motion with an end ends standing.
+that brakes as commanded. Every finite motion ends at standstill.
 
-A law is a value: `step` returns the speeds of a frame and the law's next value, which is used only if the
-speeds were. Pure.
+A law is a value: `step` returns the speeds of a frame and the law's next value, which replaces the law only
+if the speeds are used. Pure.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ HEADING_GAIN = 2.0
 INTEGRAL_GAIN = 0.5
 """Turning rate in deg/s for each degree-second of integrated heading error."""
 
-MOST_INTEGRAL = 20.0
-"""Limit of the integral, in degree-seconds, so that a base that was blocked does not swing."""
+MAX_INTEGRAL = 20.0
+"""Anti-windup limit of the integral, in degree-seconds, so that a base that was blocked does not swing."""
 
-MOST_CORRECTION = 20.0
-"""Largest turning rate, in deg/s, that holds a heading."""
+MAX_CORRECTION = 20.0
+"""Largest turning rate, in deg/s, of the heading controller."""
 
-NEAR_MM = 1.0
-NEAR_DEG = 0.2
+DISTANCE_TOLERANCE_MM = 1.0
+ANGLE_TOLERANCE_DEG = 0.2
 """Tolerances within which a motion is done, in mm and degrees."""
 
-STALLED_S = 2.0
+STALL_TIMEOUT_S = 2.0
 """Seconds without progress after which a motion is given up."""
 
 
@@ -71,13 +71,13 @@ class OdometerPose(NamedTuple):
     heading: float
 
 
-class Seen(NamedTuple):
-    """The input of a law: the track of the base, the speeds sent last, and the seconds since then.
+class BaseObservation(NamedTuple):
+    """The input of a law: the pose of the base, the speeds sent last, and the seconds since then.
 
-    The track is None while the base has no value.
+    The pose is None while the base publishes no value.
     """
 
-    track: OdometerPose | None
+    pose: OdometerPose | None
     sent: Speeds
     dt_s: float
 
@@ -161,8 +161,8 @@ class Arc:
 
 
 Motion = ConstantSpeeds | Go | Jog | Halt | Move | Turn | Arc
-Ending = Move | Turn | Arc
-"""Motions that end by themselves."""
+FiniteMotion = Move | Turn | Arc
+"""Motions that end on their own."""
 
 End = Literal["done", "stalled"]
 
@@ -175,21 +175,23 @@ class Step(NamedTuple):
     end: End | None = None
 
 
-def step(motion: Motion, seen: Seen) -> Step:
+def step(motion: Motion, observation: BaseObservation) -> Step:
     """Return one frame of a motion."""
     match motion:
         case ConstantSpeeds():
             return Step(motion.speeds, motion)
         case Go():
-            return _go(motion, seen)
+            return _go(motion, observation)
         case Jog():
-            velocity = approach(seen.sent.velocity, motion.velocity, motion.acceleration * seen.dt_s)
-            turn = approach(seen.sent.turn, -motion.rate, motion.turn_acceleration * seen.dt_s)
+            velocity = approach(
+                observation.sent.velocity, motion.velocity, motion.acceleration * observation.dt_s
+            )
+            turn = approach(observation.sent.turn, -motion.rate, motion.turn_acceleration * observation.dt_s)
             return Step(Speeds(velocity, turn), motion)
         case Halt():
-            return Step(_halt(motion, seen), motion)
+            return Step(_halt(motion, observation), motion)
         case Move() | Turn() | Arc():
-            return _ending(motion, seen)
+            return _step_finite(motion, observation)
         case _:
             assert_never(motion)
 
@@ -214,115 +216,114 @@ def mode(motion: Motion) -> Mode:
 
 
 def interrupted(motion: Motion) -> Motion:
-    """Return a motion after a frame of another party: it holds the heading that it then finds.
+    """Return a motion after a frame in which another party acted: it holds the heading at which it resumes.
 
-    A motion with an end continues with the rest of it.
+    A finite motion continues with the remaining distance or angle.
     """
     if isinstance(motion, Go):
         return replace(motion, heading=None, error=0.0)
     return motion
 
 
-def covered(motion: Ending, track: OdometerPose | None) -> float:
-    """Return how much of a motion is covered, in mm or degrees in the direction commanded."""
-    if motion.progress is None or track is None:
+def covered(motion: FiniteMotion, pose: OdometerPose | None) -> float:
+    """Return the distance or angle covered by a motion, in mm or degrees in the direction commanded."""
+    if motion.progress is None or pose is None:
         return 0.0
     origin = motion.progress.origin
     if isinstance(motion, Move):
         angle = math.radians(origin.heading)
-        along = math.cos(angle) * (track.y - origin.y) - math.sin(angle) * (track.x - origin.x)
+        along = math.cos(angle) * (pose.y - origin.y) - math.sin(angle) * (pose.x - origin.x)
         return math.copysign(1.0, motion.distance) * along
-    return math.copysign(1.0, motion.degrees) * (origin.heading - track.heading)
+    return math.copysign(1.0, motion.degrees) * (origin.heading - pose.heading)
 
 
-def approach(present: float, wanted: float, most: float) -> float:
-    """Return `present`, changed toward `wanted` by `most` at most."""
-    return present + min(max(wanted - present, -most), most)
+def approach(present: float, target: float, max_change: float) -> float:
+    """Return `present`, changed toward `target` by at most `max_change`."""
+    return present + min(max(target - present, -max_change), max_change)
 
 
-def braking_speed(left: float, acceleration: float, dt_s: float) -> float:
-    """Return the speed from which a base that keeps it for `dt_s` and then brakes stops within `left`."""
-    if left <= 0.0:
+def braking_speed(distance: float, acceleration: float, dt_s: float) -> float:
+    """Return the speed at which a base that keeps it for `dt_s` and then brakes stops within `distance`."""
+    if distance <= 0.0:
         return 0.0
     lag = acceleration * dt_s
-    return math.sqrt(lag * lag + 2.0 * acceleration * left) - lag
+    return math.sqrt(lag * lag + 2.0 * acceleration * distance) - lag
 
 
-def _halt(motion: Halt, seen: Seen) -> Speeds:
+def _halt(motion: Halt, observation: BaseObservation) -> Speeds:
     if not motion.gradual:
         return STILL
     return Speeds(
-        approach(seen.sent.velocity, 0.0, motion.acceleration * seen.dt_s),
-        approach(seen.sent.turn, 0.0, motion.turn_acceleration * seen.dt_s),
+        approach(observation.sent.velocity, 0.0, motion.acceleration * observation.dt_s),
+        approach(observation.sent.turn, 0.0, motion.turn_acceleration * observation.dt_s),
     )
 
 
-def _go(motion: Go, seen: Seen) -> Step:
-    velocity = approach(seen.sent.velocity, motion.velocity, motion.acceleration * seen.dt_s)
-    track = seen.track
-    if track is None or velocity == 0.0:
+def _go(motion: Go, observation: BaseObservation) -> Step:
+    velocity = approach(observation.sent.velocity, motion.velocity, motion.acceleration * observation.dt_s)
+    pose = observation.pose
+    if pose is None or velocity == 0.0:
         return Step(Speeds(velocity, 0.0), interrupted(motion))
-    heading = track.heading if motion.heading is None else motion.heading
-    off = heading - track.heading
+    heading = pose.heading if motion.heading is None else motion.heading
+    off = heading - pose.heading
     error = 0.0
     if motion.integrating:
-        error = min(max(motion.error + off * seen.dt_s, -MOST_INTEGRAL), MOST_INTEGRAL)
+        error = min(max(motion.error + off * observation.dt_s, -MAX_INTEGRAL), MAX_INTEGRAL)
     return Step(Speeds(velocity, _correction(off, error)), replace(motion, heading=heading, error=error))
 
 
 def _correction(off: float, error: float) -> float:
     wanted = HEADING_GAIN * off + INTEGRAL_GAIN * error
-    return min(max(wanted, -MOST_CORRECTION), MOST_CORRECTION)
+    return min(max(wanted, -MAX_CORRECTION), MAX_CORRECTION)
 
 
-def _ending(motion: Ending, seen: Seen) -> Step:
-    track = seen.track
-    if track is None:  # a motion that cannot be measured is neither begun nor continued
+def _step_finite(motion: FiniteMotion, observation: BaseObservation) -> Step:
+    pose = observation.pose
+    if pose is None:  # a motion that cannot be measured is neither begun nor continued
         return Step(STILL, motion)
-    progress = motion.progress or Progress(track)
+    progress = motion.progress or Progress(pose)
     motion = replace(motion, progress=progress)
-    whole, near = (abs(motion.distance), NEAR_MM) if isinstance(motion, Move) else _degrees(motion)
-    done = covered(motion, track)
-    left = whole - done
-    if left <= near:
+    if isinstance(motion, Move):
+        total, tolerance = abs(motion.distance), DISTANCE_TOLERANCE_MM
+    else:
+        total, tolerance = abs(motion.degrees), ANGLE_TOLERANCE_DEG
+    done = covered(motion, pose)
+    left = total - done
+    if left <= tolerance:
         return Step(STILL, motion, "done")
-    if done > progress.done + near:
+    if done > progress.done + tolerance:
         progress = progress._replace(done=done, idle_s=0.0)
     else:
-        progress = progress._replace(idle_s=progress.idle_s + seen.dt_s)
+        progress = progress._replace(idle_s=progress.idle_s + observation.dt_s)
     motion = replace(motion, progress=progress)
-    if progress.idle_s > STALLED_S:
+    if progress.idle_s > STALL_TIMEOUT_S:
         return Step(STILL, motion, "stalled")
-    return Step(_speeds(motion, left, track, seen), motion)
+    return Step(_speeds(motion, left, pose, observation), motion)
 
 
-def _degrees(motion: Turn | Arc) -> tuple[float, float]:
-    return abs(motion.degrees), NEAR_DEG
-
-
-def _speeds(motion: Ending, left: float, track: OdometerPose, seen: Seen) -> Speeds:
-    sent, dt_s = seen.sent, seen.dt_s
+def _speeds(motion: FiniteMotion, left: float, pose: OdometerPose, observation: BaseObservation) -> Speeds:
+    sent, dt_s = observation.sent, observation.dt_s
     match motion:
         case Move():
             assert motion.progress is not None
             speed = _trapezoid(sent.velocity, motion.distance, left, motion, dt_s)
-            return Speeds(speed, _correction(motion.progress.origin.heading - track.heading, 0.0))
+            return Speeds(speed, _correction(motion.progress.origin.heading - pose.heading, 0.0))
         case Turn():
             speed = _trapezoid(sent.turn, -motion.degrees, left, motion, dt_s)
             return Speeds(approach(sent.velocity, 0.0, motion.braking * dt_s), speed)
         case Arc():
-            way = math.radians(left) * motion.radius
-            speed = _trapezoid(sent.velocity, 1.0, way, motion, dt_s)
+            arc_mm = math.radians(left) * motion.radius
+            speed = _trapezoid(sent.velocity, 1.0, arc_mm, motion, dt_s)
             turn = math.degrees(speed / motion.radius)
             return Speeds(speed, -math.copysign(turn, motion.degrees))
         case _:
             assert_never(motion)
 
 
-def _trapezoid(sent: float, direction: float, left: float, motion: Ending, dt_s: float) -> float:
-    """Return the next speed of a trapezoid: accelerate, keep the velocity, brake in time.
+def _trapezoid(sent: float, direction: float, left: float, motion: FiniteMotion, dt_s: float) -> float:
+    """Return the next speed of a trapezoidal profile: accelerate, keep the velocity, brake in time.
 
-    It is signed as `direction` is; a base that still goes the other way is slowed down first.
+    It has the sign of `direction`; a base that still moves the other way is slowed down first.
     """
     sign = math.copysign(1.0, direction)
     fastest = min(motion.velocity, braking_speed(left, motion.acceleration, dt_s))

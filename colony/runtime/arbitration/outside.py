@@ -1,8 +1,8 @@
-"""Connections that command an actuator from outside the network: strict order, and leases that end.
+"""Connections that command an actuator from outside the network, with unique priorities and leases.
 
-A connection takes part in arbitration from its first command until it ends, and for that time its priority is
-its own: no other connection, and no client of the network, may command with the same. Its command holds until
-its lease expires, or until it is done.
+A connection takes part in arbitration from its first command until it ends. For that time its priority is
+reserved: no other connection, and no client of the network, may command with it. The command holds until its
+lease expires, or until it is done.
 """
 
 from __future__ import annotations
@@ -12,28 +12,29 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from colony.runtime.arbitration.motion import Motion
-from colony.runtime.protocol.calls import Asked, RefusedError
+from colony.runtime.protocol.calls import CallId, RefusedError
 from colony.runtime.protocol.connections import Caller
 
-LONGEST_LEASE_S = 60.0
+MAX_LEASE_S = 60.0
+"""Longest lease of a command, in seconds."""
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Commander:
     """A connection and its command.
 
-    `until_ns` is the end of the command's lease (None: it holds until it is done), `asked` the call that
+    `until_ns` is the end of the command's lease (None: it holds until it is done), `call_id` the call that
     waits for the end.
     """
 
     caller: Caller
     motion: Motion | None = None
     until_ns: int | None = None
-    asked: Asked | None = None
+    call_id: CallId | None = None
 
 
-class Outsiders:
-    """The commanders from outside, by priority. Mutable: their commands."""
+class OutsideCommanders:
+    """The connections that command from outside, by priority. Mutable: their commands."""
 
     def __init__(self) -> None:
         self._by_priority: dict[int, Commander] = {}
@@ -52,8 +53,8 @@ class Outsiders:
         """Return the commander of a connection; create it if needed.
 
         Args:
-            caller: the connection.
-            places: the clients of the network by priority.
+            caller: connection that commands.
+            places: clients of the network by priority.
 
         Raises:
             RefusedError: "tie": another connection or client has that priority.
@@ -92,8 +93,8 @@ class Outsiders:
         """Return the conflict between the priorities of a network and those of connections, or None."""
         for priority, client in places.items():
             if (known := self._by_priority.get(priority)) is not None:
-                who = f"{known.caller.name} ({known.caller.connection})"
-                return f"`{client}` has priority {priority}, with which {who} commands"
+                holder = f"{known.caller.name} ({known.caller.connection})"
+                return f"`{client}` has priority {priority}, with which {holder} commands"
         return None
 
 
@@ -101,9 +102,9 @@ def lease_end(lease_s: float, now_ns: int) -> int:
     """Return the end of a lease that begins now, in nanoseconds.
 
     Raises:
-        RefusedError: "arguments": the lease is not positive, or longer than `LONGEST_LEASE_S`.
+        RefusedError: "arguments": the lease is not positive, or longer than `MAX_LEASE_S`.
     """
-    if not (math.isfinite(lease_s) and 0.0 < lease_s <= LONGEST_LEASE_S):
-        expected = f"expected more than 0 and at most {LONGEST_LEASE_S:g} s"
+    if not (math.isfinite(lease_s) and 0.0 < lease_s <= MAX_LEASE_S):
+        expected = f"expected more than 0 and at most {MAX_LEASE_S:g} s"
         raise RefusedError("arguments", f"a lease of {lease_s:g} s; {expected}")
     return now_ns + max(1, round(lease_s * 1e9))

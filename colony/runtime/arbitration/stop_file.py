@@ -1,12 +1,13 @@
 """The file in which the Clock keeps the emergency stop, so that a restarted Clock knows of it.
 
-Its size never changes, and it is written in place: once the file exists, keeping a stop takes no room on the
-disk, even a full one. (A file system that writes each change to a new place, such as btrfs, may need room all
-the same; then the stop is not kept, and the Clock reports that.) A checksum covers the whole content. Content
-torn by a loss of power, or written by another program, cannot be read: the Clock treats that as a stop.
+Its size never changes, and it is written in place: once the file exists, keeping a stop takes no further room
+on the disk, so that it works on a full one. (A copy-on-write file system, such as btrfs, may still need room;
+if there is none, the stop is not kept, and the Clock reports that.) A checksum covers the whole content.
+Content torn by a loss of power, or written by another program, cannot be read: the Clock treats that as a
+stop.
 
-The file stays open. `is_intact` detects a path that leads to another file in the meantime, or nowhere, and
-changed content: what was written would not be found again.
+The file stays open. `is_intact` detects that the path leads to another file or nowhere, or that the content
+has changed; a restarted Clock would then not find what was written.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _FLAGS = os.O_NOFOLLOW
 """Flag against links: writing through one would change a file that is not the Clock's."""
 
 
-class Kept(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class StopState(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The content of the file: the stop in force, and the time of the last release."""
 
     stopped: Stopped | None
@@ -38,7 +39,7 @@ class Kept(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 class StopFileError(Exception):
-    """Content that no Clock wrote, or not to its end."""
+    """Content that no Clock wrote, or that is incomplete."""
 
 
 class StopFile:
@@ -53,12 +54,12 @@ class StopFile:
         self._written = b""
         self._left_over = path.with_name(f"{path.name}.new")
 
-    def read(self) -> Kept | None:
+    def read(self) -> StopState | None:
         """Return the content, None if there is no file yet.
 
         Raises:
-            StopFileError: the content is damaged, or a `.new` file was left over by an earlier version, whose
-                Clock died while it replaced this one.
+            StopFileError: the content is damaged, or there is a `.new` file, left by the Clock of an earlier
+                version that died while it replaced this file.
             OSError: the file cannot be read.
         """
         if os.path.lexists(self._left_over):
@@ -70,7 +71,7 @@ class StopFile:
         with open(descriptor, "rb") as file:
             return _decoded(read_all(file, FILE_BYTES, self.path))
 
-    def write(self, kept: Kept) -> None:
+    def write(self, kept: StopState) -> None:
         """Write the file, creating it if the path leads to none, and wait until the disk has it.
 
         Raises:
@@ -88,7 +89,7 @@ class StopFile:
                 self._left_over.unlink(missing_ok=True)
                 sync_folder(self.path.parent)
             if not self._in_place:
-                raise OSError(errno.ESTALE, "it was moved away while it was written")
+                raise OSError(errno.ESTALE, "it was moved while it was being written")
         except OSError:
             self.close()
             raise
@@ -125,7 +126,7 @@ class StopFile:
         except FileNotFoundError:
             descriptor = open_descriptor(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL | _FLAGS)
         try:
-            _write(descriptor, bytes(FILE_BYTES))  # damaged for a reader at this moment: a stop
+            _write(descriptor, bytes(FILE_BYTES))  # until it is filled, a reader finds it damaged: a stop
         except OSError:
             os.close(descriptor)
             self.path.unlink(missing_ok=True)
@@ -141,13 +142,13 @@ def _write(descriptor: int, data: bytes) -> None:
     os.fdatasync(descriptor)
 
 
-def _encoded(kept: Kept) -> bytes:
+def _encoded(kept: StopState) -> bytes:
     body = msgspec.json.encode(kept).ljust(_BODY_BYTES - 1) + b"\n"
     assert len(body) == _BODY_BYTES
     return b"%s%08x %s" % (_MAGIC, crc32(body), body)
 
 
-def _decoded(data: bytes) -> Kept:
+def _decoded(data: bytes) -> StopState:
     head, body = data[:-_BODY_BYTES], data[-_BODY_BYTES:]
     if not data:
         raise StopFileError("it is empty")
@@ -156,7 +157,7 @@ def _decoded(data: bytes) -> Kept:
     if head != b"%s%08x " % (_MAGIC, crc32(body)):
         raise StopFileError("it is damaged: the checksum is wrong")
     try:
-        kept = msgspec.json.decode(body, type=Kept)
+        kept = msgspec.json.decode(body, type=StopState)
         msgspec.msgpack.encode(kept)  # a time that a tick could not carry is invalid
     except (msgspec.DecodeError, UnicodeDecodeError, OverflowError) as problem:
         raise StopFileError(str(problem)) from None

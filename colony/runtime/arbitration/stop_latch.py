@@ -8,8 +8,8 @@ from frames:
 
     a stop received at t is over once a release at r >= t is known, and only then
 
-A file that cannot be read counts as a stop: a robot that may have been stopped for a reason must not drive on
-because of a bad disk. `stop_file.py` describes the file.
+A file that cannot be read counts as a stop: a robot that may have been stopped must not drive on because of a
+bad disk. `stop_file.py` describes the file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from colony.files import reason
-from colony.runtime.arbitration.stop_file import Kept, StopFile, StopFileError
+from colony.runtime.arbitration.stop_file import StopFile, StopFileError, StopState
 from colony.runtime.protocol.messages import Stopped, Tick
 
 NEVER_RELEASED_NS = -1
@@ -27,8 +27,8 @@ NEVER_RELEASED_NS = -1
 UNREADABLE = "a file that cannot be read"
 """Author of a stop that holds because it is unknown whether the robot was stopped."""
 
-LONGEST_BY = 255
-"""Largest number of characters kept of a stopping connection; each takes at most six bytes in the file."""
+MAX_AUTHOR_LENGTH = 255
+"""Largest number of characters kept of a stop's author; each takes at most six bytes in the file."""
 
 CHECK_NS = 1_000_000_000
 """Nanoseconds between two checks that the file is in place and has the content written last."""
@@ -41,8 +41,8 @@ class StopLatch:
     """The Clock's memory of the emergency stop. Mutable: the stop, and whether the file is up to date.
 
     Args:
-        path: the file, which need not exist; with None, a restart forgets the stop.
-        report: called with a line for users each time the file causes a different problem.
+        path: stop file, which need not exist; with None, a restart forgets the stop.
+        report: callback for a line to users each time the file causes a different problem.
     """
 
     def __init__(self, path: Path | None, *, report: Callable[[str], None] = lambda line: None) -> None:
@@ -56,10 +56,10 @@ class StopLatch:
         self.released_ns = NEVER_RELEASED_NS
 
     def begin(self, now_ns: int) -> None:
-        """Load the file, and reserve its room, at this time of the robot.
+        """Load the file, and reserve its room on the disk; `now_ns` is the robot's time.
 
-        Later times in the file are of another clock, from before the machine was rebooted: a stop then holds
-        from now on, and a release is dropped, as the stops that it ended are forgotten.
+        Later times in the file are from before the machine was rebooted: a stop then holds from now on, and a
+        release is dropped, because the stops that it ended are forgotten.
         """
         if self._file is not None:
             self._load(self._file)
@@ -71,12 +71,12 @@ class StopLatch:
             self._keep()
 
     def engage(self, stopped: Stopped) -> None:
-        """Stop; the first of several stops is kept. Afterwards the file has it, or there is `trouble`.
+        """Stop; the first of several stops is kept. Afterwards the file has it, or `trouble` is set.
 
-        The file is written for each stop, even if it should be up to date: each stop is acknowledged.
+        The file is written for each stop, even if it seems up to date, because each stop is acknowledged.
         """
         if self.stopped is None:
-            self.stopped = Stopped(by=stopped.by[:LONGEST_BY], t_ns=stopped.t_ns)
+            self.stopped = Stopped(by=stopped.by[:MAX_AUTHOR_LENGTH], t_ns=stopped.t_ns)
         self._saved = False
         self._keep()
 
@@ -86,7 +86,7 @@ class StopLatch:
             self.engage(stopped)
 
     def release(self, now_ns: int) -> None:
-        """End every stop received until `now_ns`. Afterwards the file has that, or there is `trouble`."""
+        """End every stop received until `now_ns`; then the file has the release, or `trouble` is set."""
         self.stopped = None
         self.released_ns = now_ns
         self._saved = False
@@ -115,9 +115,9 @@ class StopLatch:
         if self._file is None or (self._saved and self._file.is_intact):
             return
         try:
-            self._file.write(Kept(stopped=self.stopped, released_ns=self.released_ns))
+            self._file.write(StopState(stopped=self.stopped, released_ns=self.released_ns))
         except (OSError, ValueError) as problem:
-            self._tell("an emergency stop cannot be kept", f"{self._file.path}: {reason(problem)}")
+            self._note_trouble("an emergency stop cannot be saved", f"{self._file.path}: {reason(problem)}")
         else:
             self._saved, self.trouble = True, None
 
@@ -127,17 +127,18 @@ class StopLatch:
         except (OSError, ValueError, StopFileError) as problem:
             self._unreadable = True
             self.stopped = Stopped(by=UNREADABLE, t_ns=0)
-            self._tell(
-                "stopped until released, by a file that cannot be read", f"{file.path}: {reason(problem)}"
+            self._note_trouble(
+                "stopped until released, because the stop file cannot be read",
+                f"{file.path}: {reason(problem)}",
             )
             return
         if kept is not None:
             self.stopped, self.released_ns = kept.stopped, kept.released_ns
 
-    def _tell(self, what: str, trouble: str) -> None:
+    def _note_trouble(self, summary: str, trouble: str) -> None:
         if trouble != self.trouble:
             self.trouble = trouble
-            self._report(f"{what}: {trouble}")
+            self._report(f"{summary}: {trouble}")
 
 
 class StopFollower:
@@ -146,8 +147,8 @@ class StopFollower:
     def __init__(self) -> None:
         self.stopped: Stopped | None = None
 
-    def hear(self, stopped: Stopped) -> None:
-        """Stop; of two stops, the later one has to be released."""
+    def engage(self, stopped: Stopped) -> None:
+        """Stop; of two stops, the later one decides which release ends it."""
         if self.stopped is None or stopped.t_ns > self.stopped.t_ns:
             by = stopped.by if self.stopped is None else self.stopped.by
             self.stopped = Stopped(by=by, t_ns=stopped.t_ns)

@@ -22,7 +22,7 @@ from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.bindings import bind
-from colony.runtime.protocol.calls import Asked
+from colony.runtime.protocol.calls import CallId
 from colony.runtime.protocol.deployment import actuator_table, variables_read
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.messages import Sample
@@ -42,8 +42,8 @@ Watch = Callable[[Frame, Outcome], None]
 """A function that takes every frame and its outcome, both in base units, before anything moves."""
 
 
-class _Forgetful(Journal):
-    """A journal that keeps nothing, because nothing will load it."""
+class _NullJournal(Journal):
+    """A journal that keeps nothing, because nothing loads it."""
 
     def __init__(self) -> None:
         super().__init__(MemoryStore())
@@ -52,7 +52,7 @@ class _Forgetful(Journal):
         """Keep nothing."""
 
     def drop(self, key: object) -> None:
-        """Drop nothing: nothing is kept."""
+        """Do nothing: nothing is kept."""
 
 
 class LocalData(LocalServer):
@@ -63,7 +63,7 @@ class LocalData(LocalServer):
     """
 
     def __init__(self, reads: Iterable[str] = ()) -> None:
-        journal = _Forgetful()
+        journal = _NullJournal()
         self.variables = Variables(journal)
         self.variables.read_by_program(reads)
         self.variables.show(reads)
@@ -83,13 +83,13 @@ class LocalCamera(LocalServer):
 
     def __init__(self, address: str, driver: CameraDriver) -> None:
         camera = Camera(address, driver)
-        self.tend = camera.tend
+        self.poll = camera.poll
         super().__init__(address, camera.methods, camera.answers)
 
-    def do(self, asked: Asked, ask: Ask[Any], now_ns: int) -> Any:
+    def do(self, call_id: CallId, ask: Ask[Any], now_ns: int) -> Any:
         """Return the result of a call; a lock that it released takes effect at once."""
-        result = super().do(asked, ask, now_ns)
-        self.tend(now_ns)
+        result = super().do(call_id, ask, now_ns)
+        self.poll(now_ns)
         return result
 
 
@@ -97,18 +97,18 @@ class Loop:
     """A robot in one loop. Mutable: the servers and scripts, the network's memory, the time.
 
     Args:
-        robot: the sensors and actuators, as declared.
-        executor: decides frames in base units (`ir.program.robot_in_base_units`).
-        drivers: the devices; they read time from `clock`.
-        scripts: the scripts by name, in their order within a moment.
-        clock: the time, which the loop advances.
-        advance: called at the end of each frame, with the clock at the next one, to advance the world.
-        seed: the seed of `Runtime.random`.
+        robot: sensors and actuators, as declared.
+        executor: executor of the program in base units (`ir.program.robot_in_base_units`).
+        drivers: devices, which read time from `clock`.
+        scripts: scripts by name, in the order in which they run at one time.
+        clock: time, which the loop advances.
+        advance: function that advances the world to the next frame, called with the clock already there.
+        seed: seed of `Runtime.random`.
         variables: DServer's variables, kept as fresh as each frame, in declared units.
-        watch: takes every frame and its outcome.
+        watch: callback for every frame and its outcome.
 
     Raises:
-        DiagnosticError: a sensor or an actuator is bound to something that no server has.
+        DiagnosticError: a sensor or actuator is bound to something that no server offers.
     """
 
     def __init__(
@@ -183,7 +183,7 @@ class Loop:
                 self.base.drive(speeds_of(act, values))
         self.data.expire(now_ns)
         for camera in self._cameras:
-            camera.tend(now_ns)
+            camera.poll(now_ns)
         self.scripts.run(now_ns)
         self.k += 1
         self._clock.now_ns = now_ns + self._frame_ns
@@ -195,7 +195,7 @@ class Loop:
         self.scripts.close()
 
     def _readings(self, now_ns: int) -> dict[str, Reading]:
-        self.base.look()
+        self.base.refresh()
         published = {server: publish(now_ns) for server, publish in self._publish.items()}
         readings: dict[str, Reading] = {}
         for binding in self._sensors:

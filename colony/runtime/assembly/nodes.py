@@ -95,10 +95,10 @@ def build_observer(
     return Observer(
         FrameAssembler(bindings.sensors, run=run, keep=keep, declared=True),
         tuple(a.name for a in actuators),
-        Monitor(ProgramExecutor(compiled, simplified=False, answered=True), degrading, modules),
+        Monitor(ProgramExecutor(compiled, simplified=False, answers_given=True), degrading, modules),
         sinks,
         modules=FrameAssembler((), modules, run=run, keep=keep, awaited="living") if modules else None,
-        heeded=tuple(dict.fromkeys(b.server for b in bindings.actuators)) if requests else (),
+        request_servers=tuple(dict.fromkeys(b.server for b in bindings.actuators)) if requests else (),
         frame_ns=compiled.frame_ns,
     )
 

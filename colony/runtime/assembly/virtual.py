@@ -54,18 +54,18 @@ It takes the deployment and the number of frames that the servers keep.
 class VirtualRobot:
     """The nodes of one run, joined by a transport in virtual time. Mutable: everything below it.
 
-    `kill`, `freeze`, `restart` and `revive` do to a process what may happen to a real one; `transport.at`
-    does so at a given time. Data in a store survives, as it would on a disk.
+    `kill`, `freeze`, `restart` and `revive` do to a process what may happen to a real one; use `transport.at`
+    to do so at a given time. Data in a store survives, as it would on a disk.
 
     Args:
-        compiled: the program to run.
-        bindings: the servers of its sensors and actuators.
-        servers: returns the builders of all servers but the Clock.
-        clock: the time, which the transport advances.
-        seed: the seed of `Runtime.random`.
-        sinks: take the frames.
+        compiled: program to run.
+        bindings: servers of its sensors and actuators.
+        servers: function that returns the builders of all servers but the Clock.
+        clock: time, which the transport advances.
+        seed: seed of `Runtime.random`.
+        sinks: sinks of the frames.
         ticking: True to run a Clock; without one, the caller injects ticks.
-        order_seed: the seed of the order in which messages of one moment arrive; no result depends on it.
+        order_seed: seed of the order in which messages of one moment arrive; no result depends on it.
         link: faults of the transport.
         requests: True to add the clients' requests to frames.
         nodes: additional nodes, such as camera servers and scripts; started last, in this order, and never
@@ -96,7 +96,7 @@ class VirtualRobot:
         self.deployed = deployed = deployment(compiled, bindings, run=RUN, seed=seed)
         built = servers(deployed, keep)
         builders: dict[str, Callable[[], Node | tuple[Node, ...]]] = {}
-        if ticking:  # the Clock comes first, so that it hears every server that reports ready
+        if ticking:  # the Clock comes first, so that it receives every report of readiness
             builders[CLOCK] = lambda: Clock(servers=tuple(built), keep=keep, deployment=deployed)
         builders.update(built)
         for process in client_processes(compiled, isolate=isolate):
@@ -162,8 +162,8 @@ class VirtualSession(VirtualRobot):
     """A robot with the servers that every robot has, and one run of it.
 
     Args:
-        compiled: the program to run.
-        drivers: the devices; they read time from `clock`.
+        compiled: program to run.
+        drivers: devices, which read time from `clock`.
         clock: as in `VirtualRobot`.
         seed: as in `VirtualRobot`.
         variables: DServer's variables, which it holds (see `DServer`), in declared units.
@@ -175,7 +175,7 @@ class VirtualSession(VirtualRobot):
         isolate: as in `VirtualRobot`.
 
     Raises:
-        DiagnosticError: a sensor or an actuator is bound to something that no server has, or a Python module
+        DiagnosticError: a sensor or actuator is bound to something that no server offers, or a Python module
             cannot be imported or built.
     """
 
@@ -232,7 +232,7 @@ class VirtualSession(VirtualRobot):
         stop: Callable[[], bool] = lambda: False,
         pace: Callable[[int], None] | None = None,
     ) -> bool:
-        """Run the frames from 0 up to but without `duration_ns`, once; return False if `stop` ended it.
+        """Run the frames from 0 to before `duration_ns`, once; return False if `stop` ended the run.
 
         `stop` is checked, and `pace` is called with the time, before every moment in which something happens.
         """
@@ -243,7 +243,7 @@ class VirtualSession(VirtualRobot):
             self.close()
 
     def close(self) -> None:
-        """Stop the robot and close the sinks; all of it is tried, then the first failure is raised."""
+        """Stop the robot and close the sinks; everything is tried, then the first failure is raised."""
         if self._closed:
             return
         self._closed = True

@@ -1,6 +1,6 @@
-"""A module in Python as a process: it runs the module alone, and sends DServer its answer in each frame.
+"""The node that runs a module in Python, alone in its process, and sends DServer its answer in each frame.
 
-A fault of the module affects no other process: its client, other guards and the observer take its answers
+A fault in the module affects no other process: its client, other guards and the observer take its answers
 from DServer's frames.
 """
 
@@ -26,7 +26,7 @@ from colony.runtime.protocol.messages import (
 )
 
 
-class Answering(Protocol):
+class AnnouncingExecutor(Protocol):
     """An executor of one module, which returns its answers; `restart` resets its memory."""
 
     def step(self, frame: Frame) -> Answer:
@@ -41,14 +41,14 @@ class Answering(Protocol):
 class Announcer(QuietNode):
     """The node of a module in Python. Mutable: its memory, its announcements, and incomplete frames.
 
-    It announces the answers of every frame, also of those that it is late for: other nodes wait for them. It
-    sends an announcement again when DServer is asked for it, as DServer may have been restarted. The memory
-    of an object in Python cannot be saved: an announcer that replaces a dead one, and cannot step through all
-    frames since the epoch began, requests a new epoch.
+    It announces the answer of every frame, even when it is late, because other nodes wait for it. It repeats
+    an announcement that is fetched from DServer, which may have been restarted. The memory of a Python object
+    cannot be saved: an announcer that replaces a dead one, and cannot step through all frames since the epoch
+    began, requests a new epoch.
     """
 
     def __init__(
-        self, module: str, assembler: FrameAssembler, executor: Answering, *, run: str, keep: int
+        self, module: str, assembler: FrameAssembler, executor: AnnouncingExecutor, *, run: str, keep: int
     ) -> None:
         self.address = topics.activity(DSERVER.name, module)
         self.listens = tuple(dict.fromkeys((*assembler.listens, topics.fetches(DSERVER.name))))
@@ -56,7 +56,7 @@ class Announcer(QuietNode):
         self._assembler = assembler
         self._executor = executor
         self._membership = Membership((self.address,), run)
-        self._told: dict[int, Announcement] = {}
+        self._announced: dict[int, Announcement] = {}
         self._keep = keep
         self._fresh = True
 
@@ -68,16 +68,16 @@ class Announcer(QuietNode):
         """Step over the frames that are complete, announce the answers, and repeat them on request."""
         match message:
             case Tick():
-                yield from self._membership.heard(message, now_ns)
+                yield from self._membership.on_tick(message, now_ns)
                 yield from self._assembler.take(message)
                 yield from self._announce()
                 if self._assembler.lost and message.run == self._membership.run:
-                    yield self._membership.begin_anew(self._assembler.start)
+                    yield self._membership.restart_request(self._assembler.start)
             case ServerFrame():
                 self._assembler.take(message)
                 yield from self._announce()
-            case Fetch() if message.server == self.address and message.k in self._told:
-                yield Send(topics.announcements(DSERVER.name), self._told[message.k])
+            case Fetch() if message.server == self.address and message.k in self._announced:
+                yield Send(topics.announcements(DSERVER.name), self._announced[message.k])
             case _:
                 return
 
@@ -88,6 +88,6 @@ class Announcer(QuietNode):
             self._fresh = False
             k = assembled.tick.k
             answer = self._executor.step(assembled.frame)
-            told = self._told[k] = Announcement(k=k, module=self._module, answer=answer)
-            self._told.pop(k - self._keep, None)
-            yield Send(topics.announcements(DSERVER.name), told)
+            announcement = self._announced[k] = Announcement(k=k, module=self._module, answer=answer)
+            self._announced.pop(k - self._keep, None)
+            yield Send(topics.announcements(DSERVER.name), announcement)

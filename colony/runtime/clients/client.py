@@ -2,8 +2,8 @@
 
 Clients that read the same servers may share a node, which assembles their frames once. The node steps their
 part of the program over every frame, and each client sends its actuator's server one request a frame: a
-command, or the reason why it has none. Clients do not talk to each other. A node that is behind steps through
-the frames that it missed, and its clients send requests again at the present one.
+command, or the reason why it has none. Clients do not communicate with each other. A node that is behind
+steps through the frames that it missed, and its clients send requests only for the present frame.
 
 The memory of the node goes to DServer every half second of the robot's time, as one checkpoint per client: a
 memory cell that several clients need is in the checkpoint of the first. A process that replaces a dead one
@@ -45,10 +45,10 @@ class ClientNode(QuietNode):
     Mutable: their memory, and frames that are not complete yet.
 
     Args:
-        part: the part of the program that the clients execute. The node has the first client's address.
-        servers: the servers to which the requests of each client go, in the order of `part.clients`.
-        assembler: the assembler of all frames that the clients read.
-        run: the run that they take part in.
+        part: part of the program that the clients execute. The node has the first client's address.
+        servers: servers to which the requests of each client go, in the order of `part.clients`.
+        assembler: assembler of all frames that the clients read.
+        run: run in which they take part.
     """
 
     def __init__(
@@ -82,18 +82,18 @@ class ClientNode(QuietNode):
         """Step over the frames that are complete, and recover memory if frames are lost."""
         match message:
             case Tick():
-                yield from self._membership.heard(message, now_ns)
+                yield from self._membership.on_tick(message, now_ns)
                 yield from self._assembler.take(message)
                 if self._assembler.start != self._epoch:
                     self._begin()
-                yield from self._go_on(now_ns)
+                yield from self._advance(now_ns)
                 if self._assembler.lost and message.run == self._membership.run:
                     yield from self._recover(now_ns)
             case ServerFrame():
                 self._assembler.take(message)
-                yield from self._go_on(now_ns)
+                yield from self._advance(now_ns)
             case Checkpoint():
-                yield from self._take_back(message, now_ns)
+                yield from self._take_checkpoint(message, now_ns)
             case _:
                 return
 
@@ -102,13 +102,13 @@ class ClientNode(QuietNode):
         """The present epoch, and the last frame that the clients' memory has seen."""
         return self._assembler.start, self._assembler.next - 1
 
-    def _go_on(self, now_ns: int) -> Iterator[Effect]:
+    def _advance(self, now_ns: int) -> Iterator[Effect]:
         for assembled in self._assembler.complete():
             requests = self.part.step(assembled)
             if assembled.current:
                 self._caught_up = True
                 yield from map(Send, self._requests, requests)
-                yield from self._membership.requested(assembled.tick.k, now_ns)
+                yield from self._membership.on_requests_sent(assembled.tick.k, now_ns)
                 yield from self._save(assembled)
 
     # --- memory ----------------------------------------------------------------------------------------
@@ -125,7 +125,7 @@ class ClientNode(QuietNode):
                 yield Send(topics.checkpoints(DSERVER.name), saved)
 
     def _recover(self, now_ns: int) -> Iterator[Effect]:
-        """Recall the memory from DServer, as the next frame is unobtainable; else request a new epoch."""
+        """Recall the memory from DServer, as the next frame is unobtainable, or request a new epoch."""
         missing = [client for client in self.part.clients if client not in self._recalled]
         if self._recalling_since is None:
             self._recalling_since = now_ns
@@ -134,9 +134,9 @@ class ClientNode(QuietNode):
             for client in missing:
                 yield Send(topics.checkpoints(DSERVER.name), Recall(client=client))
         else:
-            yield self._membership.begin_anew(self._assembler.start)
+            yield self._membership.restart_request(self._assembler.start)
 
-    def _take_back(self, saved: Checkpoint, now_ns: int) -> Iterator[Effect]:
+    def _take_checkpoint(self, saved: Checkpoint, now_ns: int) -> Iterator[Effect]:
         """Take a recalled checkpoint, and resume once those of all clients are here.
 
         They must be of one frame from which the node can continue; else it requests a new epoch with the next
@@ -149,9 +149,9 @@ class ClientNode(QuietNode):
         if len(self._recalled) < len(self.part.clients):
             return
         assembler = self._assembler
-        frames = {(one.start, one.k) for one in self._recalled.values()}
+        frames = {(recalled.start, recalled.k) for recalled in self._recalled.values()}
         newer = saved.start == assembler.start and assembler.next <= saved.k <= assembler.latest
-        memories = {client: one.memory for client, one in self._recalled.items()}
+        memories = {client: recalled.memory for client, recalled in self._recalled.items()}
         if len(frames) == 1 and newer and self.part.recall(memories):
             yield from self._assembler.resume(saved.k + 1)
-            yield from self._go_on(now_ns)
+            yield from self._advance(now_ns)

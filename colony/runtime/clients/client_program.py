@@ -1,4 +1,4 @@
-"""The part of a program that the clients of one node execute: a frame in, a request of each client out."""
+"""The part of a program that the clients of one node execute: a frame in, one request per client out."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class ClientProgram:
 
     @property
     def python_modules(self) -> tuple[str, ...]:
-        """The modules in Python whose answers the clients need; these run in processes of their own."""
+        """The modules in Python whose answers the clients need; these run in their own processes."""
         return self._executor.python_modules
 
     def memory(self, client: str) -> bytes:
@@ -66,7 +66,7 @@ class ClientProgram:
         if assembled.restart and not self._fresh:
             self._executor.restart()
         self._fresh = False
-        lost = frozenset(map(module_of, assembled.tick.lost)) if assembled.tick.lost else _NOBODY
+        lost = frozenset(map(module_of, assembled.tick.lost)) if assembled.tick.lost else _NO_MODULES
         steps = self._executor.step(assembled.frame, self._inactive | {**assembled.answers}, lost)
         return tuple(
             [
@@ -83,4 +83,4 @@ class ClientProgram:
         )
 
 
-_NOBODY: frozenset[str] = frozenset()
+_NO_MODULES: frozenset[str] = frozenset()

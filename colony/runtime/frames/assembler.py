@@ -1,13 +1,13 @@
 """Assembly of ticks and server frames, in any order of arrival, into the frames that executors step on.
 
-A sensor is missing when its server said "no value", when its value is older than `within`, when the tick
+A sensor is missing when its server published "no value", when its value is older than `within`, when the tick
 lists the server as down, or when a later tick lists the server's frame as void. A frame that was not
-delivered is none of these: the assembler fetches it again (servers keep what they published for `KEPT_NS`),
-and hands out no later frame before it, because memory must see every frame, and all readers the same one.
+delivered is none of these: the assembler fetches it again (servers keep frames for `FRAME_RETENTION_NS`), and
+hands out no later frame before it, because memory must see every frame, and all readers the same one.
 
-If that is impossible (the frame is older than what is kept, or was handed out and has become void), the
-assembler is `lost`; memory then has to come from elsewhere, or the network has to start a new epoch. With
-each epoch (`Tick.start`) the assembler drops everything before it.
+If that is impossible (the frame is no longer kept, or was handed out and has become void), the assembler is
+`lost`: memory has to be recalled, or a new epoch has to begin. At the start of each epoch (`Tick.start`) the
+assembler drops everything before it.
 
 Readings are converted here, once: into base units for executors, into declared units for the observer.
 
@@ -27,10 +27,10 @@ from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Effect, Fetch, Send, ServerFrame, Tick
 
-KEPT_NS = 2_000_000_000
-"""Nanoseconds for which servers keep the frames that they published, and readers wait for one."""
+FRAME_RETENTION_NS = 2_000_000_000
+"""Nanoseconds for which servers keep published frames, and readers wait for a frame."""
 
-KEPT_MOST = 10_000
+MAX_FRAMES_KEPT = 10_000
 """Largest number of frames that a server keeps, however short they are."""
 
 COMMAND, ERROR = "command", "error"
@@ -43,11 +43,11 @@ These are all of them ("all"), those that are alive while DServer is up ("degrad
 ("living").
 """
 
-ASKED_AT_ONCE = 100
-"""Largest number of missing ticks and frames that are fetched with each tick, the oldest first.
+MAX_FETCHES_PER_TICK = 100
+"""Largest number of missing ticks and frames fetched with each tick, the oldest first.
 
-One that does not come is fetched again when it is 2, 4, 8... ticks old, so that a server gets no more fetches
-the further it is behind.
+Missing ones are fetched again when they are 2, 4, 8... ticks old, so that a server that is further behind
+does not get more fetches.
 """
 
 V = TypeVar("V")
@@ -55,7 +55,7 @@ V = TypeVar("V")
 
 def frames_kept(frame_ns: int) -> int:
     """Return the number of frames that every node keeps."""
-    return min(max(2, KEPT_NS // frame_ns), KEPT_MOST)
+    return min(max(2, FRAME_RETENTION_NS // frame_ns), MAX_FRAMES_KEPT)
 
 
 class Assembled(NamedTuple):
@@ -76,15 +76,15 @@ class Assembled(NamedTuple):
 
 
 class FrameAssembler:
-    """An assembler of the frames that one process reads. Mutable: the frames that are not complete yet.
+    """The assembler of the frames that one process reads. Mutable: the incomplete frames.
 
     Args:
         bindings: the sensors that the process reads.
         modules: the modules in Python whose answers it needs.
         run: the run whose ticks count.
-        keep: the number of frames that servers keep.
-        awaited: the modules whose answers it waits for.
-        declared: True for readings in declared units, for people, instead of base units.
+        keep: number of frames that servers keep.
+        awaited: modules whose answers it waits for.
+        declared: True for readings in declared units, which users see, instead of base units.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class FrameAssembler:
         modules: tuple[str, ...] = (),
         *,
         run: str = "",
-        keep: int = KEPT_MOST,
+        keep: int = MAX_FRAMES_KEPT,
         awaited: Awaited = "all",
         declared: bool = False,
     ) -> None:
@@ -106,8 +106,8 @@ class FrameAssembler:
         self._declared = declared
         self._ticks: dict[int, Tick] = {}
         self._frames: dict[int, dict[str, ServerFrame]] = {}
-        self._void: dict[tuple[str, int], int] = {}  # and by which tick
-        self._start = self._next = self._latest = self._asked = -1
+        self._void: dict[tuple[str, int], int] = {}  # (server, k) -> the tick that declares the frame void
+        self._start = self._next = self._latest = self._fetched_to = -1
         self._contradicted = False
 
     @property
@@ -141,58 +141,58 @@ class FrameAssembler:
         return self._latest - self._next >= self._keep and not self._only_modules_down()
 
     def take(self, message: Tick | ServerFrame) -> tuple[Effect, ...]:
-        """Note a message, and return fetches of earlier ticks and frames that are missing."""
+        """Take a message, and return fetches of earlier ticks and frames that are missing."""
         if isinstance(message, ServerFrame):
             self._take_frame(message)
             return ()
         if message.run != self._run or not self._start <= message.start <= message.k:
             return ()
         if message.start > self._start:
-            self._begin(message)
+            self._begin_epoch(message)
         if message.k < self._next or message.k in self._ticks:
             return ()
         self._ticks[message.k] = message
         for server, k in message.void:
-            self._take_void(server, k, message.k)
+            self._note_void(server, k, message.k)
         if message.k <= self._latest:
             return ()
         self._latest = message.k
         self._trim(self._ticks)
-        return () if self.lost else tuple(self._gaps())
+        return () if self.lost else tuple(self._fetches())
 
     def complete(self) -> Iterator[Assembled]:
         """Yield every frame that can be handed out now, in order, each once."""
         while not self._contradicted and (tick := self._ticks.get(self._next)) is not None:
             got = self._frames.get(self._next, {})
-            gone = self._gone(tick)
-            if any(s not in got and s not in gone for s in self._servers):
+            absent = self._absent(tick)
+            if any(s not in got and s not in absent for s in self._servers):
                 return
             del self._ticks[self._next]
             self._frames.pop(self._next, None)
             self._next += 1
-            if gone:
-                got = {server: frame for server, frame in got.items() if server not in gone}
+            if absent:
+                got = {server: frame for server, frame in got.items() if server not in absent}
             for void in tick.void:  # needed only until the tick that declares them is handed out
                 self._void.pop(void, None)
             yield Assembled(tick, self._assemble(tick, got), tick.k == self._latest, self._answers(got))
 
     def resume(self, k: int) -> tuple[Effect, ...]:
-        """Hand out frame `k` next, as memory is that after frame k - 1; return fetches of what is missing."""
-        self._go_to(k)
+        """Hand out frame `k` next, as memory is that after k - 1; return fetches of what is missing."""
+        self._jump_to(k)
         self._contradicted = any(
             at < k <= by and server not in self._modules for (server, at), by in self._void.items()
         )
-        return () if self.lost else tuple(self._gaps())
+        return () if self.lost else tuple(self._fetches())
 
     def skip(self) -> int:
         """Skip lost frames, for a reader that commands nothing; return the number of skipped frames."""
-        left_out = self._latest - self._next if self._latest - self._next >= self._keep else 0
-        self._go_to(self._next + left_out)
+        skipped = self._latest - self._next if self._latest - self._next >= self._keep else 0
+        self._jump_to(self._next + skipped)
         self._contradicted = False
-        return left_out
+        return skipped
 
-    def _go_to(self, k: int) -> None:
-        self._next, self._asked = k, k - 1
+    def _jump_to(self, k: int) -> None:
+        self._next, self._fetched_to = k, k - 1
         self._ticks = {at: tick for at, tick in self._ticks.items() if at >= k}
         self._frames = {at: got for at, got in self._frames.items() if at >= k}
 
@@ -204,71 +204,71 @@ class FrameAssembler:
         self._frames.setdefault(frame.k, {})[frame.server] = frame
         self._trim(self._frames)
 
-    def _trim(self, stock: dict[int, V]) -> None:
-        """Trim the stock while nothing can be handed out: keep the next frame and the newest ones."""
-        while len(stock) > 2 * self._keep:
-            del stock[next(at for at in stock if at != self._next)]
+    def _trim(self, kept: dict[int, V]) -> None:
+        """Drop old entries while nothing can be handed out; keep the next frame and the newest ones."""
+        while len(kept) > 2 * self._keep:
+            del kept[next(at for at in kept if at != self._next)]
 
-    def _take_void(self, server: str, k: int, by: int) -> None:
+    def _note_void(self, server: str, k: int, by: int) -> None:
         if k < self._start or (server not in self._servers and server != DSERVER.name):
             return
         if k < self._next and server in self._servers and server not in self._modules:
-            self._contradicted = True  # it was handed out with a frame that other readers never got
+            self._contradicted = True  # the frame was handed out, but other readers never got it
         self._void[server, k] = by
-        if len(self._void) > KEPT_MOST:
+        if len(self._void) > MAX_FRAMES_KEPT:
             del self._void[next(iter(self._void))]
 
-    def _begin(self, tick: Tick) -> None:
+    def _begin_epoch(self, tick: Tick) -> None:
         self._start = self._next = tick.start
-        self._latest = self._asked = -1
+        self._latest = self._fetched_to = -1
         self._contradicted = False
         self._ticks.clear()
         self._void.clear()
         self._frames = {k: got for k, got in self._frames.items() if k >= tick.start}
 
-    def _gaps(self) -> Iterator[Effect]:
-        left = ASKED_AT_ONCE
+    def _fetches(self) -> Iterator[Effect]:
+        left = MAX_FETCHES_PER_TICK
         down = self._ticks[self._latest].down if self._latest in self._ticks else ()
         for k in range(self._next, self._latest):
             if left <= 0:
                 return
             age = self._latest - k
-            if k <= self._asked and age & (age - 1):
+            if k <= self._fetched_to and age & (age - 1):
                 continue
-            self._asked = max(self._asked, k)
+            self._fetched_to = max(self._fetched_to, k)
             tick = self._ticks.get(k)
             if tick is None:
                 left -= 1
                 yield Send(topics.fetches(topics.CLOCK), Fetch(server=topics.CLOCK, k=k))
-            here = {*self._frames.get(k, ()), *down, *(() if tick is None else self._gone(tick))}
+            settled = {*self._frames.get(k, ()), *down, *(() if tick is None else self._absent(tick))}
             for server in self._servers:
-                if server in here:
+                if server in settled:
                     continue
                 left -= 1
-                asked = DSERVER.name if server in self._modules else server
-                yield Send(topics.fetches(asked), Fetch(server=server, k=k))
+                publisher = DSERVER.name if server in self._modules else server
+                yield Send(topics.fetches(publisher), Fetch(server=server, k=k))
 
     # --- output ----------------------------------------------------------------------------------------
 
-    def _gone(self, tick: Tick) -> frozenset[str]:
-        """Return the servers whose frames are not waited for, and do not count if they come."""
+    def _absent(self, tick: Tick) -> frozenset[str]:
+        """Return the servers whose frames are not waited for, and are ignored if they arrive."""
         if not tick.down and not self._void:
-            return _NOBODY
+            return _NO_SERVERS
         k = tick.k
-        gone = {s for s in (*self._servers, DSERVER.name) if s in tick.down or (s, k) in self._void}
+        absent = {s for s in (*self._servers, DSERVER.name) if s in tick.down or (s, k) in self._void}
         if self._awaited == "all":
-            return frozenset(gone.difference(self._modules))
-        blind = self._awaited == "degrade" and DSERVER.name in gone
-        return frozenset(gone.union(self._modules) if blind else gone)
+            return frozenset(absent.difference(self._modules))
+        answers_lost = self._awaited == "degrade" and DSERVER.name in absent
+        return frozenset(absent.union(self._modules) if answers_lost else absent)
 
     def _only_modules_down(self) -> bool:
         """Return True if all missing frames are of dead modules in Python: a new epoch would not help."""
         tick, newest = self._ticks.get(self._next), self._ticks.get(self._latest)
         if tick is None or newest is None:
             return False
-        here = self._gone(tick).union(self._frames.get(self._next, ()))
-        waited = [s for s in self._servers if s not in here]
-        return bool(waited) and all(s in self._modules and s in newest.down for s in waited)
+        settled = self._absent(tick).union(self._frames.get(self._next, ()))
+        awaited = [s for s in self._servers if s not in settled]
+        return bool(awaited) and all(s in self._modules and s in newest.down for s in awaited)
 
     def _answers(self, got: Mapping[str, ServerFrame]) -> dict[str, Answer]:
         return {module: _answer(got[server]) for server, module in self._modules.items() if server in got}
@@ -284,7 +284,7 @@ class FrameAssembler:
         return Frame(tick.t_ns, readings)
 
 
-_NOBODY: frozenset[str] = frozenset()
+_NO_SERVERS: frozenset[str] = frozenset()
 
 
 def _answer(frame: ServerFrame) -> Answer:

@@ -1,21 +1,20 @@
 """The Clock of a robot: it numbers the frames and publishes what is down, lost and void.
 
 Servers are down, clients are lost, and frames of dead servers are void. Frames are a period apart. A robot
-without a program has frames too, of `IDLE_FRAME_NS`, in the run "": so that scripts can drive it and servers
-are watched. A leader deploys a program; when all of its clients have reported that they are ready, or after
-`GATHER_NS`, its frames begin, and they end with the leader's connection.
+without a program also has frames, `IDLE_FRAME_NS` apart, in the run "", so that scripts can drive it and
+servers are monitored. A leader deploys a program. The frames of its run begin when all clients have reported
+ready, or after `READY_TIMEOUT_NS`; they end with the leader's connection.
 
-An epoch is the sequence of frames since one in which all memory was initial. A new one begins with a run;
-when the Clock was restarted; when a client lost its memory for good; and when the observer stepped over a
-frame that no other node received. A frame's number is never used twice: a Clock that starts derives its first
-number from the time, a number each `NUMBER_NS`, and no frames come faster than that.
+An epoch is a sequence of frames that begins with initial memory. A new epoch begins with a run, when the
+Clock was restarted, when a client lost its memory for good, and when the observer stepped over a frame that
+no other node received. A frame number is never used twice: a Clock derives its first number from the time at
+which it starts, one number per `FRAME_NUMBER_NS`, and frames are never closer together than that.
 
-The emergency stop is latched here (`stop_latch.py`): the Clock keeps it, repeats it in every tick, learns of
-stops that it missed from the frames of the servers that received them, and alone releases it.
+The emergency stop is latched here (`stop_latch.py`): the Clock keeps it, repeats it in every tick, and alone
+releases it. It learns of stops that it missed from the frames of the servers that received them.
 
-A Clock that was suspended for a while skips the periods that it missed. In lockstep a frame begins as soon as
-the one before it is decided, after a period at the latest; its time is a whole number of periods all the
-same.
+A Clock that was suspended skips the periods that it missed. In lockstep a frame begins as soon as the
+previous one is decided, after one period at the latest; its time is still a whole number of periods.
 """
 
 from __future__ import annotations
@@ -27,11 +26,11 @@ from colony.runtime.arbitration.stop_latch import StopLatch
 from colony.runtime.frames.liveness import Liveness, TickAnswers, lease
 from colony.runtime.frames.publishing import FRAME_BYTES, FRAMES_KEPT, FetchBudget
 from colony.runtime.frames.registry import ClientRegistry
-from colony.runtime.library.clock import ServerWho, Who
+from colony.runtime.library.clock import Participants, ServerParticipant
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, RefusedError, method
+from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, RefusedError, method
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment, client_addresses
+from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, Deployment, client_addresses
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
@@ -52,13 +51,13 @@ from colony.runtime.protocol.messages import (
     Wake,
     WakeAt,
 )
-from colony.runtime.protocol.plausibility import NUMBER_NS
+from colony.runtime.protocol.plausibility import FRAME_NUMBER_NS
 
 IDLE_FRAME_NS = 50_000_000
 """Frame period of a robot without a program, in nanoseconds."""
 
-GATHER_NS = 5_000_000_000
-"""Nanoseconds to wait for the clients of a run to be ready."""
+READY_TIMEOUT_NS = 5_000_000_000
+"""Timeout, in nanoseconds, for the clients of a run to report ready."""
 
 
 class Clock:
@@ -66,11 +65,11 @@ class Clock:
 
     Args:
         servers: the robot's servers, which answer ticks.
-        keep: the number of ticks kept for nodes that missed one.
-        deployment: a program that is deployed from the beginning; others come by `deploy`.
-        told: called with every deployment, before its first frame.
-        stop_path: the file in which the emergency stop is kept; without it, a restart forgets the stop.
-        report: called with a line for users when that file cannot be read or written.
+        keep: number of ticks kept for nodes that missed one.
+        deployment: program that is deployed from the beginning; others come by `deploy`.
+        on_deploy: callback for every deployment, before its first frame.
+        stop_path: file that keeps the emergency stop; without it, a restart forgets the stop.
+        report: callback for a line to users when that file cannot be read or written.
     """
 
     address = topics.CLOCK
@@ -81,7 +80,7 @@ class Clock:
         servers: tuple[str, ...],
         keep: int = FRAMES_KEPT,
         deployment: Deployment | None = None,
-        told: Callable[[Deployment], None] = lambda deployed: None,
+        on_deploy: Callable[[Deployment], None] = lambda deployed: None,
         stop_path: Path | None = None,
         report: Callable[[str], None] = lambda line: None,
     ) -> None:
@@ -89,7 +88,7 @@ class Clock:
         self._servers = servers
         self._keep = keep
         self._deployed = deployment
-        self._told = told
+        self._on_deploy = on_deploy
         self._leadership = Leadership(self.address)
         self._leader: Caller | None = None
         self._tick = Tick(k=-1, t_ns=0)
@@ -98,15 +97,15 @@ class Clock:
         self._restart = False
         self._begun_run = ""
         self._decided: set[str] = set()
-        self._alarm: int | None = None
-        self._desk = CallDesk(
+        self._wake_ns: int | None = None
+        self._calls = CallDispatcher(
             self.address,
             (
-                method("deploy", Deployment, self._deploy, largest=DEPLOYMENT_BYTES),
-                method("who", Nothing, self._who, right="read"),
-                method("release", Nothing, self._release),
+                method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES),
+                method("participants", NoArguments, self._participants, right="read"),
+                method("release", NoArguments, self._release),
             ),
-            lost=self._lost,
+            on_lost=self._lost,
             stop=self._stop,
         )
         self.listens = (
@@ -117,7 +116,7 @@ class Clock:
             topics.ANSWERS,
             topics.announcements(DSERVER.name),
             *(topics.frames(server) for server in servers),
-            *self._desk.listens,
+            *self._calls.listens,
         )
 
     @property
@@ -130,7 +129,7 @@ class Clock:
     def start(self, now_ns: int) -> Iterable[Effect]:
         """Begin the first frame."""
         self._latch.begin(now_ns)
-        self._next_k = now_ns // NUMBER_NS
+        self._next_k = now_ns // FRAME_NUMBER_NS
         self._epoch_k, self._due_ns = self._next_k, now_ns
         self._enroll(now_ns)
         return self._advance(now_ns)
@@ -139,13 +138,13 @@ class Clock:
         """Handle a message, and begin the next frame if it is due."""
         match message:
             case ServerFrame():
-                self._heard(message.server, message.k, message.since, now_ns)
+                self._note_answer(message.server, message.k, message.since, now_ns)
                 self._latch.observe(message.stopped)
-                self._overtake(message.k)
+                self._skip_past(message.k)
             case Announcement():
-                self._heard(topics.activity(DSERVER.name, message.module), message.k, 0, now_ns)
+                self._note_answer(topics.activity(DSERVER.name, message.module), message.k, 0, now_ns)
             case Verdict():
-                self._registry.judged(message, now_ns)
+                self._registry.record_verdict(message, now_ns)
                 if message.k == self._tick.k:
                     self._decided.add(message.actuator)
             case Fetch():
@@ -153,20 +152,20 @@ class Clock:
                 if tick is not None:
                     size = FRAME_BYTES * (1 + len(tick.lost) + len(tick.void))
                     if self._fetched.take(self.address, message.k, size):
-                        # not on the topic of ticks: a server that was restarted would take it for a new one
+                        # not on the topic of ticks: a restarted server would take it for a new tick
                         yield Send(topics.frames(self.address), tick)
             case Ready():
                 if self._deployed is not None and message.run == self._deployed.run:
                     self._registry.ready(message.client)
                     if message.k >= 0:
-                        self._registry.heard(message.client, now_ns)
+                        self._registry.renew(message.client, now_ns)
             case Restart():
                 begun = self._run != "" and self._begun_run == self._run
                 member = message.client in self._registry or message.client == topics.OBSERVER
                 if begun and member and message.start == self._tick.start:
                     self._restart = True
             case Call() | Alive() | Malformed() | Wake():
-                yield from self._desk.handle(message, now_ns)
+                yield from self._calls.handle(message, now_ns)
             case _:
                 return
         yield from self._advance(now_ns)
@@ -175,14 +174,14 @@ class Clock:
         """Close the file of the emergency stop."""
         self._latch.close()
 
-    def _heard(self, server: str, k: int, since: int, now_ns: int) -> None:
-        self._liveness.heard(server, now_ns)
-        self._answers.answered(server, k, since)
+    def _note_answer(self, server: str, k: int, since: int, now_ns: int) -> None:
+        self._liveness.renew(server, now_ns)
+        self._answers.frame_received(server, k, since)
 
-    def _overtake(self, k: int) -> None:
-        """Skip numbers up to frame `k`, which a server has answered, if this Clock has not ticked it yet.
+    def _skip_past(self, k: int) -> None:
+        """Skip the numbers up to frame `k`, which a server has answered, if this Clock has not ticked it yet.
 
-        Another process has then ticked in its place, and the server would wait until this Clock gets there.
+        Another process has then ticked in this Clock's place, and servers expect later numbers.
         """
         if k > self._tick.k and self._tick.k >= 0:
             self._next_k, self._restart = max(self._next_k, k + 1), True
@@ -192,13 +191,13 @@ class Clock:
     def _stop(self, by: str, now_ns: int) -> None:
         self._latch.engage(Stopped(by=by, t_ns=now_ns))
         if self._latch.trouble is not None:
-            text = f"stopped, but a Clock that is started again may not be: {self._latch.trouble}"
+            text = f"stopped, but a restart of the Clock may lose the stop: {self._latch.trouble}"
             raise RefusedError("not kept", f"{self.address}: {text}")
 
-    def _release(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
+    def _release(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> None:
         self._latch.release(now_ns)
         if self._latch.trouble is not None:
-            text = f"released, but a Clock that is started again may be stopped: {self._latch.trouble}"
+            text = f"released, but a restart of the Clock may bring back the stop: {self._latch.trouble}"
             raise RefusedError("not kept", f"{self.address}: {text}")
 
     # --- runs ------------------------------------------------------------------------------------------
@@ -210,16 +209,16 @@ class Clock:
     @property
     def _frame_ns(self) -> int:
         """The current frame period."""
-        if self._deployed is None or self._gather_by is not None:
+        if self._deployed is None or self._ready_by_ns is not None:
             return IDLE_FRAME_NS
         return self._deployed.frame_ns
 
     def _enroll(self, now_ns: int) -> None:
-        """Start watching the participants of the present deployment, and waiting for its clients."""
+        """Start monitoring the participants of the present deployment, and wait for its clients."""
         deployed, announcers = self._deployed, self._announcers()
         clients = () if deployed is None else tuple(address for address, _ in client_addresses(deployed))
         lease_ns = lease(IDLE_FRAME_NS if deployed is None else deployed.frame_ns)
-        self._gather_by = None if deployed is None else now_ns + GATHER_NS
+        self._ready_by_ns = None if deployed is None else now_ns + READY_TIMEOUT_NS
         self._registry = ClientRegistry(clients, announcers, lease_ns=lease_ns, now_ns=now_ns)
         watched = (*self._watched_servers(), *announcers)
         self._liveness = Liveness(watched, lease_ns=lease_ns, now_ns=now_ns)
@@ -228,12 +227,12 @@ class Clock:
         if deployed is not None and self._tick.k < 0:
             self._due_ns = now_ns + IDLE_FRAME_NS  # a program is deployed: no idle frame before it
 
-    def _deploy(self, asked: Asked, deployed: Deployment, now_ns: int) -> None:
-        new = self._leadership.take(asked.caller, deployed) and deployed.run != self._run
-        self._leader = asked.caller
+    def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:
+        new = self._leadership.take(call_id.caller, deployed) and deployed.run != self._run
+        self._leader = call_id.caller
         if new or self._deployed is None:
             self._deployed = deployed
-            self._told(deployed)
+            self._on_deploy(deployed)
             self._enroll(now_ns)
 
     def _lost(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
@@ -249,24 +248,24 @@ class Clock:
 
     def _advance(self, now_ns: int) -> Iterator[Effect]:
         """Carry out what is due, and schedule a wake for the next deadline."""
-        if self._gather_by is not None and (self._registry.complete or now_ns >= self._gather_by):
-            self._gather_by = None
+        if self._ready_by_ns is not None and (self._registry.complete or now_ns >= self._ready_by_ns):
+            self._ready_by_ns = None
             self._registry.begin(now_ns)
             for announcer in self._announcers():
-                self._liveness.heard(announcer, now_ns)
+                self._liveness.renew(announcer, now_ns)
             ticked = self._tick.k >= 0 and self._tick.t_ns == now_ns
             self._due_ns = now_ns + 1 if ticked else now_ns
-        if now_ns >= self._due_ns or self._in_step():
+        if now_ns >= self._due_ns or self._is_lockstep_done():
             yield from self._next(now_ns)
-        due = self._due_ns if self._gather_by is None else min(self._due_ns, self._gather_by)
-        if self._alarm is None or now_ns >= self._alarm or due < self._alarm:
-            self._alarm = due
+        due = self._due_ns if self._ready_by_ns is None else min(self._due_ns, self._ready_by_ns)
+        if self._wake_ns is None or now_ns >= self._wake_ns or due < self._wake_ns:
+            self._wake_ns = due
             yield WakeAt(due)
 
-    def _in_step(self) -> bool:
-        """Return True if the frame is in lockstep, and decided for all actuators."""
+    def _is_lockstep_done(self) -> bool:
+        """Return True if the run is in lockstep, and the frame is decided for all actuators."""
         deployed = self._deployed
-        if deployed is None or not deployed.lockstep or self._gather_by is not None:
+        if deployed is None or not deployed.lockstep or self._ready_by_ns is not None:
             return False
         return (
             self._tick.run == deployed.run
@@ -275,20 +274,20 @@ class Clock:
         )
 
     def _next(self, now_ns: int) -> Iterator[Effect]:
-        run = "" if self._gather_by is not None else self._run
+        run = "" if self._ready_by_ns is not None else self._run
         lockstep = self._deployed is not None and self._deployed.lockstep and run != ""
         frame_ns = self._frame_ns
         missed_ns = max(0, (now_ns - self._due_ns) // frame_ns * frame_ns)
-        if missed_ns:  # this process was suspended: the silence was its own, not that of servers and clients
-            self._liveness.slept(missed_ns)
-            self._registry.slept(missed_ns)
+        if missed_ns:  # this process was suspended: servers and clients were not silent
+            self._liveness.extend(missed_ns)
+            self._registry.extend(missed_ns)
         begins = self._tick.k < 0 or run != self._begun_run
         t_ns = self._tick.t_ns + frame_ns if lockstep and not begins else self._due_ns + missed_ns
         if begins or self._restart:
             self._restarts += not begins
             self._epoch_k = self._next_k
             self._restart, self._begun_run = False, run
-            self._answers.forget()
+            self._answers.clear()
         self._due_ns = (now_ns if lockstep else t_ns) + frame_ns
         yield from self._publish(t_ns, run, now_ns)
 
@@ -307,7 +306,7 @@ class Clock:
         )
         self._latch.save(now_ns)
         overdue = list(self._answers.overdue(k))
-        self._answers.asked(k, down)
+        self._answers.tick_sent(k, down)
         self._kept[k] = tick
         self._kept.pop(k - self._keep, None)
         self._tick, self._next_k = tick, k + 1
@@ -320,11 +319,11 @@ class Clock:
 
     # --- participants ----------------------------------------------------------------------------------
 
-    def _who(self, asked: Asked, arguments: object, now_ns: int) -> Who:
+    def _participants(self, call_id: CallId, arguments: object, now_ns: int) -> Participants:
         down = self._liveness.missing(now_ns)
         watched = (*self._watched_servers(), *self._announcers())
         deployed = self._deployed
-        return Who(
+        return Participants(
             k=self._tick.k,
             t_ns=self._tick.t_ns,
             start=self._tick.start,
@@ -332,16 +331,16 @@ class Clock:
             run=self._run,
             program="" if deployed is None else deployed.program,
             leader=None if self._leader is None else self._leader.connection,
-            begun=deployed is not None and self._gather_by is None,
+            begun=deployed is not None and self._ready_by_ns is None,
             restarts=self._restarts,
-            servers=tuple(ServerWho(server=s, up=s not in down) for s in watched),
-            clients=self._registry.who(now_ns),
+            servers=tuple(ServerParticipant(server=s, up=s not in down) for s in watched),
+            clients=self._registry.statuses(now_ns),
             stopped=self._latch.stopped,
             trouble=self._latch.trouble,
         )
 
     def _watched_servers(self) -> tuple[str, ...]:
-        """Return the robot's servers, and those that the program reads besides."""
+        """Return the robot's servers, and further servers that the program reads."""
         more = () if self._deployed is None else self._deployed.servers
         return tuple(dict.fromkeys((*self._servers, *more)))
 

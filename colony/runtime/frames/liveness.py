@@ -1,42 +1,43 @@
-"""Liveness: the servers and clients heard from within the lease, and the frames that servers answered."""
+"""Liveness: leases of servers and clients, and the frames with which servers answered ticks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-LEASE_NS = 250_000_000
+MIN_LEASE_NS = 250_000_000
+"""Shortest lease of a server or client, in nanoseconds."""
 
-VOID_AT_ONCE = 2000
+MAX_VOID_PER_TICK = 2000
 """Largest number of void frames in one tick, so that it stays a small message."""
 
 
 def lease(frame_ns: int) -> int:
     """Return the lease in nanoseconds: a quarter of a second, but at least three frames."""
-    return max(LEASE_NS, 3 * frame_ns)
+    return max(MIN_LEASE_NS, 3 * frame_ns)
 
 
 class Liveness:
-    """The time at which each of `names` was last heard from. Mutable: those times."""
+    """The leases of `names`. Mutable: the time at which each was last heard from."""
 
     def __init__(self, names: Iterable[str], *, lease_ns: int, now_ns: int) -> None:
         self._heard: dict[str, int | None] = dict.fromkeys(names, now_ns)
         self._lease_ns = lease_ns
 
-    def heard(self, name: str, now_ns: int) -> None:
-        """Record a sign of life; ignore an unknown name."""
+    def renew(self, name: str, now_ns: int) -> None:
+        """Renew the lease of a name that was heard from; ignore an unknown name."""
         if name in self._heard:
             self._heard[name] = now_ns
 
-    def gone(self, name: str) -> None:
+    def mark_missing(self, name: str) -> None:
         """Mark a name as missing until it is heard from."""
         if name in self._heard:
             self._heard[name] = None
 
-    def slept(self, asleep_ns: int) -> None:
-        """Extend all leases by the time that the listener was suspended: silence then means nothing."""
+    def extend(self, suspended_ns: int) -> None:
+        """Extend all leases by the time for which this process was suspended and heard from no one."""
         for name, at in self._heard.items():
             if at is not None:
-                self._heard[name] = at + asleep_ns
+                self._heard[name] = at + suspended_ns
 
     def missing(self, now_ns: int) -> tuple[str, ...]:
         """Return the names not heard from for longer than the lease, in the order given."""
@@ -45,11 +46,11 @@ class Liveness:
 
 
 class TickAnswers:
-    """The servers' answers to ticks, so that all readers get the same account of a server that died.
+    """The servers' answers to ticks, so that all readers agree on the frames of a server that died.
 
-    A frame of a live server is waited for, and fetched again: it will come. A server is dead if it is silent
-    for the lease, or was restarted; a frame of it that did not arrive will never come: it is void. Mutable:
-    the frames that are waited for.
+    A frame of a live server is waited for and fetched again. A server is dead if it is silent for the lease,
+    or was restarted; those of its frames that have not arrived are void. Mutable: the frames that are waited
+    for.
     """
 
     def __init__(self, servers: Iterable[str], *, keep: int) -> None:
@@ -57,16 +58,16 @@ class TickAnswers:
         self._void: list[tuple[str, int]] = []
         self._keep = keep
 
-    def asked(self, k: int, down: Iterable[str]) -> None:
-        """Record that tick `k` was sent; servers that are down are not waited for."""
+    def tick_sent(self, k: int, down: Iterable[str]) -> None:
+        """Wait for the frame `k` of all servers but those that are down."""
         for server, waiting in self._waiting.items():
             if server not in down:
                 waiting[k] = None
                 if len(waiting) > self._keep:
                     del waiting[next(iter(waiting))]
 
-    def answered(self, server: str, k: int, since: int) -> None:
-        """Record a frame of a server that knows of frames from `since` on."""
+    def frame_received(self, server: str, k: int, since: int) -> None:
+        """Record frame `k` of a server whose first frame was `since`; earlier ones become void."""
         waiting = self._waiting.get(server)
         if waiting is None:
             return
@@ -77,18 +78,17 @@ class TickAnswers:
     def void(self, down: Iterable[str]) -> tuple[tuple[str, int], ...]:
         """Return frames that have become void, now that these servers are down.
 
-        At most `VOID_AT_ONCE` are returned; the next call returns the others.
+        At most `MAX_VOID_PER_TICK` are returned; the next call returns the others.
         """
         for server in down:
             self._give_up(server, list(self._waiting.get(server, ())))
-        void, self._void = tuple(self._void[:VOID_AT_ONCE]), self._void[VOID_AT_ONCE:]
+        void, self._void = tuple(self._void[:MAX_VOID_PER_TICK]), self._void[MAX_VOID_PER_TICK:]
         return void
 
     def overdue(self, tick: int) -> Iterator[tuple[str, int]]:
         """Yield servers and frames to fetch with this tick, the newest frames first.
 
-        Those are the frames 2, 4, 8... ticks old, so that a server gets no more fetches the further it is
-        behind.
+        They are 2, 4, 8... ticks old, so that a server that is further behind does not get more fetches.
         """
         for server, waiting in self._waiting.items():
             age = 2
@@ -97,7 +97,7 @@ class TickAnswers:
                     yield server, tick - age
                 age *= 2
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Drop all past frames: a new epoch does not need them."""
         for waiting in self._waiting.values():
             waiting.clear()

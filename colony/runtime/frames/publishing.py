@@ -1,4 +1,4 @@
-"""Publishing of frames, common to all servers: they answer ticks with frames, and keep these for a while."""
+"""Publishing of frames, common to all servers: they answer ticks with frames, and keep them for a while."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from colony.runtime.protocol.messages import Effect, Fetch, Sample, Send, Server
 
 Fields = Mapping[str, Sample | None]
 
-REPUBLISHED_FRAMES = 64
+MAX_REPUBLISHED_FRAMES = 64
 """Largest number of frames that a server publishes again between two ticks."""
 
-REPUBLISHED_BYTES = 1 << 20
+MAX_REPUBLISHED_BYTES = 1 << 20
 """Byte limit (estimated) of the frames that a server publishes again between two ticks."""
 
 FRAMES_KEPT = 2000
@@ -28,11 +28,11 @@ FRAME_BYTES = 100
 
 
 class FetchBudget:
-    """The budget of frames that fetches may make a server publish between two ticks. Mutable: the rest of it.
+    """The budget of frames that a server publishes again between two ticks. Mutable: what is used of it.
 
-    A frame goes to all readers, so that one answer is enough; a reader that missed it asks again after the
+    A frame goes to all readers, so one answer is enough; a reader that missed it fetches it again after the
     next tick. Without a limit, a reader that falls behind would be sent more frames than it can read, fall
-    behind further, and ask for more.
+    further behind, and fetch more.
     """
 
     def __init__(self) -> None:
@@ -40,16 +40,16 @@ class FetchBudget:
         self._bytes = 0
 
     def renew(self) -> None:
-        """Renew the budget, as a tick came."""
+        """Renew the budget at a new tick."""
         self._answered.clear()
         self._bytes = 0
 
     def take(self, server: str, k: int, size: int) -> bool:
         """Return True if frame `k` may be published again, and charge it to the budget."""
         frame = (server, k)
-        if frame in self._answered or len(self._answered) >= REPUBLISHED_FRAMES:
+        if frame in self._answered or len(self._answered) >= MAX_REPUBLISHED_FRAMES:
             return False
-        if self._answered and self._bytes + size > REPUBLISHED_BYTES:
+        if self._answered and self._bytes + size > MAX_REPUBLISHED_BYTES:
             return False
         self._answered.add(frame)
         self._bytes += size
@@ -62,11 +62,11 @@ class _Kept(NamedTuple):
 
 
 class Publisher:
-    """A publisher of one frame a tick that keeps the newest `keep` of them. Mutable: the frames kept.
+    """The publisher of one frame a tick, of which it keeps the newest `keep`. Mutable: the frames kept.
 
-    For one k it never publishes two different frames. Asked for a frame of a tick that it never saw, it
-    publishes "no value" for all fields, so that every reader continues with the same. It does not answer
-    fetches of frames before its first one: another process, which died, may have published them.
+    It never publishes two different frames for one k. For a tick that it missed, it publishes "no value" for
+    all fields on request, so that all readers see the same. It ignores fetches of frames before its first
+    one: another process, which died, may have published them.
     """
 
     def __init__(
@@ -99,11 +99,11 @@ class Publisher:
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """A sentence for users if frames were dropped early for want of room; else nothing."""
+        """A sentence for users if frames were dropped early for lack of room; else nothing."""
         if not self._was_full:
             return ()
         kept = f"{len(self._kept)} of {self._keep} are kept"
-        return (f"frames: {kept}, as {KEPT_BYTES >> 20} MiB have no room for more",)
+        return (f"frames: {kept}, because of the limit of {KEPT_BYTES >> 20} MiB",)
 
     def handle(self, message: Tick | Fetch) -> Iterable[Effect]:
         """Answer a tick with its frame, once, and a fetch with a kept frame, within the budget."""
@@ -129,7 +129,7 @@ class Publisher:
             return None
         if not self._budget.take(self._server, k, FRAME_BYTES if kept is None else kept.size):
             return None
-        return (kept or self._store(k, _NOTHING)).frame
+        return (kept or self._store(k, _NO_FIELDS)).frame
 
     def _store(self, k: int, fields: Fields) -> _Kept:
         assert self._since is not None
@@ -176,4 +176,4 @@ def _sample_bytes(name: str, sample: Sample | None) -> int:
     return len(name) + 20 + (9 * len(value) if isinstance(value, tuple) else 9)
 
 
-_NOTHING: Fields = {}
+_NO_FIELDS: Fields = {}

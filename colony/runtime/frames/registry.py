@@ -1,4 +1,4 @@
-"""Registry of a run's clients, kept by the Clock: ready, alive, and on time with their requests."""
+"""Registry of a run's clients at the Clock: whether they are ready and alive, and their requests on time."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from colony.runtime.frames.liveness import Liveness
-from colony.runtime.library.clock import ClientWho
+from colony.runtime.library.clock import ClientParticipant
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import UNHEARD, Verdict
 
@@ -23,30 +23,30 @@ class ClientRegistry:
 
     Args:
         clients: addresses of the clients, each of which sends a request a frame.
-        others: addresses of members that only have to be ready for a run to begin.
+        announcers: addresses of the members that run modules in Python, and only have to be ready.
         lease_ns: nanoseconds without a request after which a client is lost.
-        now_ns: the present time.
+        now_ns: present time.
     """
 
     def __init__(
-        self, clients: Iterable[str], others: Iterable[str] = (), *, lease_ns: int, now_ns: int
+        self, clients: Iterable[str], announcers: Iterable[str] = (), *, lease_ns: int, now_ns: int
     ) -> None:
         self._clients = {client: _Member() for client in clients}
-        self._others = {other: _Member() for other in others}
+        self._announcers = {announcer: _Member() for announcer in announcers}
         self._liveness = Liveness(self._clients, lease_ns=lease_ns, now_ns=now_ns)
 
     def __contains__(self, address: str) -> bool:
-        """Return True if an address is that of a member."""
-        return address in self._clients or address in self._others
+        """Return True if the address is a member's."""
+        return address in self._clients or address in self._announcers
 
     @property
     def complete(self) -> bool:
         """True if all members are ready."""
-        return all(m.ready for group in (self._clients, self._others) for m in group.values())
+        return all(m.ready for group in (self._clients, self._announcers) for m in group.values())
 
     def ready(self, address: str) -> None:
-        """Mark a member as ready; ignore an address that is no member."""
-        member = self._clients.get(address) or self._others.get(address)
+        """Mark a member as ready; ignore other addresses."""
+        member = self._clients.get(address) or self._announcers.get(address)
         if member is not None:
             member.ready = True
 
@@ -54,16 +54,16 @@ class ClientRegistry:
         """Begin the run: clients that are not ready are marked lost."""
         for client, member in self._clients.items():
             if member.ready:
-                self._liveness.heard(client, now_ns)
+                self._liveness.renew(client, now_ns)
             else:
-                self._liveness.gone(client)
+                self._liveness.mark_missing(client)
 
-    def heard(self, client: str, now_ns: int) -> None:
-        """Renew the lease of a client that sent a request; ignore an address that is no client."""
-        self._liveness.heard(client, now_ns)
+    def renew(self, client: str, now_ns: int) -> None:
+        """Renew the lease of a client that sent a request; ignore other addresses."""
+        self._liveness.renew(client, now_ns)
 
-    def judged(self, verdict: Verdict, now_ns: int) -> None:
-        """Count requests that were on time or late; those that counted renew the lease of their client.
+    def record_verdict(self, verdict: Verdict, now_ns: int) -> None:
+        """Count the requests that were on time or late, and renew the leases of the clients heard from.
 
         A request that was refused was on time, but renews no lease.
         """
@@ -72,23 +72,23 @@ class ClientRegistry:
             member = self._clients.get(client)
             if member is not None:
                 if fate not in UNHEARD:
-                    self._liveness.heard(client, now_ns)
+                    self._liveness.renew(client, now_ns)
                 member.on_time += fate not in ("late", "lost")
                 member.late += fate == "late"
 
-    def slept(self, asleep_ns: int) -> None:
-        """Extend all leases by the time that this process was suspended, as `Liveness.slept` does."""
-        self._liveness.slept(asleep_ns)
+    def extend(self, suspended_ns: int) -> None:
+        """Extend all leases by the time that this process was suspended, as `Liveness.extend` does."""
+        self._liveness.extend(suspended_ns)
 
     def lost(self, now_ns: int) -> tuple[str, ...]:
         """Return the clients that are lost."""
         return self._liveness.missing(now_ns)
 
-    def who(self, now_ns: int) -> tuple[ClientWho, ...]:
+    def statuses(self, now_ns: int) -> tuple[ClientParticipant, ...]:
         """Return the state of each client."""
         lost = self.lost(now_ns)
         return tuple(
-            ClientWho(
+            ClientParticipant(
                 client=client,
                 ready=member.ready,
                 lives=client not in lost,

@@ -1,4 +1,4 @@
-"""Connections to servers for asyncio programs; they use the same asks as the blocking ones.
+"""Connections to servers for asyncio programs, with the same calls as the blocking ones.
 
 async with connect("RServer", robot="rome", priority=5) as base:
     await base.do(robot.go(200))
@@ -15,7 +15,7 @@ from contextlib import asynccontextmanager, suppress
 from typing import TypeVar
 
 from colony.runtime.kit.connection import (
-    NOTICES_KEPT,
+    MAX_NOTICES,
     TIMEOUT_S,
     opening_times,
     program_name,
@@ -34,9 +34,9 @@ T = TypeVar("T")
 
 
 class Connection:
-    """A channel between this program and one server, for the tasks of one event loop.
+    """A connection between this program and one server, for the tasks of one event loop.
 
-    Mutable: the calls on their way. Created by `connect` and `Session.connect`.
+    Mutable: its open calls. Created by `connect` and `Session.connect`.
     """
 
     def __init__(self, hub: Hub, server: str, *, name: str, priority: int, timeout_s: float) -> None:
@@ -52,14 +52,13 @@ class Connection:
 
         Raises:
             CallRefusedError: the server refuses; `code` and message give the reason.
-            ConnectionLostError: the server went away in the meantime, and the call must not be repeated
-                blindly.
-            CallTimeoutError: no answer came in `timeout_s`, by default that of the connection, or of the
-                call.
+            ConnectionLostError: the server went away before it answered, and the call may not be repeated
+                automatically.
+            CallTimeoutError: no answer came within `timeout_s`, by default that of the connection or call.
         """
         wait_s = waiting_time(ask, timeout_s, self._timeout_s)
         outcome: asyncio.Future[Outcome] = self._loop.create_future()
-        pending = self._wire.submit(ask, lambda came: self._settle(outcome, came))
+        pending = self._wire.submit(ask, lambda outcome_received: self._settle(outcome, outcome_received))
         try:
             async with asyncio.timeout(wait_s):
                 return read_result(self.server, ask, await outcome)
@@ -69,25 +68,25 @@ class Connection:
             self._wire.forget(pending)
 
     async def keep(self, ask: Ask[T]) -> T:
-        """Make a call now, and again whenever the connection is reopened: a watch, a subscription."""
+        """Make a call, such as a watch, now and again whenever the connection is reopened."""
         result = await self.do(ask)
         self._wire.keep(ask)
         return result
 
     async def notices(self) -> AsyncIterator[Notice]:
-        """Yield the notices that the server sends because of a `watch` or the like."""
+        """Yield the notices of the server, which come for a `watch` or another subscription."""
         while True:
             yield await self._notices.get()
 
     @property
     def openings(self) -> int:
-        """The number of times the connection was opened; above 1, its state at the server was lost."""
+        """The number of times that the connection was opened; above 1, its state at the server was lost."""
         return self._wire.openings
 
     async def open(self) -> None:
         """Open the connection; see `connect`."""
         opened: asyncio.Future[Outcome] = self._loop.create_future()
-        self._wire.open(lambda came: self._settle(opened, came))
+        self._wire.open(lambda outcome_received: self._settle(opened, outcome_received))
         for wait_s in opening_times(self._timeout_s):
             done, _ = await asyncio.wait([opened], timeout=wait_s)
             if done:
@@ -108,17 +107,17 @@ class Connection:
             if not future.done():
                 future.set_result(outcome)
 
-        self._soon(settle)
+        self._call_soon(settle)
 
     def _notify(self, notice: Notice) -> None:
         def put() -> None:
-            if self._notices.qsize() >= NOTICES_KEPT:
+            if self._notices.qsize() >= MAX_NOTICES:
                 self._notices.get_nowait()
             self._notices.put_nowait(notice)
 
-        self._soon(put)
+        self._call_soon(put)
 
-    def _soon(self, work: Callable[[], None]) -> None:
+    def _call_soon(self, work: Callable[[], None]) -> None:
         """Run `work` in the event loop, from a network thread; do nothing if the loop has ended."""
         with suppress(RuntimeError):
             self._loop.call_soon_threadsafe(work)

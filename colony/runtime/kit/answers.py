@@ -1,4 +1,4 @@
-"""The outcome of a call as its program receives it, independent of the transport."""
+"""Timeouts and results of calls, for all kinds of connections."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from colony.runtime.library.ask import Ask
 T = TypeVar("T")
 
 TIMEOUT_S = 5.0
-"""Seconds to wait for an answer, by default."""
+"""Default timeout of a call, in seconds."""
 
 
 def waiting_time(ask: Ask[Any], asked_s: float | None, usual_s: float) -> float:
-    """Return the seconds to wait for an answer: `asked_s`, else `usual_s` or longer if the call needs it.
+    """Return the seconds to wait for an answer: `asked_s`, else `usual_s`, or longer if the call needs it.
 
     Raises:
-        TypeError: `ask` is not an ask.
+        TypeError: `ask` is not a call of a library.
     """
     if not isinstance(ask, Ask):
         hint = ": call it" if callable(ask) else ""
         raise TypeError(
-            f"cannot ask {ask!r}{hint}; expected what a function of a library gives, robot.go(200)"
+            f"not a call: {ask!r}{hint}; expected the result of a library function, such as robot.go(200)"
         )
     if asked_s is not None:
         return asked_s
@@ -44,7 +44,8 @@ def read_result(server: str, ask: Ask[T], outcome: Outcome) -> T:
     try:
         result: T = _decoder(ask.reply).decode(outcome)
     except msgspec.DecodeError as problem:
-        raise CallRefusedError("reply", f"{server}.{ask.method} gave a strange result: {problem}") from None
+        text = f"{server}.{ask.method} returned an invalid result: {problem}"
+        raise CallRefusedError("reply", text) from None
     return result
 
 

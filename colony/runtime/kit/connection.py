@@ -1,10 +1,10 @@
-"""Connections to servers, for programs that wait for answers (thesis section 4.5.2).
+"""Connections to servers, for blocking programs (thesis section 4.5.2).
 
     with connect("RServer", robot="rome", name="joystick", priority=5) as base:
         base.do(robot.go(200))
         speed = base.do(robot.speed_setting())
 
-or, with the two halves of an exchange apart:
+or, with sending and receiving apart:
 
     base.send(robot.speed_setting())
     speed = base.recv()
@@ -37,15 +37,15 @@ from colony.runtime.transport.live.robot_time import time_of
 
 T = TypeVar("T")
 
-STARTING_S = 2.0
-"""Seconds to wait for a server that is not up yet and may be about to start."""
+SERVER_START_S = 2.0
+"""Seconds to wait for a server that may still be starting."""
 
-NOTICES_KEPT = 1024
+MAX_NOTICES = 1024
 """The largest number of unread notices; beyond it the oldest are dropped."""
 
 
 class Answer(Generic[T]):
-    """The answer to a call, which may still be on its way. Mutable until it arrives."""
+    """The future answer to a call. Mutable until it arrives."""
 
     def __init__(self, wire: Wire, ask: Ask[T], timeout_s: float) -> None:
         self._wire = wire
@@ -77,7 +77,7 @@ class Answer(Generic[T]):
 
 
 class Connection:
-    """A channel between this program and one server. Threads may share it. Mutable: its open calls."""
+    """A connection between this program and one server. Threads may share it. Mutable: its open calls."""
 
     def __init__(self, hub: Hub, server: str, *, name: str, priority: int, timeout_s: float) -> None:
         """Open the connection; see `connect`."""
@@ -85,7 +85,7 @@ class Connection:
         self._hub = hub
         self._timeout_s = timeout_s
         self._sent: deque[Answer[Any]] = deque()
-        self._notices: deque[Notice] = deque(maxlen=NOTICES_KEPT)
+        self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self._noticed: SimpleQueue[None] = SimpleQueue()
         self._holds = ExitStack()
         self._wire = hub.wire(server, name=name, priority=priority, notify=self._notify)
@@ -101,38 +101,37 @@ class Connection:
 
         Raises:
             CallRefusedError: the server refuses; `code` and message give the reason.
-            ConnectionLostError: the server went away in the meantime, and the call must not be repeated
-                blindly.
-            CallTimeoutError: no answer came in `timeout_s`, by default that of the connection, or of the
-                call.
+            ConnectionLostError: the server went away before it answered, and the call may not be repeated
+                automatically.
+            CallTimeoutError: no answer came within `timeout_s`, by default that of the connection or call.
         """
         return self._answer(ask, timeout_s).result()
 
     def send(self, ask: Ask[T], *, timeout_s: float | None = None) -> Answer[T]:
-        """Make a call without waiting; the answer's `result` waits, and so does `recv`."""
+        """Make a call without waiting; `result` of the answer, or `recv`, waits."""
         answer = self._answer(ask, timeout_s)
         self._sent.append(answer)
         return answer
 
     def recv(self) -> Any:
-        """Wait for the result of the oldest call that was sent and not yet received.
+        """Wait for the result of the oldest call that was sent and not received yet.
 
         Raises:
-            LookupError: no sent call is left to receive.
+            LookupError: every sent call was received already.
             CallRefusedError, ConnectionLostError, CallTimeoutError: as for `do`.
         """
         if not self._sent:
-            raise LookupError(f"nothing was sent to {self.server} that is not received yet")
+            raise LookupError(f"every call sent to {self.server} was received already")
         return self._sent.popleft().result()
 
     def keep(self, ask: Ask[T]) -> T:
-        """Make a call now, and again whenever the connection is reopened: a watch, a subscription."""
+        """Make a call, such as a watch, now and again whenever the connection is reopened."""
         result = self.do(ask)
         self._wire.keep(ask)
         return result
 
     def notices(self, *, timeout_s: float | None = None) -> Iterator[Notice]:
-        """Yield the notices that the server sends because of a `watch` or the like.
+        """Yield the notices of the server, which come for a `watch` or another subscription.
 
         The iterator ends when no notice came for `timeout_s`.
         """
@@ -146,7 +145,7 @@ class Connection:
 
     @property
     def openings(self) -> int:
-        """The number of times the connection was opened; above 1, its state at the server was lost."""
+        """The number of times that the connection was opened; above 1, its state at the server was lost."""
         return self._wire.openings
 
     def close(self) -> None:
@@ -269,11 +268,11 @@ def connect(
         server: the name of the server.
         robot: the name of the robot.
         name: the name of the connection, for people; by default that of the program.
-        priority: the server's order of waiting calls; higher goes first.
+        priority: the priority of its calls; the server serves higher ones first.
         timeout_s: the longest time to wait for an answer.
         gateway: the address of a gateway, for a robot on another machine; see `Session.open`.
         credentials: the user's credentials at the gateway.
-        environment: names the run directory of this machine's robots.
+        environment: the environment variables that locate the run directory of this machine's robots.
 
     Raises:
         ServerNotFoundError: no server answers under these names.
@@ -289,22 +288,24 @@ def connect(
 
 
 def opening_times(timeout_s: float) -> tuple[float, ...]:
-    """Return the two waiting times in seconds for a server to open the connection.
+    """Return the two timeouts in seconds for a server to open the connection.
 
-    The first is for a server that may be about to start; the second, the rest, is for a server that is up.
+    The first applies to a server that may still be starting; the second, the rest, to one that is up.
     """
-    first = min(timeout_s, STARTING_S)
+    first = min(timeout_s, SERVER_START_S)
     return (first, timeout_s - first)
 
 
 def timed_out(wire: Wire, ask: Ask[Any], timeout_s: float) -> CallTimeoutError:
-    """Return the error for a call without an answer in time."""
+    """Return the error for a call that timed out."""
     text = f"{wire.server} did not answer `{ask.method}` in {timeout_s:g} s"
     if not wire.is_open:
-        text += "; the connection was lost, and could not be opened again yet"
-    return CallTimeoutError(f"{text} (it said: {wire.complaint})" if wire.complaint else text)
+        text += "; the connection was lost, and is not open again yet"
+    if wire.server_error:
+        text += f" (the server reported: {wire.server_error})"
+    return CallTimeoutError(text)
 
 
 def program_name() -> str:
-    """Return the name of this program, for people who look at a server's connections."""
+    """Return the name of this program, as shown among a server's connections."""
     return Path(sys.argv[0]).name or "python"

@@ -1,12 +1,11 @@
 """The client's end of a connection as pure logic: messages and times in, effects out.
 
-A connection is opened under an id of its own. When the server goes away, or reports that it does not know the
-connection (because it restarted, or heard nothing from the client for the lease), the client reopens it under
-the same id and continues the numbering of its calls: a server that records its work (DServer) recognizes a
-call that it completed before it went away. Repeatable calls are then made again, each with its number; the
-others fail with `ConnectionLostError`. A call without an answer, or refused with the code "flood", is sent
-again with the same number after increasing pauses, and is executed once. An emergency stop does not wait for
-the connection to open.
+A connection has an id of its own. When the server goes away, or no longer knows the connection (after a
+restart, or because the lease expired), the client reopens it under the same id and continues the numbering of
+its calls. So a server that records its answers (DServer) recognizes calls that it completed before.
+Repeatable calls are then sent again, each with its number; the others fail with `ConnectionLostError`. A call
+without an answer, or refused with the code "flood", is sent again with the same number after increasing
+pauses, and is executed once. An emergency stop does not wait for the connection to open.
 """
 
 from __future__ import annotations
@@ -20,28 +19,28 @@ import msgspec
 
 from colony.runtime.kit.errors import CallRefusedError, ConnectionLostError, RobotConnectionError
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import EMERGENCY_STOP, Nothing, Open
-from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.calls import EMERGENCY_STOP, NoArguments, Open
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
 
-ALIVE_NS = 150_000_000
-"""Nanoseconds without sending after which a sign of life is due. Checked every 100 ms, it is never late."""
+KEEPALIVE_NS = 150_000_000
+"""Nanoseconds without a message after which a sign of life is due; a check every 100 ms suffices."""
 
-AGAIN_NS = 250_000_000
-"""Nanoseconds without an answer after which a call is first sent again; each further pause doubles."""
+RESEND_NS = 250_000_000
+"""Nanoseconds without an answer before a call is first resent; each further pause doubles."""
 
-AGAIN_MOST_NS = 2_000_000_000
+MAX_RESEND_NS = 2_000_000_000
 
-LARGEST_ARGUMENTS = LARGEST - 1024
-"""Bytes of arguments that fit into a message along with everything else."""
+MAX_ARGUMENT_BYTES = MAX_MESSAGE_BYTES - 1024
+"""Byte limit of the arguments of a call, which leaves room for its other fields."""
 
 Outcome = msgspec.Raw | RobotConnectionError
-"""The result of a call in msgpack, or the reason why there is none."""
+"""The result of a call in msgpack, or its error."""
 
 
 @dataclass(frozen=False, slots=True, eq=False)
 class Pending:
-    """A call that has no answer yet; `resolve` is called once, with its outcome.
+    """A call without an answer; `resolve` is called once, with its outcome.
 
     Raises:
         TypeError: the arguments cannot be encoded.
@@ -53,18 +52,18 @@ class Pending:
     arguments: bytes = b""
     call: Call | None = None
     sent_ns: int = 0
-    again_ns: int = AGAIN_NS
+    resend_ns: int = RESEND_NS
 
     def __post_init__(self) -> None:
         """Encode the arguments and check their size."""
         self.arguments = msgspec.msgpack.encode(self.ask.arguments)
-        if len(self.arguments) > LARGEST_ARGUMENTS:
-            found = f"the arguments are {len(self.arguments)} bytes; expected at most {LARGEST_ARGUMENTS}"
+        if len(self.arguments) > MAX_ARGUMENT_BYTES:
+            found = f"the arguments are {len(self.arguments)} bytes; expected at most {MAX_ARGUMENT_BYTES}"
             raise CallRefusedError("size", f"{self.ask.method}: {found}")
 
 
-class Begin(NamedTuple):
-    """Effect: listen to the replies for `connection` from now on, and no longer to those for an older one."""
+class Listen(NamedTuple):
+    """Effect: listen to replies to `connection` from now on, in place of an earlier one."""
 
     connection: str
 
@@ -82,13 +81,13 @@ class Resolve(NamedTuple):
     outcome: Outcome
 
 
-class Tell(NamedTuple):
+class Deliver(NamedTuple):
     """Effect: pass on a notice of the server."""
 
     notice: Notice
 
 
-Effect = Begin | Transmit | Resolve | Tell
+Effect = Listen | Transmit | Resolve | Deliver
 
 
 class State(Enum):
@@ -101,7 +100,7 @@ class State(Enum):
 
 @dataclass(frozen=False, slots=True)
 class Conversation:
-    """The client's half of a connection. Mutable: its state and the calls on their way.
+    """The client's half of a connection. Mutable: its state and its open calls.
 
     Args:
         server: the name of the server.
@@ -109,7 +108,7 @@ class Conversation:
         ids: returns a new id every time.
         name: the name of the connection, for people.
         priority: the priority of all its calls.
-        least: a right of the user, for messages that any right allows.
+        default_right: a right of the user, for calls that any right allows.
     """
 
     server: str
@@ -117,25 +116,25 @@ class Conversation:
     ids: Callable[[], str]
     name: str
     priority: int
-    least: Right = "read"
+    default_right: Right = "read"
     state: State = State.CLOSED
     connection: str = ""
     openings: int = 0
-    complaint: str = ""
+    server_error: str = ""
     _number: int = 0
     _opening: Pending | None = None
     _sent: dict[int, Pending] = field(default_factory=dict)
     _unsent: list[Pending] = field(default_factory=list)
     _kept: list[Ask[Any]] = field(default_factory=list)
-    _spoke_ns: int = 0
+    _last_sent_ns: int = 0
 
     def open(self, resolve: Callable[[Outcome], None], now_ns: int) -> Iterator[Effect]:
         """Open the connection, for the first time or again."""
         self.state = State.OPENING
         if not self.connection:
             self.connection = f"{self.user}/{self.ids()}"
-            yield Begin(self.connection)
-        ask = Ask("open", Open(name=self.name), None, self.least, repeatable=True)
+            yield Listen(self.connection)
+        ask = Ask("open", Open(name=self.name), None, self.default_right, repeatable=True)
         self._opening = Pending(ask, resolve)
         yield self._transmit(self._opening, now_ns)
 
@@ -162,72 +161,72 @@ class Conversation:
         elif pending in self._unsent:
             self._unsent.remove(pending)
 
-    def again(self, pending: Pending, now_ns: int) -> Iterator[Effect]:
-        """Send a call without an answer again, before its time."""
+    def resend(self, pending: Pending, now_ns: int) -> Iterator[Effect]:
+        """Resend a call without an answer immediately."""
         if pending.call is not None and pending.call.number in self._sent:
             yield self._transmit(pending, now_ns)
 
-    def take(self, message: Reply | Notice, now_ns: int) -> Iterator[Effect]:
-        """Handle a reply or a notice of the server; ignore one to an older connection."""
+    def receive(self, message: Reply | Notice, now_ns: int) -> Iterator[Effect]:
+        """Handle a reply or a notice of the server; ignore one to an earlier connection."""
         if message.connection != self.connection or self.state is State.CLOSED:
             return
         if isinstance(message, Notice):
-            yield Tell(message)
+            yield Deliver(message)
         elif message.problem is not None and message.problem.code == "closed":
             if self.state is State.OPEN:  # else the reply answers an earlier message
-                yield from self.lose(now_ns)
+                yield from self.reopen(now_ns)
         elif message.number == 0:
-            self.complaint = "" if message.problem is None else message.problem.message
+            self.server_error = "" if message.problem is None else message.problem.message
         else:
             yield from self._answer(message, now_ns)
 
-    def lose(self, now_ns: int) -> Iterator[Effect]:
+    def reopen(self, now_ns: int) -> Iterator[Effect]:
         """Reopen the connection, which the server no longer has."""
         if self.state is State.CLOSED:
             return
         lost = ConnectionLostError(
-            f"the connection to {self.server} was lost before the answer; it is not known whether the call "
-            "was done, so it is not made again"
+            f"the connection to {self.server} was lost before the answer; it is unknown whether the call "
+            "was executed, so it is not repeated"
         )
-        yield from self._sort(lost)
+        yield from self._fail_unrepeatable(lost)
         opening = self._opening
         resolve = opening.resolve if opening is not None else _ignore
         yield from self.open(resolve, now_ns)
 
-    def vanished(self) -> Iterator[Effect]:
-        """Handle the loss of the server: calls that cannot be repeated will have no answer."""
+    def server_lost(self) -> Iterator[Effect]:
+        """Handle the loss of the server: fail the calls that cannot be repeated."""
         if self.state is not State.CLOSED:
             lost = ConnectionLostError(
-                f"{self.server} went away before it answered; it is not known whether the call was done, so "
-                "it is not made again"
+                f"{self.server} went away before it answered; it is unknown whether the call was "
+                "executed, so it is not repeated"
             )
-            yield from self._sort(lost)
+            yield from self._fail_unrepeatable(lost)
 
-    def appeared(self, now_ns: int) -> Iterator[Effect]:
-        """Handle the return of the server: ask it at once whether it knows this connection."""
+    def server_found(self, now_ns: int) -> Iterator[Effect]:
+        """Handle the return of the server: check immediately whether it knows this connection."""
         if self.state is State.OPEN:
             yield self._alive(now_ns)
         elif self.state is State.OPENING and self._opening is not None:
             yield self._transmit(self._opening, now_ns)
 
-    def tend(self, now_ns: int) -> Iterator[Effect]:
-        """Resend unanswered calls, and send a sign of life if one is due; to be called often."""
+    def poll(self, now_ns: int) -> Iterator[Effect]:
+        """Resend calls and send a sign of life, if due; to be called often."""
         if self.state is State.CLOSED:
             return
         waiting = tuple(self._sent.values())
         if self._opening is not None:
             waiting = (self._opening, *filter(_urgent, waiting))
         for pending in waiting:
-            if now_ns - pending.sent_ns >= pending.again_ns:
-                pending.again_ns = min(2 * pending.again_ns, AGAIN_MOST_NS)
+            if now_ns - pending.sent_ns >= pending.resend_ns:
+                pending.resend_ns = min(2 * pending.resend_ns, MAX_RESEND_NS)
                 yield self._transmit(pending, now_ns)
-        if self.state is State.OPEN and now_ns - self._spoke_ns >= ALIVE_NS:
+        if self.state is State.OPEN and now_ns - self._last_sent_ns >= KEEPALIVE_NS:
             yield self._alive(now_ns)
 
     def close(self, now_ns: int) -> Iterator[Effect]:
         """Close the connection: notify the server, and fail the waiting calls."""
         if self.state is State.OPEN:
-            ask = Ask("close", Nothing(), None, self.least)
+            ask = Ask("close", NoArguments(), None, self.default_right)
             yield self._transmit(Pending(ask, _ignore), now_ns)
         self.state = State.CLOSED
         ended = ConnectionLostError(f"the connection to {self.server} was closed before the answer")
@@ -241,14 +240,14 @@ class Conversation:
     def _answer(self, reply: Reply, now_ns: int) -> Iterator[Effect]:
         outcome: Outcome = reply.result
         if reply.problem is not None and reply.problem.code == "flood":
-            self.complaint = reply.problem.message
+            self.server_error = reply.problem.message
             return  # the call was not executed, and is sent again later
         if reply.problem is not None:
             outcome = CallRefusedError(reply.problem.code, reply.problem.message)
         opening = self._opening
         if opening is not None and opening.call is not None and reply.number == opening.call.number:
             if isinstance(outcome, RobotConnectionError):
-                self.complaint = str(outcome)
+                self.server_error = str(outcome)
             else:
                 self._opening = None
                 yield from self._opened(now_ns)
@@ -259,19 +258,19 @@ class Conversation:
     def _opened(self, now_ns: int) -> Iterator[Effect]:
         self.state = State.OPEN
         self.openings += 1
-        self.complaint = ""
-        again = tuple(self._sent.values())
+        self.server_error = ""
+        resend = tuple(self._sent.values())
         if self.openings > 1:
             for ask in self._kept:
                 yield self._transmit(Pending(ask, _ignore), now_ns)
-        for pending in again:
+        for pending in resend:
             yield self._transmit(pending, now_ns)
         unsent, self._unsent = self._unsent, []
         for pending in unsent:
             yield self._transmit(pending, now_ns)
 
-    def _sort(self, lost: ConnectionLostError) -> Iterator[Effect]:
-        """Fail the calls on their way, except repeatable ones."""
+    def _fail_unrepeatable(self, lost: ConnectionLostError) -> Iterator[Effect]:
+        """Fail the open calls that cannot be repeated."""
         for number, pending in tuple(self._sent.items()):
             if not pending.ask.repeatable:
                 del self._sent[number]
@@ -287,15 +286,15 @@ class Conversation:
                 method=ask.method,
                 arguments=msgspec.Raw(pending.arguments),
                 priority=self.priority,
-                right=self.least if ask.right == "read" else ask.right,
+                right=self.default_right if ask.right == "read" else ask.right,
             )
             if pending is not self._opening:
                 self._sent[self._number] = pending
-        pending.sent_ns = self._spoke_ns = now_ns
+        pending.sent_ns = self._last_sent_ns = now_ns
         return Transmit(pending.call)
 
     def _alive(self, now_ns: int) -> Effect:
-        self._spoke_ns = now_ns
+        self._last_sent_ns = now_ns
         return Transmit(Alive(connection=self.connection))
 
 

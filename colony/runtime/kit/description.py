@@ -1,4 +1,4 @@
-"""A server's description of itself, so that programs can bind to it.
+"""The description that a server gives of itself, so that programs can bind to it.
 
 An example of such a binding: `sensor level: number from Battery.level`.
 """
@@ -11,7 +11,7 @@ import msgspec
 
 from colony.ir.types import BOOL, Array, Quantity, Scalar, Type
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.fields import FieldSpec, ServerSpec
 from colony.runtime.protocol.messages import Right
 from colony.text.units import NUMBER, parse_unit
@@ -43,8 +43,8 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def describe() -> Ask[Description]:
-    """Ask a server that was made with the kit for its fields and methods."""
-    return Ask("describe", Nothing(), Description, "read", repeatable=True)
+    """Read the fields and methods of a server made with the kit."""
+    return Ask("describe", NoArguments(), Description, "read", repeatable=True)
 
 
 def server_spec(description: Description) -> ServerSpec:

@@ -1,10 +1,10 @@
-"""The emergency stop of a whole robot: sent to every actuator server at once, and kept by the Clock.
+"""The emergency stop of a whole robot: sent to all actuator servers, and kept by the Clock.
 
     with Session.open("rome") as session, StopButton(session) as button:
         report = button.press()
         assert report.kept
 
-A button opens its connections before it is pressed; pressing it costs one message to each server.
+A button opens its connections beforehand, so that pressing it takes one message to each server.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from colony.runtime.library import emergency
 from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.place import Local
 
-AGAIN_S = 0.03
-"""Seconds after which a stop without an acknowledgement is sent again.
+RESEND_INTERVAL_S = 0.03
+"""Seconds after which a stop without an acknowledgement is resent.
 
-A link without room may drop it on its way. Servers recognize a repeated stop.
+A congested link may drop the first one. Servers recognize a repeated stop.
 """
 
-PATIENCE_S = 2.0
+ACKNOWLEDGE_TIMEOUT_S = 2.0
 """Seconds to wait for acknowledgements."""
 
 SERVERS = (CLOCK, *emergency.ACTUATOR_SERVERS)
@@ -36,7 +36,7 @@ SERVERS = (CLOCK, *emergency.ACTUATOR_SERVERS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pressed:
+class StopReport:
     """The result of an emergency stop: the servers that acknowledged it, and the problems of the others."""
 
     acknowledged: tuple[str, ...]
@@ -44,7 +44,7 @@ class Pressed:
 
     @property
     def kept(self) -> bool:
-        """True if the Clock keeps the stop and every actuator server that is up has acknowledged it."""
+        """True if the Clock and every actuator server that is up have acknowledged the stop."""
         return CLOCK in self.acknowledged and not self.problems
 
 
@@ -57,7 +57,9 @@ class StopButton:
         timeout_s: seconds to wait for the acknowledgements.
     """
 
-    def __init__(self, session: Session, *, name: str = "stop button", timeout_s: float = PATIENCE_S) -> None:
+    def __init__(
+        self, session: Session, *, name: str = "stop button", timeout_s: float = ACKNOWLEDGE_TIMEOUT_S
+    ) -> None:
         self._session = session
         self._timeout_s = timeout_s
         hub = session.hub
@@ -65,7 +67,7 @@ class StopButton:
         for wire in self._wires.values():
             wire.open(lambda _: None)
 
-    def press(self) -> Pressed:
+    def press(self) -> StopReport:
         """Stop the robot, and wait until every actuator server that is up has acknowledged it.
 
         Raises:
@@ -85,15 +87,15 @@ class StopButton:
 
     def _collect(
         self, outcomes: SimpleQueue[tuple[str, Outcome]], due: float, sent: Mapping[str, Pending]
-    ) -> Pressed:
+    ) -> StopReport:
         found: dict[str, Outcome] = {}
         while self._awaited(found) and (left_s := due - time.monotonic()) > 0.0:
             try:
-                server, outcome = outcomes.get(timeout=min(left_s, AGAIN_S))
+                server, outcome = outcomes.get(timeout=min(left_s, RESEND_INTERVAL_S))
                 found[server] = outcome
             except Empty:
                 for missing in self._awaited(found):
-                    self._wires[missing].again(sent[missing])
+                    self._wires[missing].resend(sent[missing])
         problems: dict[str, str] = {}
         for server, outcome in found.items():
             try:
@@ -103,17 +105,15 @@ class StopButton:
         for server in self._awaited(found):
             problems[server] = f"{server} did not acknowledge the stop in {self._timeout_s:g} s"
         if CLOCK not in found and CLOCK not in problems:
-            problems[CLOCK] = (
-                "the Clock is not there, and a server that is started again will not know of the stop"
-            )
-        return Pressed(
+            problems[CLOCK] = "the Clock is down, so a server that restarts will not know of the stop"
+        return StopReport(
             acknowledged=tuple(s for s in SERVERS if s in found and s not in problems), problems=problems
         )
 
     def _awaited(self, found: Mapping[str, Outcome]) -> list[str]:
         missing = [server for server in self._wires if server not in found]
-        there = {*self._session.servers(), *self._running()} if missing else ()
-        return [server for server in missing if server in there]
+        present = {*self._session.servers(), *self._running()} if missing else ()
+        return [server for server in missing if server in present]
 
     def _running(self) -> Iterable[str]:
         """Return the servers with a process on this machine, even a frozen one; none from another machine."""

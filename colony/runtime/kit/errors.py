@@ -1,4 +1,4 @@
-"""The errors of a connection to a server; each message says what, where, and what to do."""
+"""Errors of connections to servers."""
 
 from __future__ import annotations
 
@@ -24,12 +24,11 @@ class CallRefusedError(RobotConnectionError):
 
 
 class CallTimeoutError(RobotConnectionError):
-    """No answer came in time; the call may or may not have been done."""
+    """No answer came in time; the call may or may not have been executed."""
 
 
 class ConnectionLostError(RobotConnectionError):
-    """The connection ended before the answer came; the call may or may not have been done.
+    """The connection ended before the answer came; the call may or may not have been executed.
 
-    The kit reopens the connection by itself. The state that it had at the server (a lock, a place in a queue)
-    is lost.
+    The kit reopens the connection by itself. Its state at the server (a lock, a place in a queue) is lost.
     """

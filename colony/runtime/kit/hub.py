@@ -1,6 +1,6 @@
-"""Resources that all connections of a process with a robot share.
+"""Resources shared by all connections from a process to a robot.
 
-They are the network session, the thread that keeps the connections alive, and the presence of servers.
+These are the network session, the thread that keeps the connections alive, and the presence of servers.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ from colony.runtime.protocol.messages import Notice, Reply, Right
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.endpoint import parse_endpoint
 from colony.runtime.transport.live.errors import UnreachableError
-from colony.runtime.transport.live.gateway import GATEWAY, Admitted, whoami
+from colony.runtime.transport.live.gateway import GATEWAY, Identity, whoami
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.place import Credentials, Local, Place, Remote, local
 from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirectory
 from colony.runtime.transport.live.security import check_credentials, rights
 
-LOGIN_S = 2.0
+LOGIN_TIMEOUT_S = 2.0
 """Timeout in seconds for a gateway to report a user's rights."""
 
-BUCKETS = 256
+REPLY_BUCKETS = 256
 """Number of key expressions on which the processes of one user subscribe to replies.
 
-Each process draws one for all of its connections: zenoh keeps some memory for every key that was ever
-declared, for the life of a link.
+Each process draws one for all of its connections, because zenoh never frees the memory of a declared key
+during the life of a link.
 """
 
-TEND_S = 0.1
+POLL_INTERVAL_S = 0.1
 """Seconds between two rounds of signs of life and repeated calls."""
 
 
@@ -53,24 +53,24 @@ class Hub:
     def __init__(self, network: ZenohSession, *, rights: tuple[Right, ...] = keys.RIGHTS) -> None:
         """Use an open network that the caller owns; see also `on` and `open`.
 
-        `rights` are those that connections request; rights that the user does not have are of no use.
+        `rights` are those that connections claim; the user must have them.
         """
         self.network = network
         self._rights = rights
         self._wires: set[Wire] = set()
-        self._begun: dict[str, Wire] = {}
-        self._bucket = f"{randbelow(BUCKETS):02x}"
+        self._wires_by_connection: dict[str, Wire] = {}
+        self._bucket = f"{randbelow(REPLY_BUCKETS):02x}"
         self._lock = Lock()
         self._deferred: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._holds = ExitStack()
         key = keys.replies_to_process(network.robot, network.user, self._bucket)
-        handler = zenoh.handlers.Callback(self._replied, indirect=False)
+        handler = zenoh.handlers.Callback(self._on_reply, indirect=False)
         self._holds.callback(network.session.declare_subscriber(key, handler).undeclare)
-        network.watch(self._presence)
-        self._holds.callback(network.unwatch, self._presence)
-        tender = Thread(target=self._tend, name="colony connections", daemon=True)
-        tender.start()
-        self._holds.callback(tender.join)
+        network.watch(self._on_presence)
+        self._holds.callback(network.unwatch, self._on_presence)
+        poller = Thread(target=self._poll, name="colony connections", daemon=True)
+        poller.start()
+        self._holds.callback(poller.join)
         self._holds.callback(self._deferred.put, None)
 
     @classmethod
@@ -104,7 +104,7 @@ class Hub:
             _expect_folder(place)
         else:
             if credentials is None:
-                raise ValueError(f"a gateway wants to know who comes: give credentials for {gateway}")
+                raise ValueError(f"no credentials for the gateway {gateway}: give `credentials`")
             parse_endpoint(gateway)
             check_credentials(credentials)
             place = Remote(robot=robot, endpoint=gateway, credentials=credentials)
@@ -123,7 +123,7 @@ class Hub:
         notify: Callable[[Notice], None],
         rights: tuple[Right, ...] | None = None,
     ) -> Wire:
-        """Return a conversation with a server, not opened yet; pass it to `release` at the end.
+        """Return an unopened conversation with a server; pass it to `release` at the end.
 
         Raises:
             TypeError: the name or the priority cannot be sent.
@@ -155,13 +155,15 @@ class Hub:
             self._wires.discard(wire)
         wire.close()
         with self._lock:
-            self._begun = {id: other for id, other in self._begun.items() if other is not wire}
+            self._wires_by_connection = {
+                id: other for id, other in self._wires_by_connection.items() if other is not wire
+            }
 
     def not_found(self, server: str) -> ServerNotFoundError:
         """Return the error for a name under which no server answers, with the likely reason."""
         robot, there = self.network.robot, self.network.alive()
         if server in there:
-            text = f"{server} of {robot} is there, but does not answer: is it busy or frozen?"
+            text = f"{server} of {robot} is up but does not answer: is it busy or frozen?"
         elif there:
             text = f"{robot} has no {server}: found {', '.join(there)}"
         else:
@@ -178,16 +180,16 @@ class Hub:
 
     # --- internals -----------------------------------------------------------------------------------
 
-    def _tend(self) -> None:
-        """Keep connections alive, in a thread of its own. It never waits for room to send."""
-        due = time.monotonic() + TEND_S
+    def _poll(self) -> None:
+        """Keep the connections alive, in a thread of its own, without waiting for room to send."""
+        due = time.monotonic() + POLL_INTERVAL_S
         while True:
             try:
                 work = self._deferred.get(timeout=max(0.0, due - time.monotonic()))
             except Empty:
-                due = time.monotonic() + TEND_S
+                due = time.monotonic() + POLL_INTERVAL_S
                 for wire in self._all():
-                    wire.tend()
+                    wire.poll()
             else:
                 if work is None:
                     return
@@ -195,10 +197,10 @@ class Hub:
 
     def _begin(self, wire: Wire, connection: str) -> None:
         with self._lock:
-            self._begun[connection] = wire
+            self._wires_by_connection[connection] = wire
 
-    def _replied(self, sample: zenoh.Sample) -> None:
-        """Hand a reply or notice to its wire; it may be for another process of this user.
+    def _on_reply(self, sample: zenoh.Sample) -> None:
+        """Pass a reply or notice to its wire; ignore those for other processes of this user.
 
         Called in a network thread.
         """
@@ -206,11 +208,14 @@ class Hub:
             message = codec.decode(sample.payload.to_bytes())
         except MessageFormatError:
             return
-        if isinstance(message, (Reply, Notice)) and (wire := self._begun.get(message.connection)) is not None:
-            wire.take(message)
+        if (
+            isinstance(message, (Reply, Notice))
+            and (wire := self._wires_by_connection.get(message.connection)) is not None
+        ):
+            wire.receive(message)
 
-    def _presence(self, address: str, present: bool) -> None:
-        """Handle a node that came or went, in a network thread."""
+    def _on_presence(self, address: str, present: bool) -> None:
+        """Handle the appearance or loss of a node, in a network thread."""
         for wire in self._all():
             if wire.server == address:
                 self._deferred.put(partial(wire.presence, present))
@@ -237,17 +242,17 @@ def _rights(network: ZenohSession) -> tuple[Right, ...]:
         for wire in wires:
             wire.open(_ignore)
             wire.submit(whoami(), answered.put)
-        outcome = answered.get(timeout=LOGIN_S)
+        outcome = answered.get(timeout=LOGIN_TIMEOUT_S)
     except Empty:
         raise UnreachableError(
-            f"{place.endpoint} lets nobody in as {network.user}: the user's name must be that in "
+            f"{place.endpoint} does not admit {network.user}: the user's name must be that in "
             f"{place.credentials.certificate}, and in the gateway's table of users for {place.robot}"
         ) from None
     finally:
         hub.close()
     if isinstance(outcome, RobotConnectionError):
         raise outcome
-    return rights(msgspec.msgpack.decode(outcome, type=Admitted).may)
+    return rights(msgspec.msgpack.decode(outcome, type=Identity).may)
 
 
 def _ignore(anything: object) -> None:
@@ -266,7 +271,7 @@ def _expect_folder(place: Local) -> None:
         return
     robots = ", ".join(_running_beside(directory)) or "none"
     raise ServerNotFoundError(
-        f"no robot `{directory.robot}` on this machine: {directory.path} is not there "
+        f"no robot `{directory.robot}` on this machine: {directory.path} does not exist "
         f"(robots found: {robots}); start it with `colony serve`"
     )
 

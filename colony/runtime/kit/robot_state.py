@@ -11,7 +11,7 @@ import msgspec
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library.ask import STATUS, Ask
-from colony.runtime.library.clock import Who, who
+from colony.runtime.library.clock import Participants, participants
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
 from colony.runtime.library.robot import Arbitration, arbitration
 from colony.runtime.protocol.calls import ConnectionStatus
@@ -19,10 +19,10 @@ from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.topics import CLOCK, OBSERVER
 from colony.runtime.transport.live.place import Local, Place
 
-ALWAYS = (CLOCK, RSERVER.name, PSERVER.name, DSERVER.name, RUNTIME.name)
+CORE_SERVERS = (CLOCK, RSERVER.name, PSERVER.name, DSERVER.name, RUNTIME.name)
 """The servers that every robot has."""
 
-PATIENCE_S = 1.0
+ANSWER_TIMEOUT_S = 1.0
 
 T = TypeVar("T")
 
@@ -31,7 +31,7 @@ class ServerState(msgspec.Struct, frozen=True, kw_only=True):
     """The state of one server.
 
     `state` is "up", "down" (absent) or "silent" (present without an answer). `process` is known on the
-    robot's own machine. `connections` are its clients, `full` the limits that are reached.
+    robot's own machine only. `connections` are those of its clients, `full` the limits that it reached.
     """
 
     server: str
@@ -43,14 +43,14 @@ class ServerState(msgspec.Struct, frozen=True, kw_only=True):
     problem: str | None = None
 
 
-class RobotState(msgspec.Struct, frozen=True, kw_only=True):
-    """The state of a robot. `run`, `arbitration` and `who` are None if their servers do not answer."""
+class RobotState(msgspec.Struct, frozen=True, kw_only=True, rename={"participants": "who"}):
+    """The state of a robot; `run`, `arbitration` and `participants` are None if their server is silent."""
 
     robot: str
     servers: tuple[ServerState, ...]
     run: RunStatus | None
     arbitration: Arbitration | None
-    who: Who | None
+    participants: Participants | None
 
 
 def as_json(states: Sequence[RobotState]) -> str:
@@ -59,43 +59,45 @@ def as_json(states: Sequence[RobotState]) -> str:
 
 
 def state_of(session: Session, place: Place) -> RobotState:
-    """Ask all servers in parallel; those that do not answer soon are reported as silent."""
+    """Ask all servers in parallel, and report those without an answer as silent."""
     processes = dict(place.directory.running()) if isinstance(place, Local) else {}
-    there = {address for address in session.servers() if "/" not in address} - {OBSERVER}
-    names = sorted({*ALWAYS, *there, *processes} - {OBSERVER}, key=_order)
+    present = {address for address in session.servers() if "/" not in address} - {OBSERVER}
+    names = sorted({*CORE_SERVERS, *present, *processes} - {OBSERVER}, key=_order)
     with ThreadPoolExecutor(max_workers=len(names)) as pool:
-        asked = {name: pool.submit(_ask, session, name, name in there, processes.get(name)) for name in names}
+        asked = {
+            name: pool.submit(_ask, session, name, name in present, processes.get(name)) for name in names
+        }
         found = {name: future.result() for name, future in asked.items()}
     return RobotState(
         robot=place.robot,
         servers=tuple(state for state, _ in found.values()),
         run=_answer(found.get(LEADER), RunStatus),
         arbitration=_answer(found.get(RSERVER.name), Arbitration),
-        who=_answer(found.get(CLOCK), Who),
+        participants=_answer(found.get(CLOCK), Participants),
     )
 
 
 def _order(name: str) -> tuple[int, str]:
-    return (ALWAYS.index(name) if name in ALWAYS else len(ALWAYS), name)
+    return (CORE_SERVERS.index(name) if name in CORE_SERVERS else len(CORE_SERVERS), name)
 
 
-_MORE: dict[str, Callable[[], Ask[Any]]] = {
-    CLOCK: who,
+_DETAIL_CALLS: dict[str, Callable[[], Ask[Any]]] = {
+    CLOCK: participants,
     RSERVER.name: arbitration,
     LEADER: run_status,
 }
 """Additional calls to some servers."""
 
 
-def _ask(session: Session, name: str, there: bool, process: int | None) -> tuple[ServerState, object]:
-    if not there:
-        # a process without a node, such as the plant, is not a server and cannot be asked
-        state = "down" if process is None or name in ALWAYS else "up"
+def _ask(session: Session, name: str, present: bool, process: int | None) -> tuple[ServerState, object]:
+    if not present:
+        # a process without a node, such as the plant, is not a server and takes no calls
+        state = "down" if process is None or name in CORE_SERVERS else "up"
         return ServerState(server=name, state=state, process=process), None
     try:
-        with session.connect(name, name="colony ps", timeout_s=PATIENCE_S) as connection:
+        with session.connect(name, name="colony ps", timeout_s=ANSWER_TIMEOUT_S) as connection:
             status = connection.do(STATUS)
-            more = connection.do(_MORE[name]()) if name in _MORE else None
+            details = connection.do(_DETAIL_CALLS[name]()) if name in _DETAIL_CALLS else None
     except RobotConnectionError as problem:
         return ServerState(server=name, state="silent", process=process, problem=str(problem)), None
     others = tuple(c for c in status.connections if c.name != "colony ps")
@@ -107,7 +109,7 @@ def _ask(session: Session, name: str, there: bool, process: int | None) -> tuple
         malformed=status.malformed,
         full=status.full,
     )
-    return found, more
+    return found, details
 
 
 def _answer(found: tuple[ServerState, object] | None, kind: type[T]) -> T | None:

@@ -10,9 +10,8 @@ at the speed of a simulation.
             where = yield from do("RServer", robot.position())
             yield from do("DServer", data.set("LastSeen", (now_ns, where.x, where.y)))
 
-A script has no threads, no clock and no sockets; its runner performs each step that it yields and sends back
-the answer. A call that is refused or lost raises the same exception in the script as the kit's connections do
-(`kit/errors.py`).
+A script has no threads, clock or sockets. Its runner performs each step that it yields and sends back the
+answer. A failed call raises the same exception in the script as in the kit's connections (`kit/errors.py`).
 """
 
 from __future__ import annotations

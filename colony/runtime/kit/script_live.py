@@ -28,7 +28,7 @@ def run_script(
     stop: Event | None = None,
     timeout_s: float = TIMEOUT_S,
 ) -> bool:
-    """Run a script. Return True at its end, False if `stop` was set before.
+    """Run a script. Return True if it reached its end, False if `stop` was set before.
 
     A connection to a server opens with the script's first call to it, and all connections are closed in any
     case at the end. A failed call raises its error in the script; an error that the script does not catch is
@@ -39,7 +39,7 @@ def run_script(
         script: a generator that has not begun.
         name: the name of its connections, for people.
         priority: the priority of its connections.
-        stop: ends the script, even while it waits for an answer.
+        stop: the event that ends the script, even while it waits for an answer.
         timeout_s: seconds to wait for an answer, unless the call needs longer.
     """
     ended = stop if stop is not None else Event()
@@ -78,7 +78,7 @@ def run_script(
 
 @contextmanager
 def _closed_by(stop: Event, connections: Mapping[str, Connection]) -> Iterator[None]:
-    """Close the connections when `stop` is set, which ends any wait for an answer."""
+    """Close the connections once `stop` is set, which ends any wait for an answer."""
     done = Event()
 
     def watch() -> None:

@@ -1,8 +1,8 @@
 """Scripts (`script.py`) that call the methods of servers in the same process, in one fixed order.
 
-A call goes to the server's own method, without messages, connections or a store, and is answered at once. A
-sleeping script resumes in the first frame at or after its time. A script that waits for a semaphore resumes
-in the moment in which the semaphore is signaled, behind the scripts that are ready already.
+Calls go directly to the methods of the servers, without messages, connections or a store, and are answered
+immediately. A sleeping script resumes in the first frame at or after its time. A script that waits for a
+semaphore resumes as soon as it is signaled, after the scripts that are already ready.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ import msgspec
 from colony.runtime.kit.errors import CallRefusedError, ServerNotFoundError
 from colony.runtime.kit.script import Do, Script, Sleep
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import LATER, Asked, Handler, Method, RefusedError
+from colony.runtime.protocol.calls import LATER, CallId, Handler, Method, RefusedError
 from colony.runtime.protocol.connections import Caller
 
-STEPS_IN_A_MOMENT = 20_000
+MAX_STEPS_PER_MOMENT = 20_000
 """The largest number of steps of a script within one moment; beyond it the script counts as endless."""
 
 
 class ScriptError(Exception):
-    """A script raised the exception that is `__cause__`."""
+    """An exception raised by a script, which is the `__cause__`."""
 
     def __init__(self, name: str, problem: BaseException) -> None:
         super().__init__(f"the script `{name}` raised {type(problem).__name__}: {problem}")
@@ -49,13 +49,13 @@ class LocalServer:
         self,
         address: str,
         methods: Iterable[Method],
-        answers: list[tuple[Asked, object]] | None = None,
+        answers: list[tuple[CallId, object]] | None = None,
     ) -> None:
         self.address = address
         self.answers = [] if answers is None else answers
         self.handlers: Mapping[str, Handler] = {one.name: one.handler for one in methods}
 
-    def do(self, asked: Asked, ask: Ask[Any], now_ns: int) -> Any:
+    def do(self, call_id: CallId, ask: Ask[Any], now_ns: int) -> Any:
         """Return the result of a call, or `LATER` if the call has to wait.
 
         Raises:
@@ -67,7 +67,7 @@ class LocalServer:
             raise RefusedError(
                 "method", f"{self.address} has no method `{ask.method}` here; expected {known}"
             )
-        result = handler(asked, ask.arguments, now_ns)
+        result = handler(call_id, ask.arguments, now_ns)
         if isinstance(result, msgspec.Raw):
             return _decoder(ask.reply).decode(result)
         if isinstance(result, dict):
@@ -82,7 +82,7 @@ def _decoder(reply: Any) -> msgspec.msgpack.Decoder[Any]:
 
 
 @dataclass(frozen=False, slots=True, kw_only=True, eq=False)
-class _Running:
+class _RunningScript:
     name: str
     script: Script
     caller: Caller
@@ -101,12 +101,12 @@ class LocalScripts:
     def __init__(self, scripts: Mapping[str, Script], servers: Iterable[LocalServer]) -> None:
         self._servers = {server.address: server for server in servers}
         self._all = {
-            name: _Running(name=name, script=script, caller=Caller(f"local/{name}", name, 0, "local"))
+            name: _RunningScript(name=name, script=script, caller=Caller(f"local/{name}", name, 0, "local"))
             for name, script in scripts.items()
         }
-        self._sleeping: list[tuple[int, int, _Running]] = []
-        self._waiting: dict[Asked, _Running] = {}
-        self._ready: deque[tuple[_Running, object, Exception | None]] = deque(
+        self._sleeping: list[tuple[int, int, _RunningScript]] = []
+        self._waiting: dict[CallId, _RunningScript] = {}
+        self._ready: deque[tuple[_RunningScript, object, Exception | None]] = deque(
             (running, None, None) for running in self._all.values()
         )
         self._slept = 0
@@ -127,11 +127,11 @@ class LocalScripts:
         self._collect()
         while ready:
             running, value, problem = ready.popleft()
-            self._go_on(running, value, problem, now_ns)
+            self._resume(running, value, problem, now_ns)
             self._collect()
 
     def close(self) -> None:
-        """End all scripts."""
+        """Close all scripts."""
         for running in self._all.values():
             running.script.close()
 
@@ -141,15 +141,15 @@ class LocalScripts:
             return
         for server in self._servers.values():
             if server.answers:
-                for asked, result in server.answers:
-                    refused = _raised(result) if isinstance(result, RefusedError) else None
-                    self._ready.append((self._waiting.pop(asked), None, refused))
+                for call_id, result in server.answers:
+                    refused = _call_refused(result) if isinstance(result, RefusedError) else None
+                    self._ready.append((self._waiting.pop(call_id), None, refused))
                 server.answers.clear()
 
-    def _go_on(self, running: _Running, value: object, problem: Exception | None, now_ns: int) -> None:
+    def _resume(self, running: _RunningScript, value: object, problem: Exception | None, now_ns: int) -> None:
         script = running.script
         try:
-            for _ in range(STEPS_IN_A_MOMENT):
+            for _ in range(MAX_STEPS_PER_MOMENT):
                 step = script.send(value) if problem is None else script.throw(problem)
                 value = problem = None
                 if isinstance(step, Sleep):
@@ -161,31 +161,31 @@ class LocalScripts:
                     value = now_ns
                 else:
                     running.calls += 1
-                    asked = Asked(running.caller, running.calls)
+                    call_id = CallId(running.caller, running.calls)
                     try:
-                        value = self._do(step, asked, now_ns)
+                        value = self._do(step, call_id, now_ns)
                     except (CallRefusedError, ServerNotFoundError) as refused:
                         problem = refused
                     if value is LATER:
-                        self._waiting[asked] = running
+                        self._waiting[call_id] = running
                         return
-            raise RuntimeError(f"{STEPS_IN_A_MOMENT} calls without a `sleep` or a wait between them")
+            raise RuntimeError(f"{MAX_STEPS_PER_MOMENT} calls without a `sleep` or a wait between them")
         except StopIteration:
             running.ended = True
         except Exception as raised:
             running.ended = True
             raise ScriptError(running.name, raised) from raised
 
-    def _do(self, step: Do, asked: Asked, now_ns: int) -> Any:
+    def _do(self, step: Do, call_id: CallId, now_ns: int) -> Any:
         server = self._servers.get(step.server)
         if server is None:
             known = ", ".join(self._servers)
             raise ServerNotFoundError(f"there is no server `{step.server}` in this run; there is {known}")
         try:
-            return server.do(asked, step.ask, now_ns)
+            return server.do(call_id, step.ask, now_ns)
         except RefusedError as refused:
-            raise _raised(refused) from None
+            raise _call_refused(refused) from None
 
 
-def _raised(refused: RefusedError) -> CallRefusedError:
+def _call_refused(refused: RefusedError) -> CallRefusedError:
     return CallRefusedError(refused.problem.code, refused.problem.message)

@@ -1,4 +1,4 @@
-"""Several scripts in parallel over live connections; when the leading one ends, all of them do.
+"""Several scripts in parallel over live connections; all end with the leading one.
 
 with LiveScripts(session, {"clerk": clerk(), "planner": planner(plan)}, leader="planner") as scripts:
     scripts.wait()
@@ -28,7 +28,9 @@ class LiveScripts:
 
     def __init__(self, session: Session, scripts: Mapping[str, Script], *, leader: str) -> None:
         if leader not in scripts:
-            raise ValueError(f"the leader `{leader}` is no script; expected one of {', '.join(scripts)}")
+            raise ValueError(
+                f"the leader `{leader}` is not among the scripts; expected one of {', '.join(scripts)}"
+            )
         self._session, self._leader = session, leader
         self._stop = Event()
         self._lock = Lock()
@@ -70,7 +72,7 @@ class LiveScripts:
         try:
             ended = run_script(self._session, script, name=name, stop=self._stop)
         except Exception as problem:
-            # Errors that follow from the common end, or from a first failure, are not reported.
+            # `_fail` reports only the first failure, and none after the end
             self._fail(name, problem)
         else:
             if ended and name == self._leader:

@@ -1,4 +1,4 @@
-"""Servers of your own, beside those that every robot has (thesis section 4.5.3).
+"""Servers of your own, besides those that every robot has (thesis section 4.5.3).
 
     class Charge(msgspec.Struct):
         amperes: float
@@ -8,7 +8,7 @@
         signal.signal(signal.SIGTERM, lambda *_: server.exitloop())
         server.mainloop(
             [method("charge", Charge, lambda caller, given: battery.charge(given.amperes))],
-            fields=[field("level", battery.level, meaning="how full it is, 0 to 1")],
+            fields=[field("level", battery.level, meaning="charge level, 0 to 1")],
         )
 
 Clients ask for `Ask("charge", Charge(2.0), None, "command")`, and a behavior reads `from Battery.level`.
@@ -54,7 +54,7 @@ class Server:
         environment: Mapping[str, str] = os.environ,
         report: Report = _to_stderr,
     ) -> Server:
-        """Announce a server; it answers in `mainloop`. `report` takes each error that the server survives.
+        """Announce a server; it answers in `mainloop`. `report` receives each error that the server survives.
 
         Raises:
             AlreadyRunningError: the robot already has a server of this name.
@@ -77,7 +77,7 @@ class Server:
         self._host.run()
 
     def exitloop(self) -> None:
-        """End `mainloop` soon, or as soon as it begins; from a signal handler, a handler, or any thread."""
+        """End `mainloop`, even before it begins; callable from any thread, handler or signal handler."""
         self._ending = True
         if self._host is not None:
             self._host.stop()

@@ -12,7 +12,7 @@ from colony.ir.types import Value
 from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.kit.description import Description, FieldDescription, MethodDescription, field_type
 from colony.runtime.protocol import calls, topics
-from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, RefusedError
+from colony.runtime.protocol.calls import CallDispatcher, CallId, Method, NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.messages import (
     Effect,
@@ -65,24 +65,24 @@ def method(
     handler: Callable[[Caller, A], object],
     *,
     right: Right = "command",
-    largest: int = calls.ARGUMENT_BYTES,
+    max_bytes: int = calls.MAX_ARGUMENT_BYTES,
 ) -> Method:
     """Return a method for a server. `handler` returns the result, or raises `RefusedError`.
 
-    Calls with more than `largest` bytes of arguments, in msgpack, are refused with the code "size".
+    Calls with more than `max_bytes` bytes of arguments, in msgpack, are refused with the code "size".
     """
 
-    def handle(asked: Asked, given: A, now_ns: int) -> object:
-        return handler(asked.caller, given)
+    def handle(call_id: CallId, given: A, now_ns: int) -> object:
+        return handler(call_id.caller, given)
 
-    return calls.method(name, arguments, handle, right=right, largest=largest)
+    return calls.method(name, arguments, handle, right=right, max_bytes=max_bytes)
 
 
 class Service(QuietNode):
     """A server of a user's methods and fields. Mutable: its connections, and the frames that it published.
 
-    An exception of a handler or a field is reported; the call is refused, or the field has no value, and the
-    server keeps running.
+    An exception in a handler or field is reported, and the server keeps running: the call is refused, or the
+    field has no value.
     """
 
     def __init__(self, name: str, methods: Iterable[Method], fields: Iterable[Field], report: Report) -> None:
@@ -95,14 +95,14 @@ class Service(QuietNode):
             fields=tuple(f.description for f in self._fields),
             methods=tuple(MethodDescription(name=m.name, right=m.right) for m in own),
         )
-        telling = calls.method("describe", Nothing, lambda *_: described, right="read")
+        describe = calls.method("describe", NoArguments, lambda *_: described, right="read")
         self._publisher = Publisher(
             name,
             self._read,
         )
-        self._desk = CallDesk(name, (*own, telling), full=lambda: self._publisher.reached)
+        self._calls = CallDispatcher(name, (*own, describe), full=lambda: self._publisher.reached)
         self._now_ns = 0
-        self.listens = (*self._desk.listens, *(self._publisher.listens if self._fields else ()))
+        self.listens = (*self._calls.listens, *(self._publisher.listens if self._fields else ()))
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         """Publish the fields on a tick or a fetch, and answer calls."""
@@ -112,12 +112,12 @@ class Service(QuietNode):
                 yield effect
                 yield from _answered(effect)
         else:
-            yield from self._desk.handle(message, now_ns)
+            yield from self._calls.handle(message, now_ns)
 
     def _guarded(self, guarded: Method) -> calls.Handler:
-        def handle(asked: Asked, arguments: Any, now_ns: int) -> object:
+        def handle(call_id: CallId, arguments: Any, now_ns: int) -> object:
             try:
-                return guarded.handler(asked, arguments, now_ns)
+                return guarded.handler(call_id, arguments, now_ns)
             except RefusedError:
                 raise
             except Exception as problem:

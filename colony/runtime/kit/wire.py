@@ -1,7 +1,7 @@
 """A conversation over the network, shared by the blocking and the asyncio connections.
 
-Network threads and user threads meet here under one lock, which is never held during a send: a send may wait
-for room, and the thread that makes room may need the lock.
+Network threads and user threads share one lock, which is never held during a send: a send may wait for room,
+and the thread that makes room may need the lock.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from typing import Any
 import zenoh
 
 from colony.runtime.kit.conversation import (
-    Begin,
     Conversation,
+    Deliver,
     Effect,
+    Listen,
     Outcome,
     Pending,
     Resolve,
     State,
-    Tell,
     Transmit,
 )
 from colony.runtime.kit.errors import CallRefusedError
@@ -31,7 +31,7 @@ from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.outbox import haste_of, publish
+from colony.runtime.transport.live.outbox import priority_of, publish
 
 monotonic = time.monotonic_ns
 
@@ -39,7 +39,7 @@ Deferred = Callable[[], None]
 
 
 class _Publisher:
-    """A publisher that one thread may release while another one sends. Mutable: whether it is released."""
+    """A publisher that one thread may release while another one sends. Mutable."""
 
     def __init__(self, publisher: zenoh.Publisher) -> None:
         self._publisher = publisher
@@ -81,9 +81,9 @@ class Wire:
             priority: the priority of all its calls.
             rights: the user's rights.
             ids: returns a new id every time.
-            begin: takes the connection whose replies have to be passed to `take` from now on.
-            notify: takes the server's notices.
-            defer: takes work that must not be done in a network thread, for another thread to do soon.
+            begin: receives the connection whose replies must be passed to `receive` from now on.
+            notify: receives the server's notices.
+            defer: schedules work that must not run in a network thread for another thread.
         """
         self.server = server
         self.network = network
@@ -92,14 +92,14 @@ class Wire:
         self._notify = notify
         self._defer = defer
         self._lock = Lock()
-        self._least = rights[0]
-        self._talk = Conversation(
+        self._default_right = rights[0]
+        self._conversation = Conversation(
             server=server,
             user=network.user,
             ids=ids,
             name=name,
             priority=priority,
-            least=self._least,
+            default_right=self._default_right,
         )
         self._publishers: dict[tuple[str, bool], _Publisher] = {}
 
@@ -108,7 +108,7 @@ class Wire:
     def open(self, resolve: Callable[[Outcome], None]) -> None:
         """Open the connection; `resolve` is called with the outcome."""
         with self._lock:
-            effects = list(self._talk.open(resolve, monotonic()))
+            effects = list(self._conversation.open(resolve, monotonic()))
         self._carry_out(effects)
 
     def submit(self, ask: Ask[Any], resolve: Callable[[Outcome], None]) -> Pending:
@@ -121,75 +121,75 @@ class Wire:
             raise CallRefusedError("right", self._not_allowed(ask))
         pending = Pending(ask, resolve)
         with self._lock:
-            effects = list(self._talk.ask(pending, monotonic()))
+            effects = list(self._conversation.ask(pending, monotonic()))
         self._carry_out(effects)
         return pending
 
-    def again(self, pending: Pending) -> None:
+    def resend(self, pending: Pending) -> None:
         """Send a call without an answer again."""
         with self._lock:
-            effects = list(self._talk.again(pending, monotonic()))
-        self._carry_out(effects, patient=False)
+            effects = list(self._conversation.resend(pending, monotonic()))
+        self._carry_out(effects, may_block=False)
 
     def forget(self, pending: Pending) -> None:
         """Drop a call whose answer is no longer awaited."""
         with self._lock:
-            self._talk.forget(pending)
+            self._conversation.forget(pending)
 
     def keep(self, ask: Ask[Any]) -> None:
         """Make this call again whenever the connection is reopened."""
         with self._lock:
-            self._talk.keep(ask)
+            self._conversation.keep(ask)
 
     def close(self) -> None:
-        """Notify the server, and close."""
+        """Close the connection, and notify the server."""
         with self._lock:
-            effects = list(self._talk.close(monotonic()))
+            effects = list(self._conversation.close(monotonic()))
         self._carry_out(effects)
         self._release()
 
     @property
-    def complaint(self) -> str:
+    def server_error(self) -> str:
         """The server's newest error that belongs to no call, such as why it refuses the connection."""
-        return self._talk.complaint
+        return self._conversation.server_error
 
     @property
     def openings(self) -> int:
-        """The number of times the connection was opened; above 1, it was lost in between."""
-        return self._talk.openings
+        """The number of times that the connection was opened; above 1, it was lost in between."""
+        return self._conversation.openings
 
     @property
     def is_open(self) -> bool:
         """True if, as far as is known, the server has this connection."""
-        return self._talk.state is State.OPEN
+        return self._conversation.state is State.OPEN
 
     # --- for the hub ---------------------------------------------------------------------------------
 
-    def tend(self) -> None:
+    def poll(self) -> None:
         """Resend calls that are due; called every 100 ms."""
         with self._lock:
-            effects = list(self._talk.tend(monotonic()))
-        self._carry_out(effects, patient=False)
+            effects = list(self._conversation.poll(monotonic()))
+        self._carry_out(effects, may_block=False)
 
     def presence(self, present: bool) -> None:
         """Handle the server's appearance on the network, or its loss."""
         with self._lock:
-            talk = self._talk
-            effects = list(talk.appeared(monotonic()) if present else talk.vanished())
-        self._carry_out(effects, patient=False)
+            conversation = self._conversation
+            effects = list(conversation.server_found(monotonic()) if present else conversation.server_lost())
+        self._carry_out(effects, may_block=False)
 
     # --- internals -----------------------------------------------------------------------------------
 
-    def _carry_out(self, effects: Iterable[Effect], *, patient: bool = True) -> None:
+    def _carry_out(self, effects: Iterable[Effect], *, may_block: bool = True) -> None:
         for effect in effects:
             match effect:
                 case Transmit(message):
-                    self._send(message, patient)
+                    self._send(message, may_block)
                 case Resolve(pending, outcome):
                     pending.resolve(outcome)
-                case Tell(notice):
+                case Deliver(notice):
                     self._notify(notice)
-                case Begin(connection):
+                case Listen(connection):
                     self._begin(self, connection)
 
     def _release(self) -> None:
@@ -197,30 +197,30 @@ class Wire:
         for publisher in publishers.values():
             publisher.release()
 
-    def take(self, message: Reply | Notice) -> None:
+    def receive(self, message: Reply | Notice) -> None:
         """Handle a reply of the server, in a network thread."""
         with self._lock:
-            effects = list(self._talk.take(message, monotonic()))
-        at_once = [e for e in effects if isinstance(e, (Resolve, Tell))]
+            effects = list(self._conversation.receive(message, monotonic()))
+        at_once = [e for e in effects if isinstance(e, (Resolve, Deliver))]
         if len(at_once) < len(effects):
-            later = [e for e in effects if not isinstance(e, (Resolve, Tell))]
-            self._defer(lambda: self._carry_out(later, patient=False))
+            later = [e for e in effects if not isinstance(e, (Resolve, Deliver))]
+            self._defer(lambda: self._carry_out(later, may_block=False))
         self._carry_out(at_once)
 
-    def _send(self, message: Call | Alive, patient: bool) -> None:
+    def _send(self, message: Call | Alive, may_block: bool) -> None:
         """Send a message; if not `patient`, drop it rather than wait for room."""
         network, topic = self.network, topics.calls(self.server)
-        key = keys.sending(network.robot, topic, message, user=network.user, least=self._least)
-        publisher = self._publishers.get((key, patient))
-        with suppress(zenoh.ZError):  # the id is released already, so the message is obsolete
+        key = keys.sending(network.robot, topic, message, user=network.user, least=self._default_right)
+        publisher = self._publishers.get((key, may_block))
+        with suppress(zenoh.ZError):  # the connection is released already, so the message is obsolete
             if publisher is None:
-                made = publish(self.network.session, key, haste=haste_of(message), patient=patient)
-                publisher = self._publishers[key, patient] = _Publisher(made)
+                made = publish(self.network.session, key, priority=priority_of(message), may_block=may_block)
+                publisher = self._publishers[key, may_block] = _Publisher(made)
             publisher.put(codec.encode(message))
 
     def _not_allowed(self, ask: Ask[Any]) -> str:
         may = ", ".join(self._rights)
         return (
             f"{self.server}.{ask.method} needs the right to {ask.right}, and {self.network.user} may only "
-            f"{may}: the table of users of the gateway says so"
+            f"{may}, by the gateway's table of users"
         )

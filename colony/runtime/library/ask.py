@@ -1,10 +1,10 @@
-"""Calls as data: functions of a library return them, and a connection makes them.
+"""Calls as data: the functions of a library return them, and connections make them.
 
     from colony.runtime.library import robot
 
     speed = connection.do(robot.speed_setting())
 
-So each function is written once, whether a program waits for the answer or awaits it.
+So each function serves both blocking and asyncio connections.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import msgspec
 
-from colony.runtime.protocol.calls import Nothing, Status
+from colony.runtime.protocol.calls import NoArguments, Status
 from colony.runtime.protocol.messages import Right
 
 T = TypeVar("T")
@@ -22,8 +22,8 @@ T = TypeVar("T")
 class Ask(NamedTuple, Generic[T]):
     """A call of `method` with `arguments`, under `right`; the result is a `reply`.
 
-    `repeatable`: the call may be made again if the server dies before it answers. `wait_s`: the time to wait
-    for the answer, if that is longer than the connection's own timeout.
+    `repeatable` is True if the call may be made again when the server crashes before it answers. `wait_s` is
+    the time to wait for the answer, if longer than the connection's timeout.
     """
 
     method: str
@@ -34,5 +34,5 @@ class Ask(NamedTuple, Generic[T]):
     wait_s: float | None = None
 
 
-STATUS: Ask[Status] = Ask("status", Nothing(), Status, "read", repeatable=True)
-"""Call of `status`: the connections of a server, and its limits that are reached."""
+STATUS: Ask[Status] = Ask("status", NoArguments(), Status, "read", repeatable=True)
+"""The call `status`: the connections of a server, and the limits that it reached."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.images import Image
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class GrabRows(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LockImage(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `lock`: the longest time to wait for the lock; 0 does not wait."""
+    """Arguments of `lock`: the longest time to wait for the lock, 0 for none."""
 
     wait_ns: int = 0
 
@@ -51,18 +51,18 @@ class SetPeriod(msgspec.Struct, frozen=True, kw_only=True):
 
 def size() -> Ask[ImageSize]:
     """Read the size of the images (`CameraGetSize`)."""
-    return Ask("size", Nothing(), ImageSize, "read", repeatable=True)
+    return Ask("size", NoArguments(), ImageSize, "read", repeatable=True)
 
 
 def grab() -> Ask[Image]:
     """Read the image that the server grabbed last; it is up to a period old (`CameraGrab`)."""
-    return Ask("grab", Nothing(), Image, "read", repeatable=True)
+    return Ask("grab", NoArguments(), Image, "read", repeatable=True)
 
 
 def grab_rows(first: int, count: int = 1) -> Ask[Image]:
     """Read a band of that image (`CameraGrabRow`).
 
-    Bands with the same `t_ns` are of the same image, as all are under the lock.
+    Bands with the same `t_ns` are of the same image; so are all that are read under the lock.
     """
     return Ask("grab_rows", GrabRows(first=first, count=count), Image, "read", repeatable=True)
 
@@ -70,8 +70,8 @@ def grab_rows(first: int, count: int = 1) -> Ask[Image]:
 def lock(wait_s: float = 0.0) -> Ask[None]:
     """Keep the image from being replaced until `unlock`, or until this connection ends (`CameraLock`).
 
-    If another connection holds the lock, the call waits for `wait_s`, behind connections of higher priority,
-    and is then refused with the code "locked".
+    If another connection holds the lock, the call waits up to `wait_s`, behind connections of higher
+    priority, and is then refused with the code "locked".
     """
     asked = LockImage(wait_ns=round(wait_s * 1e9))
     return Ask("lock", asked, type(None), "command", wait_s=wait_s + _MARGIN_S if wait_s > 0 else None)
@@ -79,12 +79,12 @@ def lock(wait_s: float = 0.0) -> Ask[None]:
 
 def unlock() -> Ask[None]:
     """Let the image be replaced again (`CameraUnLock`)."""
-    return Ask("unlock", Nothing(), type(None), "command")
+    return Ask("unlock", NoArguments(), type(None), "command")
 
 
 def period() -> Ask[int]:
     """Read the time from one image to the next, in nanoseconds."""
-    return Ask("period", Nothing(), int, "read", repeatable=True)
+    return Ask("period", NoArguments(), int, "read", repeatable=True)
 
 
 def set_period(seconds: float) -> Ask[None]:

@@ -5,15 +5,14 @@ They are those of thesis section 4.6.1:
     connection.do(data.set("PosX", 4))
     x = connection.do(data.get("PosX", type=int))
 
-A value is anything that msgspec can encode in msgpack: numbers, bools, strings, bytes, None, lists, mappings,
+A value is whatever msgspec can encode in msgpack: numbers, bools, strings, bytes, None, lists, mappings,
 dataclasses and structs. Numbers, bools and flat lists of them can also be fields of DServer's frames, which
 the sensors of programs bind to: frames show the variables that the program reads, and those that a connection
 asked for with `publish`. A name has 1 to 255 bytes of UTF-8.
 
-Acknowledged changes survive the death of the server. Each call is done once, however often it is repeated
-because no answer came. Besides the codes given below, calls are refused with "arguments"; "size", for a value
-or a call that is too large; "full", if the server has no room for more, or its disk has none for what must be
-kept.
+Acknowledged changes survive a crash of the server. Each call is executed once, even if it is repeated because
+no answer came. Besides the codes given below, calls are refused with "arguments"; "size" for a value or a
+call that is too large; "full" if the server or its disk has no room for more.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ class Set(msgspec.Struct, frozen=True, kw_only=True):
 class SetMany(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments of `set_many`: a mapping from variables to their new values, in msgpack.
 
-    It stays encoded, so that a server can check its length first.
+    It stays encoded, so that the server can check its length first.
     """
 
     values: msgspec.Raw
@@ -63,7 +62,7 @@ class SetMany(msgspec.Struct, frozen=True, kw_only=True):
         """Decode the mapping from variables to their values.
 
         Raises:
-            msgspec.DecodeError, UnicodeDecodeError: it is no such mapping.
+            msgspec.DecodeError, UnicodeDecodeError: it is not such a mapping.
         """
         return _raw_mapping.decode(self.values)
 
@@ -76,7 +75,7 @@ class Get(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class GetMany(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `get_many`: several variables, read at one moment."""
+    """Arguments of `get_many`: variables by name."""
 
     names: tuple[str, ...]
 
@@ -144,7 +143,7 @@ class Watch(msgspec.Struct, frozen=True, kw_only=True):
 # --- results ---------------------------------------------------------------------------------------
 
 
-class Dated(msgspec.Struct, frozen=True, kw_only=True):
+class TimedValue(msgspec.Struct, frozen=True, kw_only=True):
     """A value in msgpack, and the robot's time at which it was set."""
 
     t_ns: int
@@ -163,11 +162,11 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
     """The body of a notice about a variable: its value, or None if it was deleted."""
 
     name: str
-    present: Dated | None
+    present: TimedValue | None
 
 
 class SemaphoreState(msgspec.Struct, frozen=True, kw_only=True):
-    """A semaphore's value, and the connections that wait for it and that hold it, in their order."""
+    """A semaphore's value, and the connections that wait for it and that hold it, in order."""
 
     value: int
     waiting: tuple[str, ...]
@@ -187,7 +186,7 @@ def set(name: str, value: object) -> Ask[None]:
 
 
 def set_many(values: Mapping[str, object]) -> Ask[None]:
-    """Set several variables at one moment: no reader sees some of them old and some new.
+    """Set several variables at once: no reader sees some of them old and some new.
 
     At most 1,000 variables, and 1 MiB of names and values.
 
@@ -212,18 +211,18 @@ def get(name: str, back: int = 0, *, type: Any = Any) -> Ask[Any]:
 
 
 def get_many(names: Iterable[str]) -> Ask[dict[str, Any]]:
-    """Read the present values of several variables at one moment; refused like `get` if one has none."""
+    """Read the present values of several variables at once; refused like `get` if one has none."""
     return Ask("get_many", GetMany(names=tuple(names)), dict[str, Any], "read", repeatable=True)
 
 
-def history(name: str, back: int = 0, limit: int = 2000) -> Ask[tuple[Dated, ...]]:
+def history(name: str, back: int = 0, limit: int = 2000) -> Ask[tuple[TimedValue, ...]]:
     """Read up to `limit` values of a variable with their times, from value `back` on to older ones.
 
     0 is the present value, -1 the one before it. Refused with "unknown", and with "size" if the values are
     too large for one reply.
     """
     arguments = History(name=name, back=back, limit=limit)
-    return Ask("history", arguments, tuple[Dated, ...], "read", repeatable=True)
+    return Ask("history", arguments, tuple[TimedValue, ...], "read", repeatable=True)
 
 
 def set_history(name: str, length: int) -> Ask[None]:
@@ -267,14 +266,14 @@ def create_semaphore(name: str, value: int = 1) -> Ask[bool]:
 
 
 def wait(name: str, timeout_s: float | None = None, *, hold: bool = False) -> Ask[None]:
-    """Take one from a semaphore, or wait until it can be taken (`DATA_WAIT`), first come first served.
+    """Take a semaphore, or wait until it can be taken (`DATA_WAIT`), first come first served.
 
-    Refused with "timeout", "unknown", or "deleted". A client that died does not wait any more.
+    Refused with "timeout", "unknown", or "deleted". A lost connection no longer waits.
 
     Args:
         name: the semaphore.
-        timeout_s: the longest time to wait; 0 does not wait, None waits forever.
-        hold: True if the semaphore is to be released when this connection is lost.
+        timeout_s: the longest time to wait; 0 for none, None for no limit.
+        hold: True to release the semaphore when this connection is lost.
     """
     patient = timeout_s is None or timeout_s == math.inf
     if timeout_s is None or patient:
@@ -286,9 +285,9 @@ def wait(name: str, timeout_s: float | None = None, *, hold: bool = False) -> As
 
 
 def signal(name: str) -> Ask[None]:
-    """Put one back into a semaphore (`DATA_SIGNAL`): the first waiting connection gets it immediately.
+    """Signal a semaphore (`DATA_SIGNAL`): the first waiting connection gets it immediately.
 
-    A hold of this connection on it counts as released. Refused with "unknown".
+    This releases a hold of this connection on it. Refused with "unknown".
     """
     return Ask("signal", Named(name=name), type(None), "command", repeatable=True)
 
@@ -296,8 +295,8 @@ def signal(name: str) -> Ask[None]:
 def release(name: str) -> Ask[None]:
     """Release a semaphore that was taken with `hold`.
 
-    Refused with "not held" if it is not held any more: the connection was lost in between, so that another
-    one may have held it at the same time.
+    Refused with "not held" if this connection no longer holds it: it was lost in between, so another one may
+    have held the semaphore at the same time.
     """
     return Ask("release", Named(name=name), type(None), "command", repeatable=True)
 
@@ -327,16 +326,16 @@ def delete_semaphore(name: str) -> Ask[bool]:
 def watch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
     """Subscribe to notices about these variables, and all whose name begins with one of `prefixes`.
 
-    A notice comes for each that has a value already, and then each time one is set or deleted; its subject is
-    the name of the variable, its body a `Change`. When a connection is reopened, the notices continue from
-    the values of that moment. Further calls add to the subscription. When very many notices are due at one
-    moment, some come a little later, and a variable that changes again before its turn comes once.
+    A notice comes for each that has a value, and then each time one is set or deleted. Its subject is the
+    name of the variable, its body a `Change`. When a connection is reopened, the notices continue from the
+    values of that moment. Further calls add to the subscription. When very many notices are due, some come a
+    little later, and a variable that changes again before its turn gets a single notice.
     """
     return Ask("watch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True)
 
 
 def unwatch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
-    """Cancel notices about these variables and prefixes; about all, if none is given."""
+    """Cancel notices about these variables and prefixes, or all notices if none is given."""
     return Ask("unwatch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True)
 
 

@@ -1,15 +1,15 @@
-"""The emergency stop, as the Clock and every server of actuators accept it.
+"""The call for an emergency stop, which the Clock and every server of actuators accept.
 
     base.do(emergency.stop())
 
-Each server that gets this call stops by itself; the Clock alone releases the stop (`library/clock.py`). To
-stop a whole robot, and to know that it is stopped, use `colony.runtime.kit.emergency`.
+Each server that receives it stops its own actuators; only the Clock releases the stop (`library/clock.py`).
+To stop a whole robot, and know that it is stopped, use `colony.runtime.kit.emergency`.
 """
 
 from __future__ import annotations
 
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import EMERGENCY_STOP, Nothing
+from colony.runtime.protocol.calls import EMERGENCY_STOP, NoArguments
 from colony.runtime.protocol.fields import SERVERS
 
 ACTUATOR_SERVERS = tuple(s.name for s in SERVERS if s.commands or s.open_fields)
@@ -22,4 +22,4 @@ def stop() -> Ask[None]:
     At the Clock, the stop survives restarts of every process, the Clock included. The Clock refuses with the
     code "not kept" if it stops the robot but cannot write the stop to its file.
     """
-    return Ask(EMERGENCY_STOP, Nothing(), type(None), "stop", repeatable=True)
+    return Ask(EMERGENCY_STOP, NoArguments(), type(None), "stop", repeatable=True)

@@ -7,7 +7,7 @@ from typing import Literal
 import msgspec
 
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.calls import NoArguments
 
 LEADER = "Leader"
 """Name of the leader among the servers of a robot."""
@@ -18,7 +18,7 @@ Standing = Literal["alive", "late", "lost", "starting"]
 class ClientStanding(msgspec.Struct, frozen=True, kw_only=True):
     """A client of the network, by address: its standing in the newest frame, and its counts of frames.
 
-    `restarts` counts those of its process; `last_error` is the last line of output of a process that died.
+    `restarts` counts those of its process; `last_error` is the last line of output of a crashed process.
     """
 
     address: str
@@ -33,9 +33,9 @@ class ClientStanding(msgspec.Struct, frozen=True, kw_only=True):
 class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     """A run of a program: `frames` were decided, the newest of them k; `process` leads it.
 
-    All memory restarted in `restarts` of them. `commanded_by` has the client that commanded each actuator in
-    the newest frame, None for none. `disagreements` are frames in which the runtime did not do what the
-    program says: there should be none. `processes` has the ids of the processes that the leader started, by
+    All memory was restarted in `restarts` of them. `commanded_by` has the client that commanded each actuator
+    in the newest frame, None for none. `disagreements` counts frames in which the runtime deviated from the
+    program: it should be 0. `processes` has the ids of the processes that the leader started, by
     name.
     """
 
@@ -54,4 +54,4 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 def run_status() -> Ask[RunStatus]:
     """Read the state of the run."""
-    return Ask("run", Nothing(), RunStatus, "read", repeatable=True)
+    return Ask("run", NoArguments(), RunStatus, "read", repeatable=True)

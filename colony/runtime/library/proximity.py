@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import msgspec
 
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.calls import NoArguments
 
 
 class SonarReading(msgspec.Struct, frozen=True, kw_only=True):
@@ -21,7 +21,7 @@ class SonarReading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class InfraredReading(msgspec.Struct, frozen=True, kw_only=True):
-    """A flag for each of 24 detectors, True if it saw something at `t_ns`; a missing detector never does."""
+    """A flag for each of 24 detectors, True if it saw something at `t_ns`; False for a missing one."""
 
     t_ns: int
     seen: tuple[bool, ...]
@@ -35,12 +35,12 @@ class SetTimeouts(msgspec.Struct, frozen=True, kw_only=True):
 
 def sonar() -> Ask[SonarReading | None]:
     """Read the newest ranges; None while the device has none (`PROX_SONAR`)."""
-    return Ask("sonar", Nothing(), SonarReading | None, "read", repeatable=True)
+    return Ask("sonar", NoArguments(), SonarReading | None, "read", repeatable=True)
 
 
 def infrared() -> Ask[InfraredReading | None]:
     """Read the infrared detectors; None while the device has no values (`PROX_IR`)."""
-    return Ask("infrared", Nothing(), InfraredReading | None, "read", repeatable=True)
+    return Ask("infrared", NoArguments(), InfraredReading | None, "read", repeatable=True)
 
 
 def set_timeouts(ranges: Sequence[float]) -> Ask[None]:
@@ -54,4 +54,4 @@ def set_timeouts(ranges: Sequence[float]) -> Ask[None]:
 
 def timeouts() -> Ask[tuple[float, ...] | None]:
     """Read the ranges set last by `set_timeouts`; None if unset: the sonars use their full range."""
-    return Ask("timeouts", Nothing(), tuple[float, ...] | None, "read", repeatable=True)
+    return Ask("timeouts", NoArguments(), tuple[float, ...] | None, "read", repeatable=True)

@@ -9,12 +9,12 @@ Distances are in mm, angles in degrees, times in seconds; speeds and acceleratio
 degrees (`turn`, `continuous_turn`, `jog`) are positive clockwise, as in the thesis, and lower the heading,
 which grows counterclockwise; `drive` takes turning speeds as programs do, positive counterclockwise.
 
-Commands that move the base are arbitrated by the connection's priority. Over a program, a connection with a
-priority above its modules' drives in their place, one below them only while they are idle; a priority that
-another commander has is refused with the code "tie". `drive`, `go`, `jog` and `stop` hold for their lease,
-unless they are repeated; motions with an end hold until then. Other codes: "stopped" while the emergency stop
-is on, "locked" while another connection has the lock, "replaced", "bumper" and "stalled" for motions that
-ended early.
+Commands that move the base are arbitrated by the connection's priority. During a run, a connection with a
+priority above the modules' drives in their place, one below them only while they are idle; a priority that
+another commander has is refused with the code "tie". `drive`, `go`, `jog` and `stop` hold until their lease
+ends, unless they are repeated; other motions hold until they are done. Other codes: "stopped" while the
+emergency stop is on, "locked" while another connection has the lock, "replaced", "bumper" and "stalled" for
+motions that ended early.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import msgspec
 
 from colony.runtime.arbitration.motion import Mode
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.messages import Stopped
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 LEASE_S = 0.5
 """Seconds for which a command holds if it is not repeated."""
 
-KEEP = -1.0
-"""Stand-in for a velocity or acceleration: keep the one set last."""
+KEEP_SETTING = -1.0
+"""Value of a velocity or acceleration that keeps the one set last."""
 
 MOTION_WAIT_S = 3600.0
 """Seconds to wait for the end of a motion."""
@@ -70,7 +70,7 @@ class Jog(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Halt(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `stop`: immediately if `mode` is not 0, else gradually; then stand for `lease_s`."""
+    """Arguments of `stop`: immediately if `mode` is not 0, else gradually; then stand still for `lease_s`."""
 
     mode: int = 0
     lease_s: float = LEASE_S
@@ -79,12 +79,13 @@ class Halt(msgspec.Struct, frozen=True, kw_only=True):
 class Move(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments of `move`: a distance straight ahead; negative is backward.
 
-    A negative velocity or acceleration is the one set last. `wait`: the answer comes when the motion is done.
+    A negative velocity or acceleration is the one set last. With `wait`, the answer comes when the motion is
+    done.
     """
 
     distance: float
-    velocity: float = KEEP
-    acceleration: float = KEEP
+    velocity: float = KEEP_SETTING
+    acceleration: float = KEEP_SETTING
     wait: bool = True
 
 
@@ -92,8 +93,8 @@ class Turn(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments of `turn`: degrees clockwise on the spot, in deg/s and deg/s^2; otherwise like `Move`."""
 
     degrees: float
-    velocity: float = KEEP
-    acceleration: float = KEEP
+    velocity: float = KEEP_SETTING
+    acceleration: float = KEEP_SETTING
     wait: bool = True
 
 
@@ -102,8 +103,8 @@ class ContinuousTurn(msgspec.Struct, frozen=True, kw_only=True):
 
     degrees: float
     radius: float
-    velocity: float = KEEP
-    acceleration: float = KEEP
+    velocity: float = KEEP_SETTING
+    acceleration: float = KEEP_SETTING
     wait: bool = True
 
 
@@ -122,7 +123,7 @@ class SetBumper(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LockBase(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `lock`: the longest time to wait for the lock; 0 does not wait."""
+    """Arguments of `lock`: the longest time to wait for the lock, 0 for none."""
 
     wait_ns: int = 0
 
@@ -163,7 +164,7 @@ class ClientReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ActuatorReport(msgspec.Struct, frozen=True, kw_only=True):
-    """An actuator of the program: its clients, highest place first, and the newest note of its verdicts."""
+    """An actuator of the program: its clients, highest priority first, and its newest note."""
 
     name: str
     frames: int
@@ -186,7 +187,7 @@ class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
-    """The clients and connections that may move the base, and the one that does.
+    """The clients and connections that may move the base, and the one that does so.
 
     `run` is "" if no program is deployed, `leader` the connection that deployed it, `acting` the client or
     connection that commanded the newest frame. Connections are in the order of their priorities, those that
@@ -203,27 +204,27 @@ class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
     stopped: Stopped | None
 
 
-# --- asks ------------------------------------------------------------------------------------------
+# --- calls -----------------------------------------------------------------------------------------
 
 
 def drive(velocity: float, turn: float, lease: float = LEASE_S) -> Ask[None]:
     """Drive at `velocity` mm/s, turning `turn` deg/s counterclockwise, for `lease` s or until replaced."""
-    return _order("drive", Drive(velocity=velocity, turn=turn, lease_s=lease))
+    return _command("drive", Drive(velocity=velocity, turn=turn, lease_s=lease))
 
 
 def go(velocity: float, lease: float = LEASE_S) -> Ask[None]:
     """Go straight ahead, the heading held with error integration (`ROBOT_GO`)."""
-    return _order("go", Go(velocity=velocity, lease_s=lease))
+    return _command("go", Go(velocity=velocity, lease_s=lease))
 
 
 def proportional_go(velocity: float, lease: float = LEASE_S) -> Ask[None]:
     """Go straight ahead, the heading held without error integration."""
-    return _order("proportional_go", Go(velocity=velocity, lease_s=lease))
+    return _command("proportional_go", Go(velocity=velocity, lease_s=lease))
 
 
 def jog(rate: float, lease: float = LEASE_S) -> Ask[None]:
     """Turn at `rate` deg/s, positive clockwise, on top of this connection's forward motion (`ROBOT_JOG`)."""
-    return _order("jog", Jog(rate=rate, lease_s=lease))
+    return _command("jog", Jog(rate=rate, lease_s=lease))
 
 
 def stop(mode: int = 0, lease: float = LEASE_S) -> Ask[None]:
@@ -231,42 +232,46 @@ def stop(mode: int = 0, lease: float = LEASE_S) -> Ask[None]:
 
     Like every command it acts by the connection's priority; an emergency stop always does.
     """
-    return _order("stop", Halt(mode=mode, lease_s=lease))
+    return _command("stop", Halt(mode=mode, lease_s=lease))
 
 
 def move(
-    distance: float, velocity: float = KEEP, acceleration: float = KEEP, wait: bool = True
+    distance: float, velocity: float = KEEP_SETTING, acceleration: float = KEEP_SETTING, wait: bool = True
 ) -> Ask[float | None]:
     """Go `distance` mm straight ahead, backward if negative, and stand (`ROBOT_MOVE`).
 
     The reply is the distance that the base went, when it is done; None immediately, without `wait`.
     """
-    order = Move(distance=distance, velocity=velocity, acceleration=acceleration, wait=wait)
-    return _motion("move", order, wait)
+    arguments = Move(distance=distance, velocity=velocity, acceleration=acceleration, wait=wait)
+    return _motion("move", arguments, wait)
 
 
 def turn(
-    degrees: float, velocity: float = KEEP, acceleration: float = KEEP, wait: bool = True
+    degrees: float, velocity: float = KEEP_SETTING, acceleration: float = KEEP_SETTING, wait: bool = True
 ) -> Ask[float | None]:
     """Turn on the spot by `degrees`, positive clockwise, and stand (`ROBOT_TURN`).
 
     The reply is the angle that the base turned, when it is done; None immediately, without `wait`.
     """
-    order = Turn(degrees=degrees, velocity=velocity, acceleration=acceleration, wait=wait)
-    return _motion("turn", order, wait)
+    arguments = Turn(degrees=degrees, velocity=velocity, acceleration=acceleration, wait=wait)
+    return _motion("turn", arguments, wait)
 
 
 def continuous_turn(
-    degrees: float, radius: float, velocity: float = KEEP, acceleration: float = KEEP, wait: bool = True
+    degrees: float,
+    radius: float,
+    velocity: float = KEEP_SETTING,
+    acceleration: float = KEEP_SETTING,
+    wait: bool = True,
 ) -> Ask[float | None]:
     """Go along an arc of `radius` mm until the heading changed by `degrees`, positive clockwise; then stand.
 
     The reply is the angle that the base turned, when it is done; None immediately, without `wait`.
     """
-    order = ContinuousTurn(
+    arguments = ContinuousTurn(
         degrees=degrees, radius=radius, velocity=velocity, acceleration=acceleration, wait=wait
     )
-    return _motion("continuous_turn", order, wait)
+    return _motion("continuous_turn", arguments, wait)
 
 
 def adjust_position(dx: float, dy: float, dheading: float) -> Ask[None]:
@@ -281,12 +286,12 @@ def set_position(x: float, y: float, heading: float) -> Ask[None]:
 
 def position() -> Ask[Position]:
     """Read the position of the base (`ROBOT_GETPOS`)."""
-    return Ask("position", Nothing(), Position, "read", repeatable=True)
+    return Ask("position", NoArguments(), Position, "read", repeatable=True)
 
 
 def bumper() -> Ask[Bumpers]:
     """Read which bumpers touch something (`ROBOT_GETBMPR`)."""
-    return Ask("bumper", Nothing(), Bumpers, "read", repeatable=True)
+    return Ask("bumper", NoArguments(), Bumpers, "read", repeatable=True)
 
 
 def set_bumper(setting: int) -> Ask[None]:
@@ -299,25 +304,25 @@ def set_bumper(setting: int) -> Ask[None]:
 
 def mode() -> Ask[Mode]:
     """Read the mode of the base, which the last command set (`ROBOT_GETMODE`)."""
-    return Ask("mode", Nothing(), Mode, "read", repeatable=True)
+    return Ask("mode", NoArguments(), Mode, "read", repeatable=True)
 
 
 def speed_setting() -> Ask[float]:
     """Read the forward speed that was sent to the base last, in mm/s (`ROBOT_GETSPEED`)."""
-    return Ask("speed_setting", Nothing(), float, "read", repeatable=True)
+    return Ask("speed_setting", NoArguments(), float, "read", repeatable=True)
 
 
 def wheel_speed() -> Ask[float]:
     """Read the mean of the magnitudes of both wheels' measured speeds, in mm/s (`ROBOT_GETWSPEED`)."""
-    return Ask("wheel_speed", Nothing(), float, "read", repeatable=True)
+    return Ask("wheel_speed", NoArguments(), float, "read", repeatable=True)
 
 
 def lock(wait: bool = True, wait_s: float = 60.0) -> Ask[None]:
-    """Keep all others from moving the base, until `unlock` or this connection's end (`RobotLock`).
+    """Keep all others, and the program, from moving the base (`RobotLock`).
 
-    That includes the program. If another connection has the lock, the call waits for it up to `wait_s`,
-    behind connections of higher priority. Then, or immediately without `wait`, it is refused with the code
-    "locked".
+    The lock holds until `unlock` or the end of this connection. If another connection has it, the call waits
+    up to `wait_s`, behind connections of higher priority. Then, or immediately without `wait`, it is refused
+    with the code "locked".
     """
     asked = LockBase(wait_ns=round(wait_s * 1e9) if wait else 0)
     return Ask("lock", asked, type(None), "command", wait_s=wait_s + _MARGIN_S if wait else None)
@@ -325,12 +330,12 @@ def lock(wait: bool = True, wait_s: float = 60.0) -> Ask[None]:
 
 def unlock() -> Ask[None]:
     """Release the lock (`RobotUnlock`)."""
-    return Ask("unlock", Nothing(), type(None), "command")
+    return Ask("unlock", NoArguments(), type(None), "command")
 
 
 def arbitration() -> Ask[Arbitration]:
-    """Read which clients and connections may move the base, and which one does."""
-    return Ask("arbitration", Nothing(), Arbitration, "read", repeatable=True)
+    """Read which clients and connections may move the base, and which one does so."""
+    return Ask("arbitration", NoArguments(), Arbitration, "read", repeatable=True)
 
 
 def deploy(deployed: Deployment) -> Ask[None]:
@@ -342,9 +347,9 @@ def deploy(deployed: Deployment) -> Ask[None]:
     return Ask("deploy", deployed, type(None), "command", repeatable=True)
 
 
-def _order(method: str, order: msgspec.Struct) -> Ask[None]:
-    return Ask(method, order, type(None), "command")
+def _command(method: str, arguments: msgspec.Struct) -> Ask[None]:
+    return Ask(method, arguments, type(None), "command")
 
 
-def _motion(method: str, order: msgspec.Struct, wait: bool) -> Ask[float | None]:
-    return Ask(method, order, float | None, "command", wait_s=MOTION_WAIT_S if wait else None)
+def _motion(method: str, arguments: msgspec.Struct, wait: bool) -> Ask[float | None]:
+    return Ask(method, arguments, float | None, "command", wait_s=MOTION_WAIT_S if wait else None)

@@ -1,4 +1,4 @@
-"""Closing of several resources, even if one of them fails to close."""
+"""Closing of several resources, even if closing one of them fails."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ class Closable(Protocol):
         ...
 
 
-def close_all(things: Iterable[Closable]) -> None:
+def close_all(resources: Iterable[Closable]) -> None:
     """Close all in order, even if closing one fails; raise the first failure at the end."""
     failures: list[BaseException] = []
-    for thing in things:
+    for resource in resources:
         try:
-            thing.close()
+            resource.close()
         except BaseException as failure:
             failures.append(failure)
     if failures:

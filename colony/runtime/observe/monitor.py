@@ -1,12 +1,12 @@
-"""The monitor: it steps the whole client list over the frames that the clients saw.
+"""The monitor, which steps the whole client list over the frames that the clients saw.
 
 That yields the contracts broken in each frame, the limited, clamped and faulty commands, and a check of the
 runtime itself: while no client is late or lost, the verdicts are the decisions of the client list; otherwise
-they are these or idle. Where a client outside the network commanded, or a hold kept the network from
+they are these or idle. Where a connection outside the network commanded, or a hold kept the network from
 deciding, the client that was set aside is the one that would have won.
 
-Modules in Python run only in processes of their own: the monitor takes the answers that they announced. From
-a frame on in which one of them announced no answer, memory is unknown.
+Modules in Python run only in their own processes: the monitor takes the answers that they announced. After a
+frame in which one of them announced no answer, memory is unknown.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from colony.runtime.protocol.messages import UNHEARD, Fate, Verdict
 _NO_ANSWERS: Mapping[str, Answer] = {}
 
 
-class Checked(NamedTuple):
-    """The expected outcome of a frame, and the unexcused differences of the verdicts from it."""
+class CheckedFrame(NamedTuple):
+    """The expected outcome of a frame, and the differences of the verdicts from it that nothing excuses."""
 
     expected: Outcome
     disagreements: tuple[str, ...]
 
 
-class Restartable(Protocol):
+class RestartableExecutor(Protocol):
     """An executor that can restart from its initial memory, and exposes its memory.
 
     It takes the answers of modules in Python as input.
@@ -51,8 +51,8 @@ class Restartable(Protocol):
 class Keyframe(NamedTuple):
     """The memory before a frame, None if it is unknown.
 
-    `degraded` is True if a client has been lost since the memory was initial: then the effect of `on_loss
-    degrade` is unknown.
+    `degraded` is True if a client has been lost since the memory was initial; the effect of `on_loss degrade`
+    is then unknown.
     """
 
     memory: ProgramMemory | None
@@ -60,14 +60,14 @@ class Keyframe(NamedTuple):
 
 
 class Monitor:
-    """A monitor of the verdicts. Mutable: the executor's memory.
+    """The monitor of the verdicts. Mutable: the executor's memory.
 
-    `degrading` are the actuators with `on_loss degrade`: from a frame in which any client is lost, lesser
-    ones may command, so their verdicts are not compared until memory restarts. `modules` are those in Python.
+    `degrading` are the actuators with `on_loss degrade`. Once any client is lost, lesser clients may command
+    them, so their verdicts are not compared until memory restarts. `modules` are those in Python.
     """
 
     def __init__(
-        self, executor: Restartable, degrading: Iterable[str] = (), modules: Iterable[str] = ()
+        self, executor: RestartableExecutor, degrading: Iterable[str] = (), modules: Iterable[str] = ()
     ) -> None:
         self._executor = executor
         self._modules = frozenset(modules)
@@ -83,7 +83,7 @@ class Monitor:
         self._fresh, self._memory_unknown = True, False
 
     def lose_memory(self) -> None:
-        """Stop expecting anything until memory restarts: a frame was missed."""
+        """Stop comparing until memory restarts, because a frame was missed."""
         self._memory_unknown = True
 
     def keyframe(self) -> Keyframe:
@@ -96,12 +96,12 @@ class Monitor:
         verdicts: Mapping[str, Verdict],
         lost: Collection[str] = (),
         answers: Mapping[str, Answer] = _NO_ANSWERS,
-    ) -> Checked:
-        """Step a frame in which these clients are lost, and compare; skip actuators without a verdict."""
+    ) -> CheckedFrame:
+        """Step a frame in which these clients are lost, and compare the verdicts that were received."""
         if not self._modules <= answers.keys():
             self._memory_unknown = True
         if self._memory_unknown:
-            return Checked(Outcome(()), ())
+            return CheckedFrame(Outcome(()), ())
         self._fresh = False
         if lost:
             self._degraded.update(self._degrading)
@@ -111,7 +111,7 @@ class Monitor:
             for decision in expected.decisions
             if (verdict := verdicts.get(decision.actuator)) is not None
         )
-        return Checked(expected, tuple(text for text in found if text is not None))
+        return CheckedFrame(expected, tuple(text for text in found if text is not None))
 
     def _disagreement(self, decision: Decision, verdict: Verdict) -> str | None:
         same = (verdict.by, verdict.values, verdict.fault) == (decision.by, decision.values, decision.fault)
@@ -119,13 +119,13 @@ class Monitor:
             return None
         if not verdict.violation and (decision.actuator in self._degraded or _excused(decision, verdict)):
             return None
-        got = f"{verdict.by or 'nobody'} {verdict.values}"
-        due = f"{decision.by or 'nobody'} {decision.values}"
-        what = "two clients were active: " if verdict.violation else ""
-        return f"{decision.actuator}: {what}{got} was sent, by the client list it is {due}"
+        sent = f"{verdict.by or 'nobody'} {verdict.values}"
+        expected = f"{decision.by or 'nobody'} {decision.values}"
+        violation = "two clients were active: " if verdict.violation else ""
+        return f"{decision.actuator}: {violation}{sent} was sent; the client list gives {expected}"
 
 
-_PUT_ASIDE: frozenset[Fate] = frozenset({"overridden", "locked out", "stopped"})
+_SET_ASIDE: frozenset[Fate] = frozenset({"overridden", "locked out", "stopped"})
 
 
 def _any(verdict: Verdict, fates: frozenset[Fate]) -> bool:
@@ -138,5 +138,5 @@ def _excused(decision: Decision, verdict: Verdict) -> bool:
         return False
     if verdict.outside is None and verdict.hold is None:
         return _any(verdict, UNHEARD)
-    aside = {client for client, fate in verdict.fates if fate in _PUT_ASIDE}
+    aside = {client for client, fate in verdict.fates if fate in _SET_ASIDE}
     return aside <= {decision.by}

@@ -1,14 +1,14 @@
-"""The observer: it sees everything and commands nothing.
+"""The observer, which sees everything and commands nothing.
 
 It combines each frame with its verdicts, has the monitor check it, and passes it to the sinks (a recording, a
 summary, a progress line).
 
 A frame of a server that is killed while it publishes may reach the observer and no other node. When a tick
-declares it void, the monitor has stepped over a frame that no client saw, and could expect nothing for the
-rest of the run. Like a client to which this happens, the observer then asks the Clock for a new epoch.
+declares it void, the monitor has stepped over a frame that no client saw, so that its memory is wrong for the
+rest of the epoch. Like a client in this situation, the observer then asks the Clock for a new epoch.
 
-The answers of modules in Python come as frames, too. They delay no other frame: a frame waits for them as it
-waits for its verdicts, and proceeds without them after a timeout.
+The answers of modules in Python come as frames, too. A frame waits for them as for its verdicts, and proceeds
+without them after a timeout.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol, TypeVar
 
 from colony.ir.frame import Answer, Frame, Outcome
-from colony.runtime.frames.assembler import KEPT_NS, Assembled, FrameAssembler
+from colony.runtime.frames.assembler import FRAME_RETENTION_NS, Assembled, FrameAssembler
 from colony.runtime.observe.closing import close_all
 from colony.runtime.observe.monitor import Keyframe, Monitor
 from colony.runtime.protocol import topics
@@ -41,12 +41,12 @@ class FrameLog:
     """All data of one frame: the readings, each actuator's verdict, and the expected outcome.
 
     A verdict may be absent if a run broke off in the middle of a frame. `disagreements` describe differences
-    of the verdicts from `expected` although no client was late or lost: there should never be one. `restart`
-    is True if all memory restarted with this frame in the middle of a run; `requests` are those of the
-    clients, as they came (if they are observed). `skipped` frames before this one were missed for good; from
-    there to the next restart nothing is expected, as memory is unknown. `keyframe`, at least every
-    `KEYFRAME_NS`, has the memory before the frame. `answers` are those of modules in Python, as far as they
-    are known.
+    of the verdicts from `expected` that no late or lost client excuses: there should never be one. `restart`
+    is True if all memory restarted with this frame in the middle of a run. `requests` are those of the
+    clients in the order of their arrival, if they are observed. `skipped` is the number of frames before this
+    one that are lost; then nothing is expected until the next restart, because memory is unknown. `keyframe`,
+    at least every `KEYFRAME_NS`, has the memory before the frame. `answers` are those of modules in Python
+    that are known.
     """
 
     tick: Tick
@@ -84,39 +84,39 @@ class Sink(Protocol):
         ...
 
     def close(self) -> None:
-        """End the frames; called once, also after a failure."""
+        """End the frames; called once, even after a failure."""
         ...
 
 
 class _Waiting(NamedTuple):
-    """A frame that came at `came_ns`, after `skipped` missed ones, which may make memory unknown."""
+    """A frame that arrived at `arrived_ns`, after `skipped` lost ones, which may make memory unknown."""
 
     assembled: Assembled
-    came_ns: int
+    arrived_ns: int
     skipped: int
     memory_unknown: bool
 
 
 KEYFRAME_NS = 400_000_000
-"""Longest time in ns from a keyframe to the end of the last frame before the next one.
+"""Longest time, in nanoseconds, from a keyframe to the end of the last frame before the next keyframe.
 
-Longer frames exceed it. With the frame that is being decided it stays below half a second.
+Longer frames exceed it. Together with the frame that is being decided, it stays below half a second.
 """
 
 
 class Observer:
     """The node that observes a run.
 
-    Mutable: frames that still wait for verdicts, and the epoch of which it stepped over a void frame.
+    Mutable: frames that wait for verdicts, and the epoch in which it stepped over a void frame.
 
     Args:
-        assembler: the assembler of all sensors.
-        actuators: the actuators by name; a frame is complete with a verdict of each.
-        monitor: the checker of the frames.
-        sinks: the consumers of the frames.
-        heeded: servers whose requests are passed on too.
-        modules: the assembler of the modules in Python, if there are any.
-        frame_ns: the period of the program's frames.
+        assembler: assembler of all sensors.
+        actuators: names of the actuators; a frame is complete with a verdict of each.
+        monitor: checker of the frames.
+        sinks: consumers of the frames.
+        request_servers: servers whose requests are passed to the sinks, too.
+        modules: assembler of the modules in Python, if there are any.
+        frame_ns: period of the program's frames.
     """
 
     address = topics.OBSERVER
@@ -127,7 +127,7 @@ class Observer:
         actuators: tuple[str, ...],
         monitor: Monitor,
         sinks: tuple[Sink, ...],
-        heeded: tuple[str, ...] = (),
+        request_servers: tuple[str, ...] = (),
         *,
         modules: FrameAssembler | None = None,
         frame_ns: int = 0,
@@ -141,14 +141,14 @@ class Observer:
         self._verdicts: dict[int, dict[str, Verdict]] = {}
         self._requests: dict[int, dict[tuple[str, str], Request]] = {}
         self._answers: dict[int, dict[str, Answer]] = {}
-        self._heeds = bool(heeded)
+        self._collects_requests = bool(request_servers)
         self._first = True
         self._keyframe_ns: int | None = None
         self._frame_ns = frame_ns
         self._skipped, self._memory_unknown = 0, True
         self._contradicted: int | None = None
         listens = (*assembler.listens, *(modules.listens if modules else ()), topics.VERDICTS)
-        self.listens = tuple(dict.fromkeys((*listens, *(topics.requests(s) for s in heeded))))
+        self.listens = tuple(dict.fromkeys((*listens, *(topics.requests(s) for s in request_servers))))
 
     @property
     def deferred(self) -> tuple[str, ...]:
@@ -178,9 +178,9 @@ class Observer:
                     effects = (*effects, Send(topics.RESTARTS, restart))
             case Verdict():
                 if message.actuator in self._actuators:
-                    _kept(self._verdicts, message.k)[message.actuator] = message
+                    _partial(self._verdicts, message.k)[message.actuator] = message
             case Request():
-                _kept(self._requests, message.k).setdefault((message.actuator, message.client), message)
+                _partial(self._requests, message.k).setdefault((message.actuator, message.client), message)
             case _:
                 return ()
         while self._waiting and self._ready(self._waiting[0], now_ns):
@@ -188,7 +188,7 @@ class Observer:
         return effects
 
     def close(self) -> None:
-        """Pass on the frames that wait, and close the sinks in any case."""
+        """Pass the waiting frames to the sinks, and close the sinks even if that fails."""
         try:
             while self._waiting:
                 self._release()
@@ -196,20 +196,20 @@ class Observer:
             close_all(self._sinks)
 
     def _skip(self) -> None:
-        """Skip frames that are lost; note the epoch if a frame that was handed out has turned void."""
-        left_out = self._assembler.skip()
-        if not left_out:
+        """Skip frames that are lost; note the epoch if a frame that was handed out has become void."""
+        skipped = self._assembler.skip()
+        if not skipped:
             self._contradicted = self._assembler.start
-        self._skipped += left_out
+        self._skipped += skipped
         self._memory_unknown = True
 
     def _take_answers(self, message: Tick | ServerFrame) -> tuple[Effect, ...]:
-        """Note the answers of modules in Python; do not wait for one that is too far behind."""
+        """Note the answers of modules in Python; stop waiting for those that are too far behind."""
         if self._modules is None:
             return ()
         effects = self._modules.take(message)
         for assembled in self._modules.complete():
-            _kept(self._answers, assembled.tick.k).update(assembled.answers)
+            _partial(self._answers, assembled.tick.k).update(assembled.answers)
         if self._modules.lost:
             self._modules.skip()
         return effects
@@ -223,11 +223,11 @@ class Observer:
         k = first.assembled.tick.k
         answered = self._modules is None or k < self._modules.next
         if not answered or len(self._verdicts.get(k, ())) < len(self._actuators):
-            return now_ns - first.came_ns > KEPT_NS
-        return not self._heeds or self._heard(k) or len(self._waiting) > 1
+            return now_ns - first.arrived_ns > FRAME_RETENTION_NS
+        return not self._collects_requests or self._has_requests(k) or len(self._waiting) > 1
 
-    def _heard(self, k: int) -> bool:
-        """Return True if all requests that count in a frame's verdicts have come (perhaps after these)."""
+    def _has_requests(self, k: int) -> bool:
+        """Return True if all requests mentioned in a frame's verdicts have arrived, perhaps after them."""
         requests, verdicts = self._requests.get(k, {}), self._verdicts.get(k, {})
         return all(
             (actuator, client) in requests or fate in UNHEARD
@@ -238,8 +238,8 @@ class Observer:
     def _release(self) -> None:
         assembled, _, skipped, memory_unknown = self._waiting.popleft()
         tick, frame = assembled.tick, assembled.frame
-        verdicts, requests = _taken(self._verdicts, tick.k), _taken(self._requests, tick.k)
-        answers = _taken(self._answers, tick.k)
+        verdicts, requests = _pop_partial(self._verdicts, tick.k), _pop_partial(self._requests, tick.k)
+        answers = _pop_partial(self._answers, tick.k)
         if assembled.restart:
             self._monitor.restart()
         elif memory_unknown:
@@ -263,7 +263,7 @@ class Observer:
             sink.take(log)
 
     def _keyframe(self, t_ns: int, jumped: bool) -> Keyframe | None:
-        """Return the memory before a frame if it is due, or if frames are missing before it (`jumped`)."""
+        """Return the memory before a frame if a keyframe is due, or after missing frames (`jumped`)."""
         begun_ns = self._keyframe_ns
         if begun_ns is not None and t_ns + self._frame_ns - begun_ns <= KEYFRAME_NS and not jumped:
             return None
@@ -274,21 +274,21 @@ class Observer:
 K = TypeVar("K")
 V = TypeVar("V")
 
-_MOST_WAITING = 20_000
-"""Largest number of frames that are kept in part, before they are complete."""
+_MAX_PARTIAL_FRAMES = 20_000
+"""Largest number of incomplete frames that are kept."""
 
 
-def _kept(of: dict[int, dict[K, V]], k: int) -> dict[K, V]:
-    """Return the part of frame `k` that is kept so far."""
-    found = of.setdefault(k, {})
-    if len(of) > _MOST_WAITING:
-        del of[next(iter(of))]
+def _partial(partial: dict[int, dict[K, V]], k: int) -> dict[K, V]:
+    """Return what has arrived of frame `k`; add an entry for it if needed."""
+    found = partial.setdefault(k, {})
+    if len(partial) > _MAX_PARTIAL_FRAMES:
+        del partial[next(iter(partial))]
     return found
 
 
-def _taken(of: dict[int, dict[K, V]], k: int) -> dict[K, V]:
-    """Remove and return the part of frame `k` that is kept; drop older frames."""
-    found = of.pop(k, {})
-    for old in [at for at in of if at < k]:
-        del of[old]
+def _pop_partial(partial: dict[int, dict[K, V]], k: int) -> dict[K, V]:
+    """Remove and return what has arrived of frame `k`; drop older frames."""
+    found = partial.pop(k, {})
+    for old in [at for at in partial if at < k]:
+        del partial[old]
     return found

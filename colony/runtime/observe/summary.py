@@ -1,4 +1,4 @@
-"""Summary of a run: time in command, bumps, broken contracts; data first."""
+"""Summary of a run as data and as text: time in command, bumps, broken contracts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from colony.text.wording import counted
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Share:
-    """The frames and seconds in which `module` commanded; None: no module did."""
+    """The frames and seconds in which `module` commanded, or no module did (None)."""
 
     module: str | None
     frames: int
@@ -61,9 +61,9 @@ class TroubleSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InterventionSummary:
-    """Intervention over `actuator`, in `frames` frames, in which the network did not decide.
+    """An intervention at `actuator`: in `frames` frames the network did not decide.
 
-    The client `by` outside the network commanded, or `hold` was on.
+    The connection `by` commanded from outside the network, or `hold` was in force.
     """
 
     actuator: str
@@ -74,7 +74,7 @@ class InterventionSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Travel:
-    """Travel of a body: the number of times it began to touch something, and millimeters of path."""
+    """Travel of a robot: the number of times that it bumped into something, and the length of its path."""
 
     bumps: int
     distance_mm: float
@@ -82,14 +82,14 @@ class Travel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSummary:
-    """Summary of one run. `mean_speed_mm_s` is over its whole duration, `contracts` counts those watched.
+    """Summary of one run. `mean_speed_mm_s` is over its whole duration, `contracts` the number of contracts.
 
     `broke_off` is the reason why the run ended early, although no user interrupted it. `unwritten` are files
-    that could not be written after it.
+    that could not be written after the run.
 
-    `restarts` counts the restarts of all memory, `skipped` the frames missed for good, `unknown` the frames
-    in which memory was unknown, so that nothing was expected. On a real robot the travel is unknown: `bumps`
-    and the two after it are None.
+    `restarts` counts the restarts of all memory, `skipped` the frames that could not be observed, `unknown`
+    the frames in which memory was unknown, so that nothing was expected. On a real robot the travel is
+    unknown: `bumps`, `distance_mm` and `mean_speed_mm_s` are None.
     """
 
     robot: str
@@ -123,8 +123,8 @@ class RunSummary:
         return not self.breaches and not self.disagreements and self.broke_off is None
 
 
-_TROUBLES: tuple[Fate, ...] = ("late", "lost", "refused", "overruled")
-_MOST_DISAGREEMENTS = 10
+_REPORTED_FATES: tuple[Fate, ...] = ("late", "lost", "refused", "overruled")
+_MAX_DISAGREEMENTS = 10
 
 
 class Tally:
@@ -154,7 +154,7 @@ class Tally:
             if verdict.outside is not None or verdict.hold is not None:
                 self._interventions[name, verdict.outside, verdict.hold] += 1
             for client, fate in verdict.fates:
-                if fate in _TROUBLES:
+                if fate in _REPORTED_FATES:
                     self._troubles[client, fate] += 1
         self._records.update((r.kind, r.subject) for r in log.expected.records)
         t = log.frame.t_ns / 1e9
@@ -166,7 +166,7 @@ class Tally:
                 first_s=before.first_s if before else t,
                 last_s=t,
             )
-        if log.disagreements and len(self._disagreements) < _MOST_DISAGREEMENTS:
+        if log.disagreements and len(self._disagreements) < _MAX_DISAGREEMENTS:
             self._disagreements.extend(f"at {t:g} s, {text}" for text in log.disagreements)
 
     def close(self) -> None:
@@ -229,7 +229,7 @@ def _per(distance_mm: float, duration_s: float) -> float:
 
 
 def render(summary: RunSummary) -> str:
-    """Return the summary as plain text for people."""
+    """Return the summary as text for users."""
     end = ", interrupted" if summary.interrupted else ", broken off" if summary.broke_off else ""
     length = f"{summary.duration_s:.1f} s, {counted(summary.frames, 'frame')}"
     head = f"{summary.robot}: {length}, seed {summary.seed}{end}"
@@ -248,13 +248,15 @@ def render(summary: RunSummary) -> str:
         )
     lines += [f"  {r.subject}: {r.kind} in {counted(r.frames, 'frame')}" for r in summary.records]
     lines += [f"  client {t.client}: {t.fate} in {counted(t.frames, 'frame')}" for t in summary.troubles]
-    lines += [f"  {i.actuator}: {_told(i)} in {counted(i.frames, 'frame')}" for i in summary.interventions]
+    lines += [
+        f"  {i.actuator}: {_describe(i)} in {counted(i.frames, 'frame')}" for i in summary.interventions
+    ]
     if summary.restarts:
-        lines.append(f"  all memory began anew {counted(summary.restarts, 'time')}")
+        lines.append(f"  all memory restarted {counted(summary.restarts, 'time')}")
     if summary.skipped:
         lines.append(f"  {counted(summary.skipped, 'frame')} could not be observed")
     if summary.unknown:
-        lines.append(f"  {counted(summary.unknown, 'frame')} not held to the program: memory was not known")
+        lines.append(f"  {counted(summary.unknown, 'frame')} not checked: memory was unknown")
     lines += [
         f"  contract {b.contract}: BROKEN in {counted(b.frames, 'frame')}, "
         f"first at {b.first_s:g} s, last at {b.last_s:g} s"
@@ -267,16 +269,15 @@ def render(summary: RunSummary) -> str:
     return "\n".join(lines)
 
 
-def _told(intervention: InterventionSummary) -> str:
+def _describe(intervention: InterventionSummary) -> str:
     match intervention.hold:
         case None:
-            what = f"{intervention.by} commanded from outside the network"
+            return f"{intervention.by} commanded from outside the network"
         case "stopped":
-            what = "the EMERGENCY STOP was on (`colony stop --release` ends it)"
+            return "the EMERGENCY STOP was on (`colony stop --release` ends it)"
         case "locked" if intervention.by is not None:
-            what = f"{intervention.by} commanded, who has the lock,"
+            return f"{intervention.by}, which holds the lock, commanded"
         case "locked":
-            what = "somebody outside the network had the lock"
+            return "a connection outside the network held the lock"
         case _ as never:
             assert_never(never)
-    return what

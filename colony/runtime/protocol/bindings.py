@@ -40,9 +40,8 @@ class SensorBinding:
     def in_base_units(self, value: Value) -> Value:
         """Return the value that an executor computes with, for a value sent by the server.
 
-        A reading is a number in the declared unit, and recordings hold that number. So a value from hardware
-        is rounded to the base value of a number in the declared unit: otherwise no recording could represent
-        it.
+        Recordings hold readings as numbers in the declared unit. So a value from hardware is rounded to the
+        base value of such a number: otherwise no recording could represent it.
         """
         factor = self.factor
         if factor == 1.0:
@@ -63,8 +62,8 @@ class SensorBinding:
 class ActuatorBinding:
     """The binding of an actuator to `command` of `server`.
 
-    `places[i]` is the position in the actuator's fields of the command's parameter i, None where it is 0; an
-    empty tuple where the server takes the fields as they are.
+    `places[i]` is the index of the actuator's field for parameter i of the command, None if that is 0; empty
+    if the server takes the fields as they are.
     """
 
     actuator: str
@@ -85,7 +84,7 @@ def bind(robot: Robot, servers: tuple[ServerSpec, ...] = SERVERS) -> Bindings:
     """Find each sensor's field and each actuator's command among `servers`.
 
     Raises:
-        DiagnosticError: a sensor or actuator does not fit; every misfit is reported, at its declaration.
+        DiagnosticError: a sensor or actuator does not fit; every mismatch is reported at its declaration.
     """
     found: list[Diagnostic] = []
     sensors = [_bind_sensor(s, servers, found) for s in robot.sensors]
@@ -99,8 +98,8 @@ def bind(robot: Robot, servers: tuple[ServerSpec, ...] = SERVERS) -> Bindings:
     )
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a hint that names the known name nearest to `name`, or all known names."""
+def name_hint(name: str, known: Iterable[str]) -> str:
+    """Return a hint with the known name closest to `name`, or with all known names."""
     names = list(known)
     hint = did_you_mean(name, names)
     return hint or ("known are: " + ", ".join(names) if names else "there is none")
@@ -112,7 +111,7 @@ def _server(
     for server in servers:
         if server.name == declared.server:
             return server
-    hint = nearest(declared.server, (s.name for s in servers))
+    hint = name_hint(declared.server, (s.name for s in servers))
     found.append(
         error("R001", declared.span, f"`{declared.name}`: there is no server `{declared.server}`", hint)
     )
@@ -128,7 +127,7 @@ def _bind_sensor(
     if not server.open_fields:
         spec = next((f for f in server.fields if f.name == sensor.field), None)
         if spec is None:
-            hint = nearest(sensor.field, (f.name for f in server.fields))
+            hint = name_hint(sensor.field, (f.name for f in server.fields))
             what = f"`{sensor.name}`: {server.name} has no field `{sensor.field}`"
             found.append(error("R002", sensor.span, what, hint))
             return None
@@ -177,7 +176,7 @@ def _bind_actuator(
     if not server.open_fields:
         command = next((c for c in server.commands if c.name == actuator.command), None)
         if command is None:
-            hint = nearest(actuator.command, (c.name for c in server.commands))
+            hint = name_hint(actuator.command, (c.name for c in server.commands))
             what = f"`{actuator.name}`: {server.name} has no command `{actuator.command}`"
             found.append(error("R004", actuator.span, what, hint))
             return None
@@ -198,7 +197,7 @@ def _check_parameters(actuator: Actuator, command: CommandSpec, found: list[Diag
         spec = known.get(field.name)
         if spec is None:
             what = f"`{actuator.name}.{field.name}`: {actuator.server}.{command.name} takes no `{field.name}`"
-            found.append(error("R005", field.span, what, nearest(field.name, known)))
+            found.append(error("R005", field.span, what, name_hint(field.name, known)))
         elif not _fits(field.type, spec.type):
             what = f"`{actuator.name}.{field.name}` is {field.type}, but the command takes {spec.type}"
             found.append(error("R003", field.span, what, f"it is the {spec.meaning}"))

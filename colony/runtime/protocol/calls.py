@@ -1,16 +1,16 @@
-"""Call handling of a server: connections with priorities, typed methods, replies, and callers that die.
+"""Call handling of a server: connections with priorities and leases, typed methods, replies.
 
 The calls are those of thesis section 4.5.3. A server lists its methods and gives its messages to a
-`CallDesk`:
+`CallDispatcher`:
 
     METHODS = (method("level", Level, read_level, right="read"), ...)
-    desk = CallDesk("Battery", METHODS)
-    effects = desk.handle(message, now_ns)
+    dispatcher = CallDispatcher("Battery", METHODS)
+    effects = dispatcher.handle(message, now_ns)
 
 A connection begins with the call `open` and ends with the call `close`, or when its lease expires. A call
-that changes something is done once however often it arrives: a repeated call gets the same answer again. A
+that changes something is executed once, however often it arrives: a repeated call gets the same answer. A
 handler returns the result, raises `RefusedError`, or returns `LATER` and answers later through
-`CallDesk.answer`.
+`CallDispatcher.answer`.
 """
 
 from __future__ import annotations
@@ -39,34 +39,34 @@ from colony.runtime.protocol.messages import (
 )
 
 LEASE_NS = 750_000_000
-"""Lease of a connection, in ns: it is lost after that time without a sign of life (clients send 4 per s)."""
+"""Nanoseconds without a sign of life after which a connection is lost; clients send four a second."""
 
-ANSWER_BYTES = 8 * 1024 * 1024
+MAX_ANSWER_BYTES = 8 * 1024 * 1024
 """Byte limit of the replies kept for all connections together."""
 
 STOPS_KEPT = 256
-"""Number of replies to emergency stops that are kept, so that a repeated call is not a second stop."""
+"""Number of kept replies to emergency stops, so that a repeated call is not a second stop."""
 
-CONNECTIONS = 1000
+MAX_CONNECTIONS = 1000
 """Largest number of connections that a server has at a time."""
 
-CONNECTIONS_EACH = 500
+MAX_CONNECTIONS_PER_USER = 500
 """Largest number of connections of one user, so that a single user cannot take all of them."""
 
-MOST_REACHED = 16
+MAX_REACHED = 16
 """Largest number of sentences in `status` about connection limits that were reached."""
 
-LONGEST_NAME = 255
+MAX_NAME_LENGTH = 255
 """Largest number of characters of a connection's name; longer names are truncated."""
 
-WAITING_EACH = 256
+MAX_WAITING_PER_CONNECTION = 256
 """Largest number of calls of one connection that may wait for their answers."""
 
-ARGUMENT_BYTES = 64 * 1024
+MAX_ARGUMENT_BYTES = 64 * 1024
 """Largest size of the arguments, in bytes of msgpack, for a method that sets no limit of its own."""
 
 
-LONGEST_TEXT = 1000
+MAX_TEXT_LENGTH = 1000
 """Largest number of characters of a message for people; longer ones are truncated."""
 
 
@@ -74,17 +74,17 @@ class RefusedError(Exception):
     """A call that a server refuses to carry out.
 
     `code` is for programs: "arguments", "size", "method", "right", "closed", "malformed", "full", or one of
-    the server's own. Further codes are "flood", from the server's inbox, for a call that came too fast, and
+    the server's own. Further codes are "flood", from the server's inbox, for calls that came too fast, and
     "not kept", for an emergency stop that the Clock could not write to its file.
     """
 
     def __init__(self, code: str, message: str) -> None:
         super().__init__(message)
-        self.problem = Problem(code=code, message=message[:LONGEST_TEXT])
+        self.problem = Problem(code=code, message=message[:MAX_TEXT_LENGTH])
 
 
-class Asked(NamedTuple):
-    """A call whose answer is due."""
+class CallId(NamedTuple):
+    """A call by its caller and number, for the answer."""
 
     caller: Caller
     number: int
@@ -100,22 +100,22 @@ LATER: Final = Later()
 EMERGENCY_STOP = "emergency_stop"
 """Name of the method that stops a server's actuators."""
 
-Handler = Callable[[Asked, Any, int], object]
+Handler = Callable[[CallId, Any, int], object]
 """A function from the call, its arguments and the time to a result that msgspec can encode."""
 
 
 class Method(NamedTuple):
     """A method of a server: the struct of its arguments, its handler, and the right that it needs.
 
-    `largest` is the limit of the arguments in bytes. A `lasting` method continues to cost the server
-    something after its answer: the right to stop does not suffice for it.
+    `max_bytes` is the limit of the arguments in bytes. A `lasting` method keeps using the server
+    after its answer, such as a subscription: the right to stop does not suffice for it.
     """
 
     name: str
     arguments: type[msgspec.Struct]
     handler: Handler
     right: Right
-    largest: int = ARGUMENT_BYTES
+    max_bytes: int = MAX_ARGUMENT_BYTES
     lasting: bool = False
 
 
@@ -125,23 +125,23 @@ def method(
     handler: Handler,
     *,
     right: Right = "command",
-    largest: int = ARGUMENT_BYTES,
+    max_bytes: int = MAX_ARGUMENT_BYTES,
     lasting: bool = False,
 ) -> Method:
     """Return an entry of a server's method table.
 
-    Arguments of more than `largest` bytes are refused with the code "size" before they are decoded.
+    Arguments of more than `max_bytes` bytes are refused with the code "size" before they are decoded.
     """
-    return Method(name, arguments, handler, right, largest, lasting)
+    return Method(name, arguments, handler, right, max_bytes, lasting)
 
 
 class Open(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `open`: the connection's name, for people. Its priority is that of the call."""
+    """Arguments of `open`: the connection's name, for people. Its priority is that of the call `open`."""
 
     name: str
 
 
-class Nothing(msgspec.Struct, frozen=True, kw_only=True):
+class NoArguments(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments of a method that takes none."""
 
 
@@ -179,17 +179,17 @@ _RIGHTS: dict[Right, tuple[Right, ...]] = {
 """Rights with which a method of each kind may be called; the right to command includes stopping."""
 
 
-class CallDesk:
+class CallDispatcher:
     """The call handling of one server. Mutable: the connections and the replies sent to them.
 
     Args:
         server: the server's name.
         methods: the server's methods, besides the built-in `open`, `close` and `status`.
         admit: called before a connection opens; raises `RefusedError` to reject it.
-        lost: called when a connection ended, by `close` or by its lease; returns effects.
+        on_lost: called when a connection has ended, by `close` or by its lease; returns effects.
         stop: carries out an emergency stop, given the connection and the time; raises `RefusedError` if it
-            could not do all of it. Without it the server has nothing to stop.
-        full: returns sentences about limits that the server's other parts have reached, for `status`.
+            could not do all of it. None if the server has nothing to stop.
+        full: returns sentences for `status` about limits reached by other parts of the server.
     """
 
     def __init__(
@@ -198,7 +198,7 @@ class CallDesk:
         methods: Iterable[Method],
         *,
         admit: Callable[[Caller], None] = lambda caller: None,
-        lost: Callable[[Caller, int], Iterable[Effect]] = lambda caller, now_ns: (),
+        on_lost: Callable[[Caller, int], Iterable[Effect]] = lambda caller, now_ns: (),
         stop: Callable[[str, int], None] | None = None,
         full: Callable[[], Iterable[str]] = lambda: (),
     ) -> None:
@@ -207,12 +207,12 @@ class CallDesk:
         self._full = full
         own = (
             method("open", Open, lambda *_: None, right="read"),
-            method("close", Nothing, lambda *_: None, right="read"),
-            method("status", Nothing, self._status, right="read"),
+            method("close", NoArguments, lambda *_: None, right="read"),
+            method("status", NoArguments, self._status, right="read"),
         )
         self._methods = {m.name: (m, msgspec.msgpack.Decoder(m.arguments)) for m in (*own, *methods)}
         self._admit = admit
-        self._lost = lost
+        self._on_lost = on_lost
         self._connections: dict[str, Connection] = {}
         self._stops: OrderedDict[tuple[str, int], Effect] = OrderedDict()
         self._answer_bytes = 0
@@ -237,7 +237,7 @@ class CallDesk:
                     yield self._fail(message.connection, 0, _CLOSED)
             case Malformed():
                 self._malformed += 1
-                self._last_malformed = message.reason[:LONGEST_TEXT]
+                self._last_malformed = message.reason[:MAX_TEXT_LENGTH]
                 if message.connection is not None:
                     problem = Problem(code="malformed", message=f"{self._server}: {self._last_malformed}")
                     yield self._fail(message.connection, 0, problem)
@@ -246,21 +246,21 @@ class CallDesk:
             case _:
                 pass
 
-    def answer(self, asked: Asked, result: object) -> Iterator[Effect]:
+    def answer(self, call_id: CallId, result: object) -> Iterator[Effect]:
         """Send the result of a call whose handler returned `LATER`; do nothing if the caller is gone."""
-        yield from self._reply(asked, _result(asked, result))
+        yield from self._reply(call_id, _result(call_id, result))
 
-    def refuse(self, asked: Asked, refused: RefusedError) -> Iterator[Effect]:
+    def refuse(self, call_id: CallId, refused: RefusedError) -> Iterator[Effect]:
         """Refuse a call whose handler returned `LATER`; do nothing if the caller is gone."""
-        yield from self._reply(asked, _problem(asked, refused.problem))
+        yield from self._reply(call_id, _problem(call_id, refused.problem))
 
-    def settle(self, answers: Iterable[tuple[Asked, object]]) -> Iterator[Effect]:
+    def settle(self, answers: Iterable[tuple[CallId, object]]) -> Iterator[Effect]:
         """Answer calls whose handlers returned `LATER`; a `RefusedError` refuses its call."""
-        for asked, result in answers:
+        for call_id, result in answers:
             if isinstance(result, RefusedError):
-                yield from self.refuse(asked, result)
+                yield from self.refuse(call_id, result)
             else:
-                yield from self.answer(asked, result)
+                yield from self.answer(call_id, result)
 
     def notify(self, caller: Caller, subject: str, body: object) -> Iterator[Effect]:
         """Send a notice to a caller, if it is still connected."""
@@ -272,9 +272,9 @@ class CallDesk:
     # --- calls ---------------------------------------------------------------------------------------
 
     def _stop_at_once(self, stop: Callable[[str, int], None], call: Call, now_ns: int) -> Effect:
-        """Carry out an emergency stop, also without an open connection and regardless of priority.
+        """Carry out an emergency stop, even without an open connection, and regardless of priority.
 
-        A repeated call is not a second stop: the robot may have been released in the meantime.
+        A repeated call is not a second stop: the first may have been released in the meantime.
         """
         known = self._stops.get((call.connection, call.number))
         if known is not None:
@@ -314,54 +314,56 @@ class CallDesk:
         if number in connection.answers:
             yield Send(topics.replies(self._server, call.connection), connection.answers[number])
         elif number not in connection.pending and number > connection.forgotten:
-            full = len(connection.pending) >= WAITING_EACH
+            full = len(connection.pending) >= MAX_WAITING_PER_CONNECTION
             connection.pending.add(number)
             connection.calls += 1
             if full:
-                text = f"{self._server}: {WAITING_EACH} calls of this connection wait for answers already"
-                yield from self.refuse(Asked(connection.caller, number), RefusedError("full", text))
+                text = (
+                    f"{self._server}: this connection already has {MAX_WAITING_PER_CONNECTION} waiting calls"
+                )
+                yield from self.refuse(CallId(connection.caller, number), RefusedError("full", text))
             else:
                 yield from self._do(connection, call, now_ns)
 
     def _do(self, connection: Connection, call: Call, now_ns: int) -> Iterator[Effect]:
-        asked = Asked(connection.caller, call.number)
+        call_id = CallId(connection.caller, call.number)
         known = self._methods.get(call.method)
-        # a repeated read is carried out again instead of kept: its answer may be large
+        # answers to reads may be large, so they are not kept: a repeated read is executed again
         kept = known is not None and known[0].right != "read"
         try:
-            result = self._result_of(asked, call, now_ns)
+            result = self._result_of(call_id, call, now_ns)
         except RefusedError as refused:
-            yield from self._reply(asked, _problem(asked, refused.problem), kept=kept)
+            yield from self._reply(call_id, _problem(call_id, refused.problem), kept=kept)
             return
         if not isinstance(result, Later):
-            yield from self._reply(asked, _result(asked, result), kept=kept)
+            yield from self._reply(call_id, _result(call_id, result), kept=kept)
         if call.method == "close":
             yield from self._end(call.connection, now_ns)
 
-    def _result_of(self, asked: Asked, call: Call, now_ns: int) -> object:
+    def _result_of(self, call_id: CallId, call: Call, now_ns: int) -> object:
         found = self._methods.get(call.method)
         if found is None:
-            known, name = ", ".join(self._methods), call.method[:LONGEST_NAME]
+            known, name = ", ".join(self._methods), call.method[:MAX_NAME_LENGTH]
             raise RefusedError("method", f"{self._server} has no method `{name}`; it has {known}")
         called, decoder = found
         where = f"{self._server}.{called.name}"
         if call.right not in _RIGHTS[called.right] or (called.lasting and call.right == "stop"):
             raise RefusedError("right", f"{where} needs the right to {called.right}, not to {call.right}")
-        if call.priority != asked.caller.priority:
-            mine = asked.caller.priority
+        if call.priority != call_id.caller.priority:
+            mine = call_id.caller.priority
             raise RefusedError(
                 "arguments", f"{where}: the connection has priority {mine}, not {call.priority}"
             )
         size = len(memoryview(call.arguments))
-        if size > called.largest:
+        if size > called.max_bytes:
             raise RefusedError(
-                "size", f"{where}: {size} bytes of arguments; expected at most {called.largest}"
+                "size", f"{where}: {size} bytes of arguments; expected at most {called.max_bytes}"
             )
         try:
             arguments = decoder.decode(call.arguments)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
             raise RefusedError("arguments", f"{where}: {problem}") from None
-        return called.handler(asked, arguments, now_ns)
+        return called.handler(call_id, arguments, now_ns)
 
     def _open(self, call: Call, now_ns: int) -> tuple[Connection | None, Problem]:
         try:
@@ -369,11 +371,13 @@ class CallDesk:
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
             return None, Problem(code="arguments", message=f"{self._server}.open: {problem}")
         user = topics.user_of(call.connection)
-        if len(self._connections) >= CONNECTIONS:
-            return None, self._no_room(f"{self._server} has {CONNECTIONS} connections already")
-        if sum(c.caller.user == user for c in self._connections.values()) >= CONNECTIONS_EACH:
-            return None, self._no_room(f"{self._server} has {CONNECTIONS_EACH} connections of {user} already")
-        caller = Caller(call.connection, opening.name[:LONGEST_NAME], call.priority, user)
+        if len(self._connections) >= MAX_CONNECTIONS:
+            return None, self._no_room(f"{self._server} already has {MAX_CONNECTIONS} connections")
+        if sum(c.caller.user == user for c in self._connections.values()) >= MAX_CONNECTIONS_PER_USER:
+            return None, self._no_room(
+                f"{self._server} has {MAX_CONNECTIONS_PER_USER} connections of {user} already"
+            )
+        caller = Caller(call.connection, opening.name[:MAX_NAME_LENGTH], call.priority, user)
         try:
             self._admit(caller)
         except RefusedError as refused:
@@ -387,35 +391,35 @@ class CallDesk:
         return Problem(code="full", message=text)
 
     def _note(self, reached: str) -> None:
-        if len(self._reached) < MOST_REACHED:
+        if len(self._reached) < MAX_REACHED:
             self._reached[reached] = None
 
-    def _reply(self, asked: Asked, reply: Reply, *, kept: bool = True) -> Iterator[Effect]:
-        connection = self._connections.get(asked.caller.connection)
+    def _reply(self, call_id: CallId, reply: Reply, *, kept: bool = True) -> Iterator[Effect]:
+        connection = self._connections.get(call_id.caller.connection)
         if connection is None:
             return
         connection.pending.discard(reply.number)
         if kept:
             self._answer_bytes += connection.keep(reply)
-            if self._answer_bytes > ANSWER_BYTES:
+            if self._answer_bytes > MAX_ANSWER_BYTES:
                 self._forget_answers()
         if reply.problem is not None:
             connection.problems += 1
             connection.last_problem = reply.problem.message
-        yield Send(topics.replies(self._server, asked.caller.connection), reply)
+        yield Send(topics.replies(self._server, call_id.caller.connection), reply)
 
     def _forget_answers(self) -> None:
-        """Drop answers of the connection with the most of them, oldest first, perhaps even the newest."""
+        """Drop answers of the connection with the most bytes of them, oldest first, if need be all."""
         most = max(self._connections.values(), key=lambda each: each.answer_bytes)
-        while self._answer_bytes > ANSWER_BYTES and most.answers:
+        while self._answer_bytes > MAX_ANSWER_BYTES and most.answers:
             self._answer_bytes -= most.forget_oldest()
-        self._note(f"{self._server} keeps {ANSWER_BYTES >> 20} MiB of answers, and forgets the oldest")
+        self._note(f"{self._server} keeps {MAX_ANSWER_BYTES >> 20} MiB of answers, and forgets the oldest")
 
     def _fail(self, connection: str, number: int, problem: Problem) -> Effect:
         reply = Reply(connection=connection, number=number, problem=problem)
         return Send(topics.replies(self._server, connection), reply)
 
-    def _status(self, asked: Asked, arguments: object, now_ns: int) -> Status:
+    def _status(self, call_id: CallId, arguments: object, now_ns: int) -> Status:
         return Status(
             server=self._server,
             connections=tuple(
@@ -438,7 +442,7 @@ class CallDesk:
     # --- leases --------------------------------------------------------------------------------------
 
     def _watch(self, now_ns: int) -> Iterator[Effect]:
-        """Schedule a wake for the time at which the next connection could be lost."""
+        """Schedule a wake for the earliest time at which a lease could expire."""
         if not self._connections:
             self._alarm = None
             return
@@ -459,16 +463,16 @@ class CallDesk:
     def _end(self, connection: str, now_ns: int) -> Iterator[Effect]:
         ended = self._connections.pop(connection)
         self._answer_bytes -= ended.answer_bytes
-        yield from self._lost(ended.caller, now_ns)
+        yield from self._on_lost(ended.caller, now_ns)
 
 
 _CLOSED = Problem(code="closed", message="the connection is not open, or was lost")
 
 
-def _result(asked: Asked, result: object) -> Reply:
+def _result(call_id: CallId, result: object) -> Reply:
     raw = msgspec.Raw(msgspec.msgpack.encode(result))
-    return Reply(connection=asked.caller.connection, number=asked.number, result=raw)
+    return Reply(connection=call_id.caller.connection, number=call_id.number, result=raw)
 
 
-def _problem(asked: Asked, problem: Problem) -> Reply:
-    return Reply(connection=asked.caller.connection, number=asked.number, problem=problem)
+def _problem(call_id: CallId, problem: Problem) -> Reply:
+    return Reply(connection=call_id.caller.connection, number=call_id.number, problem=problem)

@@ -1,7 +1,7 @@
 """Encoding of messages: one version byte, then msgpack. Incoming messages are checked against the types.
 
-A message that is too large, of another version, or not of its type is never half-read: `decode` raises
-`MessageFormatError`, which says what was found, where, and what was expected.
+`decode` raises `MessageFormatError` for a message that is too large, of another version, or malformed. The
+error says what was found, where, and what was expected.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from colony.runtime.protocol.messages import (
     Recall,
     Request,
     Restart,
-    Sent,
+    SentMessage,
     ServerFrame,
     Tick,
     Verdict,
-    Wire,
+    WireMessage,
 )
 
 VERSION = 1
@@ -33,21 +33,22 @@ Once a version is released, a field with a default may be added at the end of a 
 a new version.
 """
 
-LARGEST = 4 * 1024 * 1024
+MAX_MESSAGE_BYTES = 4 * 1024 * 1024
 """Byte limit of a message: enough for a color image of 1280x960 and its metadata."""
 
-_LARGEST: dict[type, int] = {
+_MAX_BYTES: dict[type, int] = {
     **dict.fromkeys((Tick, Verdict, Checkpoint, Recall), 1024 * 1024 + 65_536),
     ServerFrame: 256 * 1024,
     **dict.fromkeys((Batch, Request, Announcement, Fetch, Ready, Restart), 65_536),
 }
 """Byte limits of the kinds of messages that make up frames.
 
-Many small values take long to decode, and these messages are decoded in every frame.
+They are smaller because many small values take long to decode, in every frame.
 """
 
-_LARGEST_BY_TAG = {
-    msgspec.msgpack.encode(kind.__name__): _LARGEST.get(kind, LARGEST) for kind in get_args(Wire)
+_MAX_BYTES_BY_TAG = {
+    msgspec.msgpack.encode(kind.__name__): _MAX_BYTES.get(kind, MAX_MESSAGE_BYTES)
+    for kind in get_args(WireMessage)
 }
 """Byte limits of all kinds by tag, which is the name of the kind in msgpack."""
 
@@ -55,9 +56,9 @@ _TAG_AT = 2
 """Index of the tag in a message, after the version and the length of the array."""
 
 
-def largest(kind: type) -> int:
+def max_bytes(kind: type) -> int:
     """Return the byte limit for messages of a kind."""
-    return _LARGEST.get(kind, LARGEST)
+    return _MAX_BYTES.get(kind, MAX_MESSAGE_BYTES)
 
 
 _PREFIX = bytes([VERSION])
@@ -73,24 +74,24 @@ class MessageFormatError(ValueError):
 
 
 _encoder = msgspec.msgpack.Encoder()
-_decoder: msgspec.msgpack.Decoder[Sent] = msgspec.msgpack.Decoder(Sent)
-_decoder_of_all: msgspec.msgpack.Decoder[Wire] = msgspec.msgpack.Decoder(Wire)
+_decoder: msgspec.msgpack.Decoder[SentMessage] = msgspec.msgpack.Decoder(SentMessage)
+_decoder_of_all: msgspec.msgpack.Decoder[WireMessage] = msgspec.msgpack.Decoder(WireMessage)
 
 
-def encode(message: Wire) -> bytes:
+def encode(message: WireMessage) -> bytes:
     """Encode a message.
 
     Raises:
         ValueError: the message exceeds the limit of its kind.
     """
     data = _PREFIX + _encoder.encode(message)
-    most = largest(type(message))
+    most = max_bytes(type(message))
     if len(data) > most:
         raise ValueError(f"{type(message).__name__}: {len(data)} bytes; expected at most {most}")
     return data
 
 
-def decode(data: bytes) -> Sent:
+def decode(data: bytes) -> SentMessage:
     """Decode a message.
 
     Raises:
@@ -99,7 +100,7 @@ def decode(data: bytes) -> Sent:
     return _decoded(data, _decoder)
 
 
-def decode_all(data: bytes) -> tuple[Sent, ...]:
+def decode_all(data: bytes) -> tuple[SentMessage, ...]:
     """Decode a message, or the messages of a batch.
 
     Raises:
@@ -108,9 +109,9 @@ def decode_all(data: bytes) -> tuple[Sent, ...]:
     found = _decoded(data, _decoder_of_all)
     if not isinstance(found, Batch):
         return (found,)
-    if count(data) != len(found.messages):  # msgpack has several ways to write a batch; only one is counted
+    if count(data) != len(found.messages):  # `count` knows only the shortest form
         raise MessageFormatError(
-            "the length of the batch cannot be counted: it is not in its shortest encoding"
+            "the length of the batch cannot be counted: it is not encoded in the shortest form"
         )
     return found.messages
 
@@ -131,7 +132,7 @@ def count(data: bytes) -> int:
 
 
 def _decoded(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:
-    if len(data) > (most := _largest_here(data)):
+    if len(data) > (most := _max_bytes_of(data)):
         raise MessageFormatError(f"{len(data)} bytes; expected at most {most}")
     if data[:1] != _PREFIX:
         found = f"version {data[0]}" if data else "nothing"
@@ -142,7 +143,7 @@ def _decoded(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:
         raise MessageFormatError(str(problem) or type(problem).__name__) from None
 
 
-def _largest_here(data: bytes) -> int:
+def _max_bytes_of(data: bytes) -> int:
     """Return the byte limit for messages that begin like these bytes.
 
     A message whose tag is not where `encode` puts it gets the smallest limit.
@@ -150,7 +151,7 @@ def _largest_here(data: bytes) -> int:
     if len(data) <= _SMALLEST_LIMIT:
         return _SMALLEST_LIMIT
     tag = data[_TAG_AT : _TAG_AT + 1 + (data[_TAG_AT] & 0x1F)]  # a short string of msgpack, with its length
-    return _LARGEST_BY_TAG.get(tag, _SMALLEST_LIMIT)
+    return _MAX_BYTES_BY_TAG.get(tag, _SMALLEST_LIMIT)
 
 
-_SMALLEST_LIMIT = min(_LARGEST.values())
+_SMALLEST_LIMIT = min(_MAX_BYTES.values())

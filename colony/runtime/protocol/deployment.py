@@ -1,8 +1,8 @@
-"""Deployment of a program: what the servers must know of it, such as clients, priorities and frame period.
+"""Deployment of a program: the part that servers must know, such as clients, priorities and frame period.
 
 A deployment is a message, so that the program itself may run anywhere. The leader of a run deploys the
-program at the Clock and at every server that an actuator is bound to, and again at each of these that was
-restarted. While the leader is connected, no other process may deploy.
+program at the Clock and at every server with a bound actuator, and again at each of these that restarts.
+While the leader is connected, no other process may deploy.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from colony.ir.types import Bool, ScalarValue
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings
 from colony.runtime.protocol.fields import DSERVER
-from colony.runtime.protocol.plausibility import NUMBER_NS
+from colony.runtime.protocol.plausibility import FRAME_NUMBER_NS
 
-SHORTEST_FRAME_NS = NUMBER_NS
-LONGEST_FRAME_NS = 3_600_000_000_000
+MIN_FRAME_NS = FRAME_NUMBER_NS
+MAX_FRAME_NS = 3_600_000_000_000
 """Limits of a robot's frame period, in nanoseconds.
 
 Faster frames would run out of numbers (see `clock.py`); with slower ones a lost client would go unnoticed for
 hours.
 """
 
-DEPLOYMENT_BYTES = 256 * 1024
+MAX_DEPLOYMENT_BYTES = 256 * 1024
 """Byte limit of a deployment, in msgpack, that the method `deploy` of a server decodes."""
 
 
-MOST_CLIENTS = 2000
+MAX_CLIENTS = 2000
 """Largest number of clients of all actuators of a program: each frame carries the fate of every client."""
 
-MOST_OTHERS = 1000
-"""Largest number, each, of actuators, fields of one, Python modules, servers and variables in a deployment.
+MAX_ITEMS = 1000
+"""Largest number, each, of actuators, fields of one, Python modules, servers and variables of a deployment.
 """
 
-MOST_TOLD = 5
-"""Largest number of names or priorities in the message about a problem."""
+MAX_REPORTED = 5
+"""Largest number of names or priorities listed in a message."""
 
-LONGEST_NAME = 255
+MAX_NAME_LENGTH = 255
 """Largest number of characters of any name in a deployment."""
 
 
@@ -60,9 +60,9 @@ class FieldTable(msgspec.Struct, frozen=True, kw_only=True):
 class ActuatorTable(msgspec.Struct, frozen=True, kw_only=True):
     """An actuator as its server arbitrates it.
 
-    `places[i]` is the position among its fields of parameter i of the server's `command`, None where that is
-    0; empty where the server takes the fields as they are. `idle` is in base units, None for `idle hold`.
-    `clients` are by name and priority, highest first.
+    `places[i]` is the index of the field for parameter i of the server's `command`, None if that is 0; empty
+    if the server takes the fields as they are. `idle` is in base units, None for `idle hold`. `clients` are
+    names and priorities, highest first.
     """
 
     name: str
@@ -76,7 +76,7 @@ class ActuatorTable(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Deployment(msgspec.Struct, frozen=True, kw_only=True):
-    """A program on a robot. `run` is different for every run; "" stands for a robot without a program.
+    """A program on a robot. `run` is unique to the run; "" stands for a robot without a program.
 
     `announced` are the modules in Python whose answers DServer relays; `seed` is that of `Runtime.random`;
     `servers` are read besides those that every robot has. `lockstep`: each frame begins as soon as the one
@@ -126,7 +126,7 @@ def variables_read(bindings: Bindings) -> tuple[str, ...]:
     return tuple(dict.fromkeys(b.field for b in bindings.sensors if b.server == DSERVER.name))
 
 
-def commanded_by(deployed: Deployment, server: str) -> tuple[ActuatorTable, ...]:
+def actuators_of(deployed: Deployment, server: str) -> tuple[ActuatorTable, ...]:
     """Return the actuators that are bound to a server."""
     return tuple(table for table in deployed.actuators if table.server == server)
 
@@ -152,38 +152,38 @@ def problems(deployed: Deployment) -> tuple[str, ...]:
 def _too_many(deployed: Deployment) -> Iterator[str]:
     tables = deployed.actuators
     counts = [
-        ("clients", sum(len(table.clients) for table in tables), MOST_CLIENTS),
-        ("actuators", len(tables), MOST_OTHERS),
-        ("fields of an actuator", max((len(t.fields) for t in tables), default=0), MOST_OTHERS),
-        ("modules in Python", len(deployed.announced), MOST_OTHERS),
-        ("servers", len(deployed.servers), MOST_OTHERS),
-        ("variables", len(deployed.reads), MOST_OTHERS),
+        ("clients", sum(len(table.clients) for table in tables), MAX_CLIENTS),
+        ("actuators", len(tables), MAX_ITEMS),
+        ("fields of an actuator", max((len(t.fields) for t in tables), default=0), MAX_ITEMS),
+        ("modules in Python", len(deployed.announced), MAX_ITEMS),
+        ("servers", len(deployed.servers), MAX_ITEMS),
+        ("variables", len(deployed.reads), MAX_ITEMS),
     ]
     for what, count, most in counts:
         if count > most:
             yield f"{count} {what}; expected at most {most}"
     for name in (deployed.run, deployed.program, *deployed.announced, *deployed.servers, *deployed.reads):
-        if len(name) > LONGEST_NAME:
-            yield f"the name `{name[:20]}...` has {len(name)} characters; expected at most {LONGEST_NAME}"
+        if len(name) > MAX_NAME_LENGTH:
+            yield f"the name `{name[:20]}...` has {len(name)} characters; expected at most {MAX_NAME_LENGTH}"
 
 
 def _problems(deployed: Deployment) -> Iterator[str]:
     if not deployed.run:
         yield "a run without a name"
-    if not SHORTEST_FRAME_NS <= deployed.frame_ns <= LONGEST_FRAME_NS:
-        expected = f"expected {SHORTEST_FRAME_NS} to {LONGEST_FRAME_NS}"
+    if not MIN_FRAME_NS <= deployed.frame_ns <= MAX_FRAME_NS:
+        expected = f"expected {MIN_FRAME_NS} to {MAX_FRAME_NS}"
         yield f"a frame of {deployed.frame_ns} ns; {expected}"
     for table in deployed.actuators:
         yield from _problems_of(table)
 
 
 def _problems_of(table: ActuatorTable) -> Iterator[str]:
-    for what, of in (("name", 0), ("priority", 1)):
-        counted = Counter(client[of] for client in table.clients)
-        for twice in sorted(str(x) for x, count in counted.items() if count > 1)[:MOST_TOLD]:
-            yield f"{table.name}: two clients have the {what} {twice}"
-    if any(len(name) > LONGEST_NAME for name, _ in table.clients):
-        yield f"{table.name}: the name of a client has more than {LONGEST_NAME} characters"
+    for what, index in (("name", 0), ("priority", 1)):
+        counted = Counter(client[index] for client in table.clients)
+        for duplicate in sorted(str(x) for x, count in counted.items() if count > 1)[:MAX_REPORTED]:
+            yield f"{table.name}: two clients have the {what} {duplicate}"
+    if any(len(name) > MAX_NAME_LENGTH for name, _ in table.clients):
+        yield f"{table.name}: the name of a client has more than {MAX_NAME_LENGTH} characters"
     if table.idle is not None and len(table.idle) != len(table.fields):
         yield f"{table.name}: an idle command of {len(table.idle)} values, not {len(table.fields)}"
 

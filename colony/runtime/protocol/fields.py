@@ -1,15 +1,15 @@
-"""Interfaces of a robot's servers: the fields that sensors bind to, the commands that actuators bind to.
+"""Interfaces of a robot's servers: fields for sensors and commands for actuators.
 
 Fields of hardware are in base units (mm, s, deg), whatever unit a program declares: a sensor in meters `from
-PServer.sonar` gets meters. Headings, sonars and infrareds go counterclockwise, 12 looks ahead. DServer has
-the variables that programs give it, in the units in which they were set.
+PServer.sonar` gets meters. Headings, sonars and infrareds go counterclockwise, 12 looks ahead. DServer's
+variables are in the units in which they were set.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from colony.ir.types import BOOL, DEGREES, DISTANCE, PLAIN, Array, Quantity, Scalar, Type
+from colony.ir.types import BOOL, DEGREES, DIMENSIONLESS, DISTANCE, Array, Quantity, Scalar, Type
 from colony.text.units import ANGLE, LENGTH, TIME
 
 PROXIMITY_SENSORS = 24
@@ -95,7 +95,8 @@ DSERVER = ServerSpec("DServer", open_fields=True)
 """Interface to the variables that processes share (thesis section 4.6.1); `to DServer.X` sets variable X."""
 
 RUNTIME = ServerSpec(
-    "Runtime", fields=(FieldSpec("random", PLAIN, "uniform in [0, 1), new each frame, from the run's seed"),)
+    "Runtime",
+    fields=(FieldSpec("random", DIMENSIONLESS, "uniform in [0, 1), new each frame, from the run's seed"),),
 )
 """Interface that every robot has besides its hardware."""
 

@@ -1,4 +1,4 @@
-"""Images as cameras and their servers pass them on: plain bytes, so that relaying one needs no numpy."""
+"""Images as plain bytes, so that servers relay them without numpy."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import msgspec
 class Image(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     """An image, or a band of rows of one, taken at `t_ns`.
 
-    `pixels` has a byte a channel, the channels of a pixel together, pixels from left to right, rows from top
-    to bottom. `first_row` is where a band begins in the whole image; `height` is the band's own.
+    `pixels` has one byte per channel, interleaved, pixels from left to right, rows from top to bottom.
+    `first_row` is the row of the whole image at which a band begins; `height` is that of the band.
 
     Raises:
         ValueError: a size is not above 0, or `pixels` is not height x width x channels bytes.
@@ -51,7 +51,7 @@ class Image(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
 
 
 class Shot(Protocol):
-    """An image that was taken; its pixels exist already (`Image`) or are rendered when they are read."""
+    """A captured image; its pixels exist already (`Image`) or are rendered when they are read."""
 
     @property
     def height(self) -> int:

@@ -1,4 +1,4 @@
-"""Leadership of a run at a server: one run at a time is deployed, as long as its leader is connected."""
+"""Leadership of a run at a server: no other run is deployed while its leader is connected."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Leadership:
         self._leader: Caller | None = None
 
     def take(self, caller: Caller, deployed: Deployment) -> bool:
-        """Return True if this is another run to be deployed, False if it is deployed already.
+        """Make a caller the leader; return True if its run is new, False if it is deployed already.
 
         Raises:
             RefusedError: "busy" while the leader of another run is connected; "arguments" for a deployment
@@ -35,6 +35,6 @@ class Leadership:
         return new
 
     def lost(self, caller: Caller) -> None:
-        """Note the end of a connection. Its deployment stays until another leader deploys."""
+        """Handle the end of a connection; its deployment stays until another leader deploys."""
         if self._leader is not None and self._leader.connection == caller.connection:
             self._leader = None

@@ -15,7 +15,7 @@ One frame k of a robot, by its messages (thesis section 4.3: only clients and se
 
 Clients of a network come and go with these messages:
 
-    client   -> Clock            Ready            it listens, and can begin; later, a sign of life
+    client   -> Clock            Ready            it is ready for the run; later, a sign of life
     client   -> DServer          Checkpoint(k)    its memory after frame k; `Recall` asks for it back
     client   -> Clock            Restart          it cannot continue: all restart from the initial memory
 
@@ -27,7 +27,7 @@ Scripts, operators and programs outside a network talk to any server, at any tim
     caller   -> server           Alive            the connection still stands
 
 The live transport puts the requests that clients of one process send to one server at one time into one
-message, a `Batch`, and likewise their signs of life and small checkpoints; it takes batches apart before the
+message, a `Batch`, and likewise their signs of life and small checkpoints; it splits batches before the
 receiving node sees them.
 """
 
@@ -63,10 +63,10 @@ class Stopped(msgspec.Struct, frozen=True, kw_only=True):
 class Tick(_Message, frozen=True, kw_only=True):
     """The start of frame `k` at `t_ns`; servers in `down` and clients in `lost` (by address) are not alive.
 
-    `start` is the frame in which the memory of the whole network was at its initial values: 0, or that of the
-    last restart. Frames before it are of no use any more. `run` names the run of a program that the frame
+    `start` is the frame in which all memory of the network had its initial values: 0, or that of the last
+    restart. Earlier frames are obsolete. `run` names the run of a program that the frame
     belongs to; "" is that of a robot without a program. `void` are past frames, by server and number, that
-    will never come because their server died: they count as "no value". `stopped` is the emergency stop in
+    will never come because their server crashed: they count as "no value". `stopped` is the emergency stop in
     force. A stop that a server received at or before `released_ns` is over.
     """
 
@@ -84,7 +84,7 @@ class Tick(_Message, frozen=True, kw_only=True):
 class ServerFrame(_Message, frozen=True, kw_only=True):
     """A server's values for frame `k`: fields in base units by name; None, or absent, is "no value".
 
-    `since` is the first frame that this process of the server answered. It knows nothing of earlier frames.
+    `since` is the first frame that this process of the server answered; it has no earlier ones.
     `stopped` is the emergency stop that keeps the server's actuators idle.
     """
 
@@ -133,9 +133,9 @@ Fate = Literal[
     "won",
     "suppressed",
     "inhibited",
-    "inactive",  # its predicate is false
+    "inactive",  # its applicability predicate is false
     "silent",  # it reads a missing value
-    "overruled",  # active, although a client with a higher place was too: a violation
+    "overruled",  # active, although a client of higher priority was, too: a violation
     "overridden",  # active, but a client outside the network with a higher priority commanded
     "locked out",  # active, but another connection holds the lock
     "stopped",  # active, but the emergency stop is on
@@ -154,7 +154,7 @@ class Verdict(_Message, frozen=True, kw_only=True):
     """The outcome of frame `k` for an actuator.
 
     `by` is the client of the network that won. `values` were sent, in declared units; None when nothing was
-    (`idle hold`). `fates` has every client, highest place first. `violation`: two clients were active.
+    (`idle hold`). `fates` has every client, highest priority first. `violation`: two clients were active.
     `outside` is the client outside the network whose command was sent instead; `hold` is "stopped" or
     "locked" if the emergency stop or a lock kept the network from deciding. `notes` describe problems with
     the requests.
@@ -179,8 +179,8 @@ class Verdict(_Message, frozen=True, kw_only=True):
 class Ready(_Message, frozen=True, kw_only=True):
     """A report of a client of the network, by address, to the Clock: it is ready for a run.
 
-    The client repeats it as a sign of life: `k` is the frame for which it has just sent its request, -1 if it
-    sent none.
+    The client repeats it as a sign of life: `k` is the frame of its newest request, -1 if it has sent
+    none.
     """
 
     client: str
@@ -191,7 +191,7 @@ class Ready(_Message, frozen=True, kw_only=True):
 class Restart(_Message, frozen=True, kw_only=True):
     """A request for a new epoch, by a client that lost its memory; ignored if one began since `start`.
 
-    The observer sends it too, when it stepped over a frame that no client received.
+    The observer sends it, too, when it had to skip a frame that no client received.
     """
 
     client: str
@@ -218,7 +218,7 @@ class Recall(_Message, frozen=True, kw_only=True):
     client: str
 
 
-MOST_IN_BATCH = 1000
+MAX_BATCH_LENGTH = 1000
 """Largest number of messages in one batch."""
 
 Batched = Request | Ready | Checkpoint
@@ -228,10 +228,10 @@ Batched = Request | Ready | Checkpoint
 class Batch(_Message, frozen=True, kw_only=True):
     """Several messages of one kind, from clients of one process to one server, sent together.
 
-    The live transport makes batches and takes them apart: nodes, and virtual time, never see one.
+    Only the live transport makes and splits batches; nodes never see one.
     """
 
-    messages: Annotated[tuple[Batched, ...], msgspec.Meta(min_length=1, max_length=MOST_IN_BATCH)]
+    messages: Annotated[tuple[Batched, ...], msgspec.Meta(min_length=1, max_length=MAX_BATCH_LENGTH)]
 
 
 # --- calls -----------------------------------------------------------------------------------------
@@ -244,8 +244,8 @@ Right = Literal["read", "command", "stop"]
 class Call(_Message, frozen=True, kw_only=True):
     """A call of method `method` of a server, with arguments in msgpack.
 
-    `connection` is `user/id`. `number` counts the calls of a connection from 1; the same number again is the
-    same call again, and is done once. `priority` orders calls that wait at the server, higher first. `right`
+    `connection` is `user/id`. `number` counts the calls of a connection from 1; a repeated number is the same
+    call, and is executed once. `priority` orders calls that wait at the server, higher first. `right`
     is the right that the caller claims; the transport vouches for it and for the user.
     """
 
@@ -291,9 +291,9 @@ class Alive(_Message, frozen=True, kw_only=True):
 
 
 class Malformed(_Message, frozen=True, kw_only=True):
-    """A stand-in that a transport delivers in place of bytes that are no message. Never sent.
+    """A stand-in that a transport delivers for bytes that are not a message. Never sent.
 
-    `connection` is the connection of the malformed call, None if it was no call.
+    `connection` is that of a malformed call, None for other bytes.
     """
 
     topic: str
@@ -302,10 +302,10 @@ class Malformed(_Message, frozen=True, kw_only=True):
 
 
 class Wake(_Message, frozen=True, kw_only=True):
-    """The wake that a node scheduled. Never sent."""
+    """A wake that the node scheduled. Never sent."""
 
 
-Sent = (
+SentMessage = (
     Tick
     | ServerFrame
     | Fetch
@@ -323,17 +323,17 @@ Sent = (
 )
 """Messages that a node may send to another."""
 
-Wire = Sent | Batch
+WireMessage = SentMessage | Batch
 """Messages that travel from one process to another."""
 
-Message = Sent | Malformed | Wake
+Message = SentMessage | Malformed | Wake
 
 
 class Send(NamedTuple):
     """Effect: deliver `message` to every node that listens to `topic`."""
 
     topic: str
-    message: Sent
+    message: SentMessage
 
 
 class WakeAt(NamedTuple):
@@ -348,7 +348,7 @@ Effect = Send | WakeAt
 class Node(Protocol):
     """A part of a robot, without its input and output.
 
-    `handle` must accept messages in any order that a network may bring about, and twice. Times are those
+    `handle` must accept messages in any order, and duplicates. Times are those
     of the robot's Clock, in nanoseconds.
     """
 
@@ -387,7 +387,7 @@ class QuietNode:
 
 
 @runtime_checkable
-class Deferring(Node, Protocol):
+class DeferringNode(Node, Protocol):
     """A node that tolerates delay on some topics."""
 
     @property
@@ -397,7 +397,7 @@ class Deferring(Node, Protocol):
 
 
 @runtime_checkable
-class Settling(Protocol):
+class SettlingNode(Protocol):
     """A node that must settle before its effects may leave.
 
     After a transport has delivered all waiting messages it calls `settle`, and only then carries out their

@@ -1,8 +1,8 @@
 """Plausibility checks of messages against the robot's time.
 
-A message that cannot be true counts as malformed, and has no other effect. The Clock numbers frames, at most
-one for each `NUMBER_NS` of the robot's time (see `clock.py`). So no frame has a higher number than the time
-allows. A server that accepted one would ignore all ticks until the Clock gets there.
+An implausible message counts as malformed, and has no other effect. The Clock numbers at most one frame for
+each `FRAME_NUMBER_NS` of the robot's time (see `clock.py`), so the time limits frame numbers. A server that
+accepted a higher one would ignore all ticks until the Clock reaches it.
 """
 
 from __future__ import annotations
@@ -15,35 +15,35 @@ from colony.runtime.protocol.messages import (
     Ready,
     Request,
     Restart,
-    Sent,
+    SentMessage,
     ServerFrame,
     Stopped,
     Tick,
     Verdict,
 )
 
-NUMBER_NS = 100_000
-"""Nanoseconds of the robot's time for each frame number, and so the shortest frame."""
+FRAME_NUMBER_NS = 100_000
+"""Nanoseconds of the robot's time for each frame number, and thus the shortest frame."""
 
-AHEAD_NS = 1_000_000_000
+MAX_CLOCK_LEAD_NS = 1_000_000_000
 """Nanoseconds by which a sender's clock may be ahead of this process's clock."""
 
-LONGEST_NAME = 600
+MAX_ADDRESS_LENGTH = 600
 """Largest number of characters of an address.
 
 An address has two names of up to 255 characters each: an actuator and a module, or a server and a module
 whose activity it relays.
 """
 
-MOST_NAMES = 10_000
+MAX_NAMES = 10_000
 """Largest number, each, of servers, clients and void frames in a tick."""
 
 
-def check_plausible(message: Sent, now_ns: int) -> None:
+def check_plausible(message: SentMessage, now_ns: int) -> None:
     """Check frame numbers, times and names against what is possible at the robot's time `now_ns`.
 
     Raises:
-        MessageFormatError: the message cannot be true.
+        MessageFormatError: the message is implausible.
     """
     match message:
         case Tick():
@@ -70,24 +70,24 @@ def _check_tick(tick: Tick, now_ns: int) -> None:
     _check_number(tick.k, now_ns)
     if not 0 <= tick.start <= tick.k:
         raise MessageFormatError(f"frame {tick.k} of an epoch that began at {tick.start}")
-    if max(len(tick.down), len(tick.lost), len(tick.void)) > MOST_NAMES:
-        raise MessageFormatError(f"more than {MOST_NAMES} servers or clients in a tick")
-    if tick.released_ns > now_ns + AHEAD_NS:
+    if max(len(tick.down), len(tick.lost), len(tick.void)) > MAX_NAMES:
+        raise MessageFormatError(f"more than {MAX_NAMES} servers or clients in a tick")
+    if tick.released_ns > now_ns + MAX_CLOCK_LEAD_NS:
         raise MessageFormatError(f"a release at {tick.released_ns} ns, and it is {now_ns}")
     _check_stop(tick.stopped, now_ns)
 
 
 def _check_stop(stopped: Stopped | None, now_ns: int) -> None:
-    if stopped is not None and stopped.t_ns > now_ns + AHEAD_NS:
+    if stopped is not None and stopped.t_ns > now_ns + MAX_CLOCK_LEAD_NS:
         raise MessageFormatError(f"an emergency stop at {stopped.t_ns} ns, and it is {now_ns}")
 
 
 def _check_number(k: int, now_ns: int) -> None:
     """Check a frame number; -1 stands for no frame."""
-    if not -1 <= k <= (now_ns + AHEAD_NS) // NUMBER_NS:
-        raise MessageFormatError(f"frame {k} cannot be yet")
+    if not -1 <= k <= (now_ns + MAX_CLOCK_LEAD_NS) // FRAME_NUMBER_NS:
+        raise MessageFormatError(f"frame {k} is not possible yet")
 
 
 def _check_name(name: str) -> None:
-    if len(name) > LONGEST_NAME:
+    if len(name) > MAX_ADDRESS_LENGTH:
         raise MessageFormatError(f"the name `{name[:20]}...` has {len(name)} characters")

@@ -1,8 +1,8 @@
-"""The answers of modules in Python in a recording, which holds them so that no reader has to run a module.
+"""The recorded answers of modules in Python, so that no reader of a recording has to run a module.
 
     {"seeks": {"command": [300.0, -2.5]}, "rests": {}, "fails": {"error": true}}
 
-`command` has the fields in the order declared, in base units (mm, s, deg), as the module answered; it is
+`command` has the fields in their declared order, in base units (mm, s, deg), as the module answered; it is
 absent if the module was not applicable. A module whose answer is unknown is absent.
 """
 
@@ -19,7 +19,7 @@ from colony.ir.frame import Answer
 
 
 class AnswerMessage(msgspec.Struct, frozen=True, kw_only=True):
-    """An answer in its recorded form; the three texts are for values that JSON has no number for."""
+    """An answer in its recorded form; texts stand for the values that are not numbers in JSON."""
 
     command: tuple[float | bool | Literal["nan", "inf", "-inf"], ...] | None = None
     error: bool = False
@@ -41,10 +41,10 @@ def _value(x: float | bool) -> float | bool | str:
 
 def read_answers(found: Mapping[str, AnswerMessage]) -> dict[str, Answer]:
     """Return the recorded answers of a frame."""
-    return {module: Answer(_values(told), told.error) for module, told in found.items()}
+    return {module: Answer(_values(recorded), recorded.error) for module, recorded in found.items()}
 
 
-def _values(told: AnswerMessage) -> tuple[float | bool, ...] | None:
-    if told.command is None:
+def _values(recorded: AnswerMessage) -> tuple[float | bool, ...] | None:
+    if recorded.command is None:
         return None
-    return tuple([float(x) if isinstance(x, str) else x for x in told.command])
+    return tuple([float(x) if isinstance(x, str) else x for x in recorded.command])

@@ -43,9 +43,8 @@ def _reading(reading: Reading, size: int | None) -> str:
 def number_text(value: ScalarValue) -> str:
     """Return a number as JSON.
 
-    JSON has neither infinities nor NaN: the former are written too large for a double, and NaN as a string,
-    which is a value of the wrong type and so a faulty reading, as NaN is. An int beyond all doubles is
-    infinite, too.
+    JSON has neither infinities nor NaN. Infinities, and ints beyond all doubles, are written as numbers too
+    large for a double. NaN is written as a string: a value of the wrong type is a faulty reading, as NaN is.
     """
     if isinstance(value, bool):
         return "true" if value else "false"

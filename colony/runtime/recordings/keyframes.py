@@ -1,9 +1,9 @@
-"""Keyframes: the memory, recorded at least twice a second, from which a reader resumes after damage.
+"""Keyframes: snapshots of memory, at least twice a second, from which a reader resumes after damage.
 
     {"memory": {"first_ns": 0, "cells": {"state bumps": 3.0, "window drive.0 until": 1750000000}}}
 
 `memory` is the memory before its frame, absent if unknown; `first_ns` is absent if the memory is initial.
-`degraded` is true if a client has been lost since then. Numbers are written like those of readings.
+`degraded` is true if a client has been lost since memory was initial. Numbers are written as in readings.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def keyframe_members(keyframe: Keyframe) -> list[str]:
 
 
 def read_keyframe(found: object) -> Keyframe | None:
-    """Return the keyframe in an object read from JSON, None for None; a malformed one has unknown memory."""
+    """Return the keyframe in an object from JSON, None for None; the memory of a malformed one is unknown."""
     if found is None:
         return None
     try:

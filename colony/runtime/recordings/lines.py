@@ -1,18 +1,18 @@
-"""Recordings: one JSON object a frame and line, which `colony trace --input` reads back.
+"""Recordings in JSON lines, one frame a line, which `colony trace --input` reads back.
 
     {"t": 0.05, "@tick": 1, "sonar": [...], "drive": {"by": "avoid", "velocity": 80.0}, "@sum": "8a4f01c2"}
 
 `t` is in seconds and reads back to the same nanosecond; `@tick` is the number of the frame, `@restart` is
 true if all memory restarted, and `@skipped` is present if memory is unknown: the number of frames before this
-one that could not be observed. Sensors are in declared units as they came from their servers, and absent if
+one that could not be observed. Sensors have their published values in declared units, and are absent if
 missing; each actuator has its winner and the command sent. If the network did not decide alone, the actuator
 also has `fault`, `fates` with the clients that were late, lost, refused or overruled, `@outside` with the
-client outside the network that commanded, or `@held_by`. Broken contracts are not written: they follow from
-the rest. `@python` has the answers of modules in Python (`answers.py`). `@sum` is the CRC-32 of all before
-it, and `@keyframe`, in a line at least every half second, the memory from which a reader resumes after a
-damaged line (`keyframes.py`).
+connection outside the network that commanded, or `@held_by`. Broken contracts are not written: they follow
+from the rest. `@python` has the answers of modules in Python (`answers.py`). `@sum` is the CRC-32 of
+everything before it, and `@keyframe`, in a line at least every half second, the memory from which a reader
+resumes after a damaged line (`keyframes.py`).
 
-`mcap_writer.py` writes more.
+MCAP recordings (`mcap_writer.py`) contain more.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ class ByteFile(Protocol):
 
 
 def write_all(file: ByteFile, data: bytes) -> None:
-    """Write all of `data`, even if a full disk or a pipe takes a part at a time.
+    """Write all of `data`, even if the file accepts only a part at a time, as a pipe does.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the data cannot be written.
     """
     while data:
         written = file.write(data)
@@ -55,10 +55,7 @@ def write_all(file: ByteFile, data: bytes) -> None:
 
 
 class Recording:
-    """A sink that writes each frame as it comes.
-
-    Each line is one write, so that a run that is killed at any moment leaves whole lines.
-    """
+    """A sink that writes each frame immediately, as one write per line: a killed run leaves whole lines."""
 
     def __init__(self, compiled: Compiled, file: ByteFile) -> None:
         self._encode = encoder(compiled)
@@ -96,32 +93,32 @@ def encoder(compiled: Compiled) -> Callable[[FrameLog], str]:
             verdict = log.verdicts.get(actuator.name)
             if verdict is not None:
                 parts.append(f"{json.dumps(actuator.name)}: {_actuator(actuator, verdict)}")
-        return summed("{" + ", ".join(parts))
+        return add_checksum("{" + ", ".join(parts))
 
     return encode
 
 
-def summed(text: str) -> str:
+def add_checksum(text: str) -> str:
     """Return a JSON object, given without its closing brace, with its checksum as the last member."""
     return f'{text}, "@sum": "{zlib.crc32(text.encode()):08x}"}}'
 
 
 def _actuator(actuator: Actuator, verdict: Verdict) -> str:
-    trouble = _trouble(verdict)
+    deviations = _deviations(verdict)
     if verdict.values is None:
-        return json.dumps({"by": verdict.by, **trouble}) if verdict.by or trouble else "null"
+        return json.dumps({"by": verdict.by, **deviations}) if verdict.by or deviations else "null"
     values = zip((f.name for f in actuator.fields), verdict.values, strict=True)
-    return json.dumps({"by": verdict.by, **dict(values), **trouble})
+    return json.dumps({"by": verdict.by, **dict(values), **deviations})
 
 
-_QUIET = frozenset({"won", "inactive", "silent", "suppressed", "inhibited"})
+_EXPECTED_FATES = frozenset({"won", "inactive", "silent", "suppressed", "inhibited"})
 
 
-def _trouble(verdict: Verdict) -> dict[str, object]:
+def _deviations(verdict: Verdict) -> dict[str, object]:
     out: dict[str, object] = {}
     if verdict.fault:
         out["fault"] = verdict.fault
-    fates = {client: fate for client, fate in verdict.fates if fate not in _QUIET}
+    fates = {client: fate for client, fate in verdict.fates if fate not in _EXPECTED_FATES}
     if fates:
         out["fates"] = fates
     if verdict.outside is not None:

@@ -1,7 +1,7 @@
-"""Reader of MCAP recordings as `mcap_writer.py` writes them, also if other tools rewrote the file.
+"""Reader of the MCAP recordings of `mcap_writer.py`, even if other tools rewrote the file.
 
-Damage among the frames costs the chunk that it is in. If it is in the part before the frames (the run, its
-program, the channels), nothing can be read.
+Damage among the frames costs the chunk that it is in. After damage in the part before the frames (the run,
+its program, the channels), nothing can be read.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
 SOURCES_BYTES = 32 * 1024 * 1024
-"""Byte limit of all the files of a program together."""
+"""Byte limit of all files of a program together."""
 
 
 class FrameMessage(msgspec.Struct, frozen=True, kw_only=True):
-    """A message of `/frames`. `sensors` stay text: for infinity they have a number beyond all doubles."""
+    """A message of `/frames`. `sensors` stay text: they have infinity as a number beyond all doubles."""
 
     k: int
     t_ns: int
@@ -77,10 +77,10 @@ class _RunText(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class McapReader:
-    """A recording as MCAP; the part before its first frame is read at once. Mutable: the position.
+    """An MCAP recording; the constructor reads the part before the first frame. Mutable: the position.
 
     Raises:
-        DiagnosticError: A002, it is no recording of a run; A006, the part before the frames is damaged.
+        DiagnosticError: A002, the file is no recording of a run; A006, the part before the frames is damaged.
     """
 
     def __init__(self, file: BinaryIO, name: str) -> None:
@@ -101,7 +101,7 @@ class McapReader:
         """
         for actuator in program.robot.actuators if self._topics else ():
             if actuator.name not in self._actuators:
-                self._fail("A004", f"it is of a robot without the actuator `{actuator.name}` of this program")
+                self._fail("A004", f"its robot lacks the actuator `{actuator.name}` of this program")
         frames, last_ns = _Frames(self._topics, program), None
         for record in self._rest:
             match record:
@@ -123,7 +123,7 @@ class McapReader:
         try:
             return frames.take(message, damaged=self.damaged)
         except (msgspec.MsgspecError, ValueError, RecursionError) as problem:
-            text = f"what is recorded at {message.log_time} ns is none of this program: {problem}"
+            text = f"the frame at {message.log_time} ns is not one of this program: {problem}"
             self._fail("A004", text)
 
     def _records(self, file: BinaryIO) -> Iterator[Record]:
@@ -136,10 +136,10 @@ class McapReader:
         except TruncatedError:
             self.cut = BREAKS_OFF
         except RecordTooLargeError:
-            self._fail("A002", "it unpacks to far more than recordings do")
+            self._fail("A002", "it unpacks to far more data than any recording")
 
     def _header(self, records: Iterator[Record]) -> tuple[RunInfo, tuple[Record, ...]]:
-        told: dict[str, Mapping[str, str]] = {}
+        metadata: dict[str, Mapping[str, str]] = {}
         sources: list[SourceFile] = []
         first: tuple[Record, ...] = ()
         for record in records:
@@ -155,35 +155,37 @@ class McapReader:
                     first = (record,)
                     break
                 case Metadata():
-                    told[record.name] = record.metadata
+                    metadata[record.name] = record.metadata
                 case Attachment():
                     sources += _source(record)
                     if sum(len(source.data) for source in sources) > SOURCES_BYTES:
-                        self._fail("A002", f"its program has more than {size_text(SOURCES_BYTES)}")
+                        self._fail("A002", f"its program is larger than {size_text(SOURCES_BYTES)}")
                 case Channel():
                     pass
-        return self._run(told, tuple(sources)), first
+        return self._run(metadata, tuple(sources)), first
 
-    def _run(self, told: Mapping[str, Mapping[str, str]], sources: tuple[SourceFile, ...]) -> RunInfo:
-        if METADATA not in told:
+    def _run(self, metadata: Mapping[str, Mapping[str, str]], sources: tuple[SourceFile, ...]) -> RunInfo:
+        if METADATA not in metadata:
             self._fail(
                 "A002", f"this is MCAP, but no recording of a run{f': {self.cut}' if self.cut else ''}"
             )
         try:
-            run = msgspec.convert(told[METADATA], _RunText, strict=False)
+            run = msgspec.convert(metadata[METADATA], _RunText, strict=False)
             clients = tuple(
                 (name.removeprefix(CLIENTS), module, int(priority))
-                for name, of in told.items()
+                for name, of in metadata.items()
                 if name.startswith(CLIENTS)
                 for module, priority in of.items()
                 if module != CHECKSUM
             )
         except (msgspec.ValidationError, ValueError) as problem:
-            self._fail("A002", f"what it tells of its run is malformed: {problem}")
-        self._actuators = frozenset(name.removeprefix(CLIENTS) for name in told if name.startswith(CLIENTS))
+            self._fail("A002", f"its metadata is malformed: {problem}")
+        self._actuators = frozenset(
+            name.removeprefix(CLIENTS) for name in metadata if name.startswith(CLIENTS)
+        )
         if run.format != FORMAT:
             self._fail("A002", f"its format is `{run.format}`; expected `{FORMAT}`")
-        if any(CHECKSUM not in told[name] for name in told if name.startswith(METADATA)):
+        if any(CHECKSUM not in metadata[name] for name in metadata if name.startswith(METADATA)):
             self._fail("A006", "it is damaged before its first frame (a checksum is missing)")
         return RunInfo(
             robot=run.robot,
@@ -215,9 +217,9 @@ def _source(attachment: Attachment) -> Iterator[SourceFile]:
 
 
 class _Frames:
-    """An assembler of the messages of a frame. Mutable: those whose frame has not come yet.
+    """The assembler of the messages of a frame. Mutable: messages of the incomplete frame.
 
-    The message of `/frames` is the last one of its frame; messages whose frame never comes are dropped.
+    The message of `/frames` is the last one of its frame; messages without it are dropped.
     """
 
     def __init__(self, topics: Mapping[int, str], program: Program) -> None:
@@ -230,7 +232,7 @@ class _Frames:
         self._contracts = msgspec.json.Decoder(ContractsMessage).decode
 
     def forget(self) -> None:
-        """Drop the messages of a frame that does not come."""
+        """Drop the messages of an incomplete frame."""
         self._found: dict[str, VerdictMessage] = {}  # by topic
         self._broken: tuple[str, ...] = ()
         self._keyframe: Keyframe | None = None
@@ -251,11 +253,11 @@ class _Frames:
         elif topic in self._actuators:
             self._found[topic] = self._verdict(message.data)
         elif topic.startswith(VERDICTS):
-            raise ValueError(f"it has no actuator `{topic.removeprefix(VERDICTS)}`")
+            raise ValueError(f"the program has no actuator `{topic.removeprefix(VERDICTS)}`")
         return None
 
     def _number(self, found: Any) -> None:
-        """Take a keyframe. If the one before it is missing, another tool has left out damaged data."""
+        """Take a keyframe. If the previous one is missing, another tool has left out damaged data."""
         self._keyframe = read_keyframe(found)
         number = found.get("n") if isinstance(found, dict) else None
         self._gap = self._gap or number != self._next_number
@@ -264,7 +266,7 @@ class _Frames:
     def _complete(self, found: FrameMessage, damaged: bool) -> RecordedFrame:
         t_ns, broken, keyframe = found.t_ns, self._broken, self._keyframe
         decided = [
-            _decided(self._actuators[topic], verdict, t_ns)
+            _to_verdict(self._actuators[topic], verdict, t_ns)
             for topic, verdict in self._found.items()
             if verdict.k == found.k
         ]
@@ -288,11 +290,11 @@ class _Frames:
 def _readings(sensors: msgspec.Raw) -> dict[str, Any]:
     readings = json.loads(bytes(sensors))
     if not isinstance(readings, dict):
-        raise ValueError("`sensors` is no object")
+        raise ValueError("`sensors` is not an object")
     return readings
 
 
-def _decided(actuator: Actuator, found: VerdictMessage, t_ns: int) -> Verdict:
+def _to_verdict(actuator: Actuator, found: VerdictMessage, t_ns: int) -> Verdict:
     return Verdict(
         k=found.k,
         t_ns=t_ns,

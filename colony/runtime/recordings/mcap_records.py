@@ -1,9 +1,9 @@
 """The trustworthy records of an MCAP recording.
 
 Chunks and attachments have checksums, and so does the metadata of `mcap_writer`. Other records are accepted
-only if their length agrees with their content. From a damaged record on, everything is left out up to the
-next chunk. The reader finds that by its head, which contains its length twice: a recording that was killed
-has no index. Nothing is larger than its limit, in the file or unpacked.
+only if their length agrees with their content. After a damaged record, everything up to the next chunk is
+left out. The reader finds that chunk by its head, which contains its length twice, because the recording of a
+killed run has no index. Every size is limited, in the file and unpacked.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from mcap.records import Attachment, Channel, Header, MessageIndex, Metadata, Sc
 from colony.runtime.recordings.mcap_writer import CHECKSUM, METADATA, checksum
 from colony.runtime.recordings.reader import MAGIC
 
-LARGEST_RECORD = 32 * 1024 * 1024
+MAX_RECORD_BYTES = 32 * 1024 * 1024
 """Byte limit of a record in a file."""
 
-LARGEST_CHUNK = 8 * 1024 * 1024
-"""Byte limit of an unpacked chunk. Ours have some ten thousand, those of other tools some million."""
+MAX_CHUNK_BYTES = 8 * 1024 * 1024
+"""Byte limit of an unpacked chunk. Colony's have some ten thousand bytes, other tools' some million."""
 
-LARGEST_MESSAGE = 4 * 1024 * 1024
-"""Byte limit of a message, which is that of the largest frame."""
+MAX_MESSAGE_BYTES = 4 * 1024 * 1024
+"""Byte limit of a message: the size of the largest frame."""
 
-UNPACKED_FREE = 64 * 1024 * 1024
-UNPACKED_RATIO = 64
-"""Limit of the unpacked bytes of all chunks: a free amount, and a multiple of the size of the file."""
+UNPACKED_BASE_BYTES = 64 * 1024 * 1024
+MAX_UNPACKED_RATIO = 64
+"""Limit of the unpacked bytes of all chunks: a constant plus a multiple of the file size."""
 
-MESSAGES_FREE = 10_000
+MESSAGES_BASE = 10_000
 MESSAGE_BYTES = 2
-"""Limit of the number of messages: a free amount, and one for each `MESSAGE_BYTES` of the file."""
+"""Limit of the number of messages: a constant plus one for each `MESSAGE_BYTES` of the file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,39 +63,42 @@ Record = Metadata | Attachment | Channel | ChunkMessage | Damage
 
 
 class TruncatedError(Exception):
-    """The file ends before the end of its data."""
+    """The file breaks off before the end of its data."""
 
 
 class RecordTooLargeError(Exception):
-    """The file unpacks to more than recordings do."""
+    """The file unpacks to more data than any recording."""
 
 
 def read_records(file: BinaryIO) -> Iterator[Record]:
     """Yield the records of a file that begins with `MAGIC`, to the end of its data.
 
     Raises:
-        TruncatedError: after the last record, if the file lacks an end.
-        RecordTooLargeError: the file unpacks to more than recordings do.
+        TruncatedError: after the last record, if the file breaks off.
+        RecordTooLargeError: the file unpacks to more data than any recording.
         OSError: the file cannot be read.
     """
     size = file.seek(0, 2)
-    allowance, messages = UNPACKED_FREE + UNPACKED_RATIO * size, MESSAGES_FREE + size // MESSAGE_BYTES
+    allowance, messages = (
+        UNPACKED_BASE_BYTES + MAX_UNPACKED_RATIO * size,
+        MESSAGES_BASE + size // MESSAGE_BYTES,
+    )
     at, chunks = len(MAGIC), False
     while True:
         file.seek(at)
-        head = file.read(_LONGEST_HEAD)
+        head = file.read(_MAX_HEAD_BYTES)
         if len(head) < _RECORD.size:
             raise TruncatedError
         opcode, length = _RECORD.unpack_from(head)
         end = at + _RECORD.size + length
-        shape = _shape(head) if opcode == Opcode.CHUNK else None
-        if shape is not None and end <= size:
+        chunk_head = _chunk_head(head) if opcode == Opcode.CHUNK else None
+        if chunk_head is not None and end <= size:
             chunks = True
-            allowance -= shape.unpacked if shape.unpacked <= LARGEST_CHUNK else 0
+            allowance -= chunk_head.unpacked if chunk_head.unpacked <= MAX_CHUNK_BYTES else 0
             if allowance < 0:
                 raise RecordTooLargeError
-            file.seek(end - shape.packed)
-            for record in _chunk(shape, file.read(shape.packed)):
+            file.seek(end - chunk_head.packed)
+            for record in _chunk(chunk_head, file.read(chunk_head.packed)):
                 messages -= isinstance(record, ChunkMessage)
                 if messages < 0:
                     raise RecordTooLargeError
@@ -104,12 +107,12 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
             continue
         if opcode == Opcode.DATA_END and length == _DATA_END_BYTES and end <= size:
             return
-        if shape is not None or _cut_off(opcode, length, len(head)):
+        if chunk_head is not None or _cut_off(opcode, length, len(head)):
             raise TruncatedError
         found: Metadata | Attachment | Damage | None = Damage("a record that does not end in the file")
-        if end <= size and length <= LARGEST_RECORD:
+        if end <= size and length <= MAX_RECORD_BYTES:
             file.seek(at + _RECORD.size)
-            found = _other(opcode, file.read(length), first=not chunks)
+            found = _read_other(opcode, file.read(length), first=not chunks)
         if isinstance(found, Damage):
             following = _next_chunk(file, at + 1, size)
             if following is None and end > size and not chunks:
@@ -133,31 +136,31 @@ _CHUNK = struct.Struct("<QQQII")
 """
 
 _COMPRESSIONS = (b"", b"lz4", b"zstd")
-_LONGEST_HEAD = _RECORD.size + _CHUNK.size + 4 + 8
-_LIKE_A_CHUNK = re.compile(rb"\x06[\s\S]{4}\x00{4}")
+_MAX_HEAD_BYTES = _RECORD.size + _CHUNK.size + 4 + 8
+_CHUNK_START = re.compile(rb"\x06[\s\S]{4}\x00{4}")
 """Pattern of the first bytes of a chunk of less than 4 GiB."""
 
 _MESSAGE = struct.Struct("<HIQQ")
 """Layout of a message's head: channel, sequence, time of recording and of publishing."""
 
 
-class _Shape(NamedTuple):
+class _ChunkHead(NamedTuple):
     compression: bytes
     unpacked: int
     checksum: int
     packed: int
 
 
-def _cut_off(opcode: int, length: int, there: int) -> bool:
+def _cut_off(opcode: int, length: int, available: int) -> bool:
     """Return True if the first `there` bytes of a record could be those of a valid one that was cut off."""
     if opcode == Opcode.CHUNK:
-        return there < _LONGEST_HEAD
+        return available < _MAX_HEAD_BYTES
     return opcode == Opcode.DATA_END and length == _DATA_END_BYTES
 
 
-def _shape(head: bytes) -> _Shape | None:
-    """Return the head of a chunk, up to its data; None if it is no chunk, or too short."""
-    if len(head) < _LONGEST_HEAD:
+def _chunk_head(head: bytes) -> _ChunkHead | None:
+    """Return the head of a chunk, without its data; None if it is not a chunk, or too short."""
+    if len(head) < _MAX_HEAD_BYTES:
         return None
     opcode, length = _RECORD.unpack_from(head)
     _, _, unpacked, found, name_length = _CHUNK.unpack_from(head, _RECORD.size)
@@ -168,7 +171,7 @@ def _shape(head: bytes) -> _Shape | None:
     (packed,) = struct.unpack_from("<Q", head, at + name_length)
     if name not in _COMPRESSIONS or length != _CHUNK.size + name_length + 8 + packed:
         return None
-    return _Shape(name, unpacked, found, packed) if length <= LARGEST_RECORD else None
+    return _ChunkHead(name, unpacked, found, packed) if length <= MAX_RECORD_BYTES else None
 
 
 def _next_chunk(file: BinaryIO, at: int, size: int) -> int | None:
@@ -176,12 +179,12 @@ def _next_chunk(file: BinaryIO, at: int, size: int) -> int | None:
     block = 1 << 20
     while at < size:
         file.seek(at)
-        data = file.read(block + _LONGEST_HEAD)
-        for found in _LIKE_A_CHUNK.finditer(data, 0, block + 8):
-            shape = _shape(data[found.start() : found.start() + _LONGEST_HEAD])
+        data = file.read(block + _MAX_HEAD_BYTES)
+        for found in _CHUNK_START.finditer(data, 0, block + 8):
+            chunk_head = _chunk_head(data[found.start() : found.start() + _MAX_HEAD_BYTES])
             start = at + found.start()
             if (
-                shape is not None
+                chunk_head is not None
                 and start + _RECORD.size + _RECORD.unpack_from(data, found.start())[1] <= size
             ):
                 return start
@@ -189,9 +192,9 @@ def _next_chunk(file: BinaryIO, at: int, size: int) -> int | None:
     return None
 
 
-def _chunk(shape: _Shape, packed: bytes) -> Iterator[Record]:
+def _chunk(chunk_head: _ChunkHead, packed: bytes) -> Iterator[Record]:
     """Yield the records in a chunk."""
-    records = _unpacked(shape, packed)
+    records = _decompress(chunk_head, packed)
     if isinstance(records, Damage):
         yield records
         return
@@ -199,7 +202,7 @@ def _chunk(shape: _Shape, packed: bytes) -> Iterator[Record]:
     while at + _RECORD.size <= len(records):
         opcode, length = _RECORD.unpack_from(records, at)
         at, end = at + _RECORD.size, at + _RECORD.size + length
-        if opcode == Opcode.MESSAGE and _MESSAGE.size <= length <= min(len(records) - at, LARGEST_MESSAGE):
+        if opcode == Opcode.MESSAGE and _MESSAGE.size <= length <= min(len(records) - at, MAX_MESSAGE_BYTES):
             channel_id, _, log_time, _ = _MESSAGE.unpack_from(records, at)
             yield ChunkMessage(channel_id, log_time, records[at + _MESSAGE.size : end])
         elif opcode == Opcode.CHANNEL:
@@ -213,28 +216,28 @@ def _chunk(shape: _Shape, packed: bytes) -> Iterator[Record]:
         at = end
 
 
-def _unpacked(shape: _Shape, packed: bytes) -> bytes | Damage:
-    if shape.unpacked > LARGEST_CHUNK:
-        return Damage(f"a chunk that unpacks to {shape.unpacked} bytes")
-    if shape.checksum == 0:
+def _decompress(chunk_head: _ChunkHead, packed: bytes) -> bytes | Damage:
+    if chunk_head.unpacked > MAX_CHUNK_BYTES:
+        return Damage(f"a chunk that unpacks to {chunk_head.unpacked} bytes")
+    if chunk_head.checksum == 0:
         return Damage("a chunk without a checksum")
     try:
-        match shape.compression:
+        match chunk_head.compression:
             case b"zstd":
-                records = _zstd.stream_reader(packed).read(shape.unpacked + 1)
+                records = _zstd.stream_reader(packed).read(chunk_head.unpacked + 1)
             case b"lz4":
                 unpacking = lz4.frame.LZ4FrameDecompressor()
-                records = unpacking.decompress(packed, max_length=shape.unpacked + 1)
+                records = unpacking.decompress(packed, max_length=chunk_head.unpacked + 1)
             case _:
                 records = packed
     except (zstandard.ZstdError, RuntimeError, ValueError, EOFError):
         return Damage("a chunk that cannot be unpacked")
-    if len(records) != shape.unpacked or zlib.crc32(records) != shape.checksum:
+    if len(records) != chunk_head.unpacked or zlib.crc32(records) != chunk_head.checksum:
         return Damage("a chunk with a wrong checksum")
     return records
 
 
-_zstd = zstandard.ZstdDecompressor(max_window_size=2 * LARGEST_CHUNK)
+_zstd = zstandard.ZstdDecompressor(max_window_size=2 * MAX_CHUNK_BYTES)
 
 
 # --- other records ---------------------------------------------------------------------------------
@@ -245,11 +248,11 @@ _IN_HEAD: dict[int, type[Header | Schema | Channel]] = {
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
 }
-"""Records before the first chunk that are not trusted: chunks contain them, too."""
+"""Records before the first chunk that are ignored, because chunks contain them, too."""
 
 
-def _other(opcode: int, content: bytes, *, first: bool) -> Metadata | Attachment | Damage | None:
-    """Return the trustworthy content of a record that is no chunk; `first`: it stands before all chunks."""
+def _read_other(opcode: int, content: bytes, *, first: bool) -> Metadata | Attachment | Damage | None:
+    """Return the trustworthy content of a record other than a chunk; `first`: it is before all chunks."""
     stream = ReadDataStream(BytesIO(content))
     found: object = None
     try:

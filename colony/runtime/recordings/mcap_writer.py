@@ -1,15 +1,15 @@
 """Recordings as MCAP, which Foxglove and other tools open (see schemas.py for its channels).
 
-Beside the frames such a recording has the run in its metadata and the sources of the program as attachments:
-`behavior/...` the files of the behavior, `python/...` those of modules in Python. All else can be derived
-from these.
+Besides the frames, a recording has the run in its metadata and the sources of the program as attachments:
+`behavior/...` are the files of the behavior, `python/...` those of modules in Python. Everything else can be
+derived from these.
 
-Frames are in chunks, each of which has a checksum, is written in one go, and begins with a keyframe: the
-memory from which a reader resumes if the chunk before it is damaged. A chunk spans less than half a second,
-so a run that is killed loses no more than that. The first chunk has the schemas and channels, which need a
-checksum, too; attachments have one, and metadata get one as a member. The message of `/frames` is the last of
-its frame. There is no index, which would have to be kept in memory to the end of a run: `mcap recover` writes
-a copy with one.
+Frames are in chunks. Each chunk has a checksum, is written at once, and begins with a keyframe: the memory
+from which a reader resumes if the previous chunk is damaged. A chunk spans less than half a second, so a
+killed run loses no more than that. The first chunk has the schemas and channels, which also need a checksum;
+attachments have one, and metadata has one as a member. The message of `/frames` is the last of its frame.
+There is no index, which would have to be kept in memory to the end of a run: `mcap recover` writes a copy
+with one.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ CHECKSUM = "checksum"
 CHUNK_BYTES = 1024 * 1024
 """Size in bytes beyond which a chunk is written early."""
 
-REPETITIVE = 32
-"""Compression ratio from which a chunk is stored uncompressed: readers take such chunks for bombs."""
+MAX_COMPRESSION_RATIO = 32
+"""Compression ratio from which a chunk is stored uncompressed: readers would take it for a bomb."""
 
 MEDIA_TYPES = {"behavior": "text/x-colony", "python": "text/x-python"}
 
@@ -109,7 +109,7 @@ class McapRecording:
     """A sink that writes frames, a chunk at a time. Mutable: the frames that are not written yet.
 
     Raises:
-        OSError: the file cannot be written; the part written until then can be read.
+        OSError: the file cannot be written; the part written so far can be read.
     """
 
     def __init__(self, compiled: Compiled, run: RunInfo, file: ByteFile) -> None:
@@ -161,7 +161,7 @@ class McapRecording:
             self._flush()
 
     def close(self) -> None:
-        """End the file properly, unless a part of it could not be written."""
+        """Write the end of the file, unless a part before it could not be written."""
         try:
             if self._whole:
                 self._flush()
@@ -227,7 +227,7 @@ class McapRecording:
         return f'{{{", ".join(parts)}, "sensors": {{{readings}}}}}'.encode()
 
     def _flush(self) -> None:
-        """Write all waiting bytes. After a failure nothing more is written, as it could not be read."""
+        """Write all waiting bytes; after a failure, `close` writes nothing, because it could not be read."""
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._buffer.write(self._chunk.take())
         self._whole = False
@@ -265,14 +265,14 @@ class _Chunk:
         self._records += (_MESSAGE.pack(Opcode.MESSAGE, length, channel, k & 0xFFFFFFFF, t_ns, t_ns), data)
 
     def take(self) -> bytes:
-        """Return the record of the chunk, if there is anything in it, and begin the next one."""
+        """Return the record of the chunk, empty if the chunk is, and begin the next chunk."""
         records = b"".join(self._records)
         self._records.clear()
         self.size = 0
         if not records:
             return b""
         builder, packed = RecordBuilder(), _compress(records)
-        compressed = len(records) < REPETITIVE * len(packed)
+        compressed = len(records) < MAX_COMPRESSION_RATIO * len(packed)
         Chunk(
             compression="zstd" if compressed else "",
             data=packed if compressed else records,

@@ -1,4 +1,4 @@
-"""Opening of recordings of either format, detected by content."""
+"""Opening of recordings in either format, detected by content."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from typing import BinaryIO, NoReturn
 from colony.files import open_regular, reason
 from colony.runtime.recordings.reader import MAGIC, FramesReader, LinesReader
 from colony.runtime.recordings.recorded import RecordingReader
-from colony.runtime.recordings.replay import SUM_BEGINS
+from colony.runtime.recordings.replay import CHECKSUM_PREFIX
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
 _HEAD_BYTES = 64 * 1024
-"""Number of leading bytes in which a recording in lines, damaged at its beginning, shows a checksum."""
+"""Number of leading bytes that contain a checksum, even in a recording in lines with a damaged beginning."""
 
 
 def open_recording(path: str) -> BinaryIO:
     """Open the file of a recording.
 
     Raises:
-        DiagnosticError: A001, it cannot be read.
+        DiagnosticError: A001, the file cannot be read.
     """
     try:
         return open_regular(path)
@@ -29,10 +29,10 @@ def open_recording(path: str) -> BinaryIO:
 
 
 def read_frames(file: BinaryIO, name: str) -> RecordingReader:
-    """Return a reader of frames to decide: an MCAP recording, or JSON lines, recorded or not.
+    """Return a reader of frames as input: an MCAP recording, or JSON lines, recorded or not.
 
     Raises:
-        DiagnosticError: A002, it is no recording of a run; A006, the part before its frames is damaged.
+        DiagnosticError: A002, the file is no recording of a run; A006, the part before its frames is damaged.
     """
     if isinstance(file, BufferedReader) and file.peek(len(MAGIC)).startswith(MAGIC):
         from colony.runtime.recordings.mcap_reader import McapReader
@@ -46,10 +46,10 @@ def _unreadable(path: str, why: str) -> NoReturn:
 
 
 def read_recording(file: BinaryIO, name: str) -> RecordingReader:
-    """Return the reader of a recording, detected by its beginning; one in lines may be damaged there.
+    """Return the reader of a recording in either format; the beginning of one in lines may be damaged.
 
     Raises:
-        DiagnosticError: A001, it cannot be read; A002, it is no recording.
+        DiagnosticError: A001, the file cannot be read; A002, it is no recording.
     """
     try:
         head = file.read(_HEAD_BYTES)
@@ -60,7 +60,7 @@ def read_recording(file: BinaryIO, name: str) -> RecordingReader:
         from colony.runtime.recordings.mcap_reader import McapReader
 
         return McapReader(file, name)
-    if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"") or SUM_BEGINS in head:
+    if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"") or CHECKSUM_PREFIX in head:
         return LinesReader(file, name)
     message = "this is no recording: neither MCAP nor JSON lines"
     raise DiagnosticError([error("A002", Span(Source(name, ""), 0, 0), message)])

@@ -1,7 +1,7 @@
 """Readers of recordings: JSON lines here, MCAP in `mcap_reader.py`.
 
-A run may be killed while it writes: a recording that breaks off in the middle of a frame ends with the frame
-before it, and the reader reports that.
+A run may be killed while it writes. A recording that breaks off in the middle of a frame ends with the
+previous frame, and the reader reports that.
 """
 
 from __future__ import annotations
@@ -60,14 +60,14 @@ class LinesReader(_Lines):
         rows = Rows(self._bounded(), self._name, program)
         for at, row in enumerate(rows):
             try:
-                told = msgspec.convert(row.values, _Row)
-                k = at if told.tick is None else told.tick
-                if told.restart or start is None:
-                    start = _UNKNOWN if row.damaged and not told.restart else k
+                members = msgspec.convert(row.values, _Row)
+                k = at if members.tick is None else members.tick
+                if members.restart or start is None:
+                    start = _UNKNOWN if row.damaged and not members.restart else k
                 tick = Tick(k=k, t_ns=row.frame.t_ns, start=start)
-                recorded = _recorded(tick, row, actuators, told)
+                recorded = _recorded(tick, row, actuators, members)
             except msgspec.ValidationError as problem:
-                message = f"what is recorded is no decision of this program: {problem}"
+                message = f"this is not a decision of this program: {problem}"
                 raise DiagnosticError(
                     [located("A004", self._name, row.number, row.text, 0, message)]
                 ) from None
@@ -93,7 +93,7 @@ class FramesReader(_Lines):
 
         Raises:
             DiagnosticError: at the first bad line, with the codes of `Rows`.
-            OSError: they cannot be read.
+            OSError: the file cannot be read.
         """
         rows = Rows(bounded_lines(self._file, LINE_BYTES), self._name, program)
         for k, row in enumerate(rows):
@@ -110,7 +110,7 @@ class FramesReader(_Lines):
 
 
 _UNKNOWN = -1
-"""Stand-in for the frame in which memory was initial, if that is unknown."""
+"""Placeholder for an unknown frame in which memory was initial."""
 
 
 class _Row(
@@ -144,19 +144,19 @@ class _Decision(
     held_by: Hold | None = None
 
 
-def _recorded(tick: Tick, row: Row, actuators: tuple[Actuator, ...], told: _Row) -> RecordedFrame:
+def _recorded(tick: Tick, row: Row, actuators: tuple[Actuator, ...], members: _Row) -> RecordedFrame:
     verdicts = {a.name: _verdict(tick, a, row.values[a.name]) for a in actuators if a.name in row.values}
     lost = {f"{v.actuator}/{c}" for v in verdicts.values() for c, fate in v.fates if fate == "lost"}
     return RecordedFrame(
         tick=msgspec.structs.replace(tick, lost=tuple(sorted(lost))),
         frame=row.frame,
         verdicts=verdicts,
-        restart=told.restart,
-        skipped=told.skipped or 0,
-        memory_unknown=told.skipped is not None,
-        keyframe=read_keyframe(told.keyframe),
+        restart=members.restart,
+        skipped=members.skipped or 0,
+        memory_unknown=members.skipped is not None,
+        keyframe=read_keyframe(members.keyframe),
         damaged=row.damaged,
-        answers=read_answers(told.python),
+        answers=read_answers(members.python),
     )
 
 
@@ -164,21 +164,21 @@ def _verdict(tick: Tick, actuator: Actuator, found: Any) -> Verdict:
     if found is None:
         found = {}
     if not isinstance(found, dict):
-        raise msgspec.ValidationError(f"`{actuator.name}` is no object")
+        raise msgspec.ValidationError(f"`{actuator.name}` is not an object")
     names = [f.name for f in actuator.fields]
-    told = msgspec.convert({key: found[key] for key in found if key not in names}, _Decision)
+    members = msgspec.convert({key: found[key] for key in found if key not in names}, _Decision)
     values = {name: found[name] for name in names if name in found}
     return Verdict(
         k=tick.k,
         t_ns=tick.t_ns,
         actuator=actuator.name,
-        by=told.by,
+        by=members.by,
         values=command(actuator, msgspec.convert(values, dict[str, float | bool])) if values else None,
-        fates=tuple(told.fates.items()),
-        fault=told.fault,
-        violation="overruled" in told.fates.values(),
-        outside=told.outside,
-        hold=told.held_by,
+        fates=tuple(members.fates.items()),
+        fault=members.fault,
+        violation="overruled" in members.fates.values(),
+        outside=members.outside,
+        hold=members.held_by,
     )
 
 

@@ -1,4 +1,4 @@
-"""Content of a recording of any format: its run, and its frames."""
+"""Content of a recording in either format: its run, and its frames."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from colony.runtime.protocol.messages import Tick, Verdict
 class RunInfo:
     """The recorded run. `clients` are actuator, module and priority, highest place first.
 
-    `program` is the place of the behavior that was run among `sources`, "" if these are unknown; `run` names
-    the run on a real robot; `started` is its starting time, for people.
+    `program` is the place in `sources` of the behavior that was run, "" if the sources are unknown; `run` is
+    the name of the run on a real robot; `started` is its start time as text for users.
     """
 
     robot: str
@@ -34,11 +34,11 @@ class RunInfo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedFrame:
-    """One recorded frame (see `FrameLog`); `breaches` is None if the format leaves them out.
+    """One recorded frame (see `FrameLog`); `breaches` is None if the format omits them.
 
-    A verdict is absent if none was received. Members of ticks and verdicts that the format leaves out have
-    their defaults; of `fates`, JSON lines have only the notable ones. `damaged`: data between the previous
-    frame and this one is damaged and left out.
+    A verdict is absent if none was received. Fields of ticks and verdicts that the format omits have their
+    defaults; JSON lines have only unusual `fates`. `damaged` is True if data between the previous frame and
+    this one is damaged and left out.
     """
 
     tick: Tick
@@ -63,12 +63,12 @@ class RecordingReader(Protocol):
 
     @property
     def cut(self) -> str | None:
-        """After all frames were read: how the recording breaks off, None if it does not."""
+        """How the recording breaks off, None if it does not; known after all frames were read."""
         ...
 
     @property
     def damaged(self) -> bool:
-        """After all frames were read: True if data after the last of them is damaged."""
+        """True if data after the last frame is damaged; known after all frames were read."""
         ...
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:

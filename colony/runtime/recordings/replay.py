@@ -1,10 +1,10 @@
-"""Recorded frames as input, and decisions of an executor as output lines: the two ends of `colony trace`.
+"""The input and output lines of `colony trace`: recorded frames, and decisions of an executor.
 
-A frame is one JSON object a line: `t` in seconds and readings in declared units; an absent sensor, or null,
-is missing. Members about actuators are ignored, so that a recording is valid input.
+A frame is one JSON object a line: `t` in seconds and readings in declared units. A sensor that is absent or
+null is missing. Members about actuators are ignored, so that a recording is valid input.
 
-The lines of a recording have checksums; its first lines identify it as a recording. A line without a right
-checksum is then damaged, and left out, as is one with a wrong checksum anywhere. Other bad lines are errors.
+If one of the first lines has a valid checksum, the input is a recording, and lines without a valid checksum
+are damaged and left out. A line with a wrong checksum is left out in any case. Other bad lines are errors.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from colony.text.suggestions import did_you_mean
 from colony.text.units import nanoseconds
 
 LINE_BYTES = 4 * 1024 * 1024
-"""Byte limit of a line of a recording. No message of a robot is larger, so no frame is."""
+"""Byte limit of a line of a recording; no message of a robot, and so no frame, is larger."""
 
 _EXACT_BELOW = float(2**20)
-"""Limit in seconds below which the double of a decimal time is within half a nanosecond of it."""
+"""Limit, in seconds, below which the double of a decimal time is within half a nanosecond of it."""
 
 _LATEST_S = 9e9
-"""Largest time in seconds, almost 300 years: in ns it fits 64 bits."""
+"""Largest time in seconds, almost 300 years, so that the time in nanoseconds fits 64 bits."""
 
 
 class Row(NamedTuple):
@@ -73,39 +73,39 @@ class Rows:
     def __iter__(self) -> Iterator[Row]:
         """Yield the undamaged lines as rows."""
         rest = enumerate(self._lines, 1)
-        first = tuple(islice(rest, LOOKAHEAD))
-        summed = any(has_right_sum(line) for _, line in first)
+        first = tuple(islice(rest, DETECTION_LINES))
+        has_checksums = any(has_valid_checksum(line) for _, line in first)
         for number, line in chain(first, rest):
-            wrong = (summed or SUM_BEGINS in line) and not has_right_sum(line)
-            if wrong and not line.endswith(b"\n") and _is_begun(line):
+            damaged = (has_checksums or CHECKSUM_PREFIX in line) and not has_valid_checksum(line)
+            if damaged and not line.endswith(b"\n") and _may_be_cut_off(line):
                 self.broken_off = True
-            elif wrong:
+            elif damaged:
                 self.damaged = True
             elif line.strip():
                 yield self._reader.row(number, line)._replace(damaged=self.damaged)
                 self.damaged = False
 
 
-SUM_BEGINS = b', "@sum": "'
+CHECKSUM_PREFIX = b', "@sum": "'
 """First bytes of the checksum of a line."""
 
-_SUM = re.compile(SUM_BEGINS + rb'([0-9a-f]{8})"\}\r?\n?')
-_SUM_BEGUN = re.compile(SUM_BEGINS + rb'([0-9a-f]{0,7}|[0-9a-f]{8}"?)')
+_CHECKSUM = re.compile(CHECKSUM_PREFIX + rb'([0-9a-f]{8})"\}\r?\n?')
+_PARTIAL_CHECKSUM = re.compile(CHECKSUM_PREFIX + rb'([0-9a-f]{0,7}|[0-9a-f]{8}"?)')
 
-LOOKAHEAD = 16
-"""Number of leading lines of a recording, at least one of which has a right checksum."""
-
-
-def _is_begun(line: bytes) -> bool:
-    """Return True if an unterminated line may be cut off before or within its checksum."""
-    at = line.rfind(SUM_BEGINS)
-    return b"\0" not in line if at < 0 else _SUM_BEGUN.fullmatch(line, at) is not None
+DETECTION_LINES = 16
+"""Number of leading lines of a recording, at least one of which has a valid checksum."""
 
 
-def has_right_sum(line: bytes) -> bool:
-    """Return True if a line ends with a right checksum of its content."""
-    at = line.rfind(SUM_BEGINS)
-    found = _SUM.fullmatch(line, at) if at >= 0 else None
+def _may_be_cut_off(line: bytes) -> bool:
+    """Return True if an unterminated line may break off before or within its checksum."""
+    at = line.rfind(CHECKSUM_PREFIX)
+    return b"\0" not in line if at < 0 else _PARTIAL_CHECKSUM.fullmatch(line, at) is not None
+
+
+def has_valid_checksum(line: bytes) -> bool:
+    """Return True if a line ends with a valid checksum of its content."""
+    at = line.rfind(CHECKSUM_PREFIX)
+    found = _CHECKSUM.fullmatch(line, at) if at >= 0 else None
     return found is not None and int(found[1], 16) == zlib.crc32(line[:at].removeprefix(BOM_UTF8))
 
 
@@ -114,7 +114,7 @@ RESERVED = frozenset({"t", "@tick", "@restart", "@skipped", "@keyframe", "@pytho
 
 
 class _Reader:
-    """A checker of one line after another. Mutable: the time of the last line."""
+    """The parser of lines, one after another. Mutable: the time of the last line."""
 
     def __init__(self, name: str, program: Program) -> None:
         self._name = name
@@ -127,10 +127,10 @@ class _Reader:
     def row(self, number: int, data: bytes) -> Row:
         text = self._text(number, data)
         try:
-            row = json.loads(text, object_pairs_hook=_once_each)
+            row = json.loads(text, object_pairs_hook=_reject_repeated_keys)
         except _RepeatedKeyError as repeated:
             at, hint = self._at(text, repeated.key, last=True), "each line is a whole frame, each name once"
-            message = f"`{repeated.key}` stands twice in one object"
+            message = f"`{repeated.key}` appears twice in one object"
             raise self._failure("F001", number, text, at, message, hint) from None
         except json.JSONDecodeError as problem:
             message = f"not JSON: {problem.msg}"
@@ -138,10 +138,10 @@ class _Reader:
             raise self._failure("F001", number, text, problem.pos, message, hint) from None
         except RecursionError:
             raise self._failure(
-                "F001", number, text, 0, "not JSON that can be read: it nests too deep"
+                "F001", number, text, 0, "not readable JSON: it is nested too deeply"
             ) from None
         except ValueError:
-            message = "not JSON that can be read: a number has too many digits"
+            message = "not readable JSON: a number has too many digits"
             raise self._failure("F001", number, text, 0, message) from None
         if not isinstance(row, dict):
             hint = 'a frame is an object: {"t": 0.05, "bumper": false}'
@@ -177,7 +177,7 @@ class _Reader:
         return t_ns
 
     def _is_reading(self, number: int, text: str, row: dict[str, Any], key: str) -> bool:
-        """Return True if the key is a sensor's, with a value that can be a reading."""
+        """Return True if the key is a sensor, and its value can be a reading."""
         if key in self._ignored and key not in self._sizes:
             return False
         if key not in self._sizes:
@@ -185,8 +185,8 @@ class _Reader:
             raise self._failure("F005", number, text, self._at(text, key), f"unknown sensor `{key}`", hint)
         size, value = self._sizes[key], row[key]
         if size is not None and isinstance(value, list) and len(value) != size:
-            message = f"`{key}` has {size} elements, found {len(value)}"
-            hint = "null where the sensor is missing"
+            message = f"`{key}` must have {size} elements, found {len(value)}"
+            hint = "write null if the sensor is missing"
             raise self._failure("F006", number, text, self._at(text, key), message, hint)
         return True
 
@@ -207,7 +207,7 @@ class _RepeatedKeyError(Exception):
         self.key = key
 
 
-def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _reject_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     row = dict(pairs)
     if len(row) < len(pairs):
         counts = Counter(name for name, _ in pairs)

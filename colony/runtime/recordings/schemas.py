@@ -1,7 +1,7 @@
 """Channels of an MCAP recording, and the JSON schemas of their messages.
 
-Tools that draw recordings (Foxglove, Lichtblick) need schemas of plain objects: every property has one type,
-and missing values are absent, never null.
+Viewers of recordings (Foxglove, Lichtblick) need schemas of plain objects: every property has one type, and
+missing values are absent, never null.
 """
 
 from __future__ import annotations
@@ -67,25 +67,27 @@ _K = _of("integer", "number of the frame")
 
 def _frame(compiled: Compiled) -> Schema:
     return _object(
-        "what was sensed in a frame",
+        "the readings of a frame",
         ("k", "t", "t_ns", "sensors"),
         k=_K,
         t=_of("number", "time of the frame in s"),
         t_ns=_of("integer", "the same in ns, exactly"),
         start=_of("integer", "the frame in which all memory was initial"),
-        restart=_of("boolean", "all memory began anew with this frame"),
-        skipped=_of("integer", "memory is not known; frames before this one that could not be observed"),
-        down=_texts("servers that do not live"),
-        lost=_texts("clients that do not live"),
+        restart=_of("boolean", "all memory restarted with this frame"),
+        skipped=_of("integer", "if memory is unknown: frames before this one that could not be observed"),
+        down=_texts("servers that are down"),
+        lost=_texts("clients that are lost"),
         python=_object(
-            "answers of modules in Python, of which each is absent where it is not known",
+            "answers of modules in Python; absent where unknown",
             **{module: _answer() for module in compiled.announced},
         ),
         sensors=_object(
             "readings in declared units; absent where missing",
             **{s.name: _sensor(s) for s in compiled.robot.sensors},
         ),
-        disagreements=_texts("how verdicts differ from the client list, with nobody late or lost"),
+        disagreements=_texts(
+            "differences of verdicts from the client list that no late or lost client excuses"
+        ),
     )
 
 
@@ -100,13 +102,13 @@ def _answer() -> Schema:
 
 def _keyframe() -> Schema:
     memory = _object(
-        "what the program remembers; absent where that is not known",
+        "the program's memory; absent where unknown",
         ("cells",),
-        first_ns=_of("integer", "time of the first frame since it was initial; absent if there was none"),
-        cells={**_object("by places in the text"), "additionalProperties": True},
+        first_ns=_of("integer", "time of the first frame since memory was initial; absent if there was none"),
+        cells={**_object("memory cells by their places in the text"), "additionalProperties": True},
     )
     return _object(
-        "memory before a frame, from which a reader goes on after damage",
+        "memory before a frame, from which a reader resumes after damage",
         ("k", "n"),
         k=_K,
         n=_of("integer", "number of the keyframe"),
@@ -117,35 +119,35 @@ def _keyframe() -> Schema:
 
 def _verdict(actuator: Actuator, modules: tuple[str, ...]) -> Schema:
     return _object(
-        f"how a frame of {actuator.name} came out",
+        f"verdict on a frame of {actuator.name}",
         ("k",),
         k=_K,
-        by=_of("string", "the client of the network that won; absent where none did"),
-        values=_values(actuator, "what was sent, in declared units; absent where nothing was"),
-        fates=_object("what became of each client", **{m: _of("string", "") for m in modules}),
-        fault=_of("string", "why the winner's command was not sent"),
+        by=_of("string", "client of the network that won; absent if none did"),
+        values=_values(actuator, "command sent, in declared units; absent if none was"),
+        fates=_object("fate of each client's request", **{m: _of("string", "") for m in modules}),
+        fault=_of("string", "reason why the winner's command was not sent"),
         violation=_of("boolean", "two clients commanded in one frame"),
-        outside=_of("string", "the client outside the network whose command was sent"),
-        hold=_of("string", "what kept the network from deciding"),
-        notes=_texts("what was wrong with what came"),
+        outside=_of("string", "connection outside the network whose command was sent"),
+        hold=_of("string", "reason why the network did not decide: stopped or locked"),
+        notes=_texts("problems with requests"),
     )
 
 
 def _requests(actuator: Actuator, modules: tuple[str, ...]) -> Schema:
     bid = _object(
-        "what a client wanted",
+        "request of a client",
         ("bid",),
         bid=_of("string", "command, suppressed, inhibited, inactive or silent"),
-        values=_values(actuator, "its command, limited and clamped, in declared units"),
-        fault=_of("string", "why its command has no values"),
+        values=_values(actuator, "command, limited and clamped, in declared units"),
+        fault=_of("string", "reason why the command has no values"),
     )
     clients = _object("by client", **dict.fromkeys(modules, bid))
-    return _object(f"what the clients of {actuator.name} wanted", ("k",), k=_K, clients=clients)
+    return _object(f"requests of the clients of {actuator.name}", ("k",), k=_K, clients=clients)
 
 
 def _contracts(compiled: Compiled) -> Schema:
     names = ", ".join(c.name for c in compiled.contracts) or "there are none"
-    broken = _texts(f"those that were broken, of: {names}")
+    broken = _texts(f"broken contracts, of: {names}")
     return _object("frames in which contracts were broken", ("k", "broken"), k=_K, broken=broken)
 
 

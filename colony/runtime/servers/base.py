@@ -1,39 +1,39 @@
-"""The base as RServer keeps it, independent of its commander: state, virtual position and bumpers."""
+"""The base behind RServer: its state, virtual position, bumpers and speeds."""
 
 from __future__ import annotations
 
 import math
 
-from colony.runtime.arbitration.motion import STILL, OdometerPose, Seen, Speeds
+from colony.runtime.arbitration.motion import STILL, BaseObservation, OdometerPose, Speeds
 from colony.runtime.frames.publishing import Fields
 from colony.runtime.library import robot
-from colony.runtime.protocol.calls import Asked, Method, Nothing, RefusedError, method
+from colony.runtime.protocol.calls import CallId, Method, NoArguments, RefusedError, method
 from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseDriver, BaseLimits, BaseState
 from colony.runtime.servers.piloting import Bumper
 from colony.runtime.servers.virtual_position import Odometer
 
-FARTHEST_MM = 1e7
+MAX_COORDINATE_MM = 1e7
 """Largest x and y of a position that a call may set: 10 km.
 
-With much larger numbers a step of dead reckoning would be lost in rounding, and the position would stand
-still while the base moves.
+With much larger numbers, rounding would swallow each step of dead reckoning: the position would not change
+while the base moves.
 """
 
-MOST_TURNED_DEG = 36_000.0
+MAX_HEADING_DEG = 36_000.0
 """Largest heading, in either direction, that a call may set, for the same reason."""
 
 
 class Base:
-    """A base with its newest state. Mutable: that, the virtual position, and the speeds sent last."""
+    """A base. Mutable: its newest state, the virtual position, and the speeds sent last."""
 
     def __init__(self, driver: BaseDriver) -> None:
         self._driver = driver
         self._odometer = Odometer(driver.register_bits)
         self._pose = OdometerPose(0.0, 0.0, 0.0)
         self._state: BaseState | None = None
-        self._guarded = True
+        self._bumpers_watched = True
         self._setting = STILL
 
     @property
@@ -43,12 +43,12 @@ class Base:
 
     @property
     def methods(self) -> tuple[Method, ...]:
-        """The methods that read the state of the base, and correct its position."""
+        """The methods that read the state of the base and correct its position."""
         return (
-            method("bumper", Nothing, self._bumper, right="read"),
-            method("position", Nothing, self._position, right="read"),
-            method("speed_setting", Nothing, lambda *_: self._setting.velocity, right="read"),
-            method("wheel_speed", Nothing, lambda *_: self._present().wheel_speed, right="read"),
+            method("bumper", NoArguments, self._bumper, right="read"),
+            method("position", NoArguments, self._position, right="read"),
+            method("speed_setting", NoArguments, lambda *_: self._setting.velocity, right="read"),
+            method("wheel_speed", NoArguments, lambda *_: self._require_state().wheel_speed, right="read"),
             method("set_bumper", robot.SetBumper, self._set_bumper),
             method("set_position", robot.PoseArguments, self._set_position),
             method("adjust_position", robot.PoseArguments, self._adjust_position),
@@ -56,18 +56,18 @@ class Base:
 
     @property
     def pose(self) -> OdometerPose:
-        """The virtual position at the last `look`."""
+        """The virtual position at the last `refresh`."""
         return self._pose
 
-    def look(self) -> BaseState | None:
-        """Read the newest state of the base; the odometer observes every state that is read."""
+    def refresh(self) -> BaseState | None:
+        """Read the newest state of the base, and pass a new one to the odometer."""
         before, self._state = self._state, self._driver.state()
         if self._state is not None and self._state is not before:
             self._pose = self._odometer.observe(self._state)
         return self._state
 
     def fields(self, t_ns: int) -> Fields:
-        """Return the fields of the base in a frame of `t_ns`, as of the last `look`."""
+        """Return the fields of the base in a frame of `t_ns`, as of the last `refresh`."""
         settings = {
             "speed_setting": Sample(self._setting.velocity, t_ns),
             "turn_setting": Sample(self._setting.turn, t_ns),
@@ -89,18 +89,18 @@ class Base:
             **settings,
         }
 
-    def seen(self, elapsed_s: float) -> Seen:
-        """Return the input of motion laws, `elapsed_s` after the last command."""
-        return Seen(self._odometer.track, self._setting, elapsed_s)
+    def observation(self, elapsed_s: float) -> BaseObservation:
+        """Return the input of the motion laws, `elapsed_s` after the last command."""
+        return BaseObservation(self._odometer.track, self._setting, elapsed_s)
 
     def drive(self, speeds: Speeds) -> Bumper | None:
-        """Send these speeds to the base; send only the turn if they would drive into a pressed bumper.
+        """Send these speeds to the base; send only the turn if a pressed bumper is in the way.
 
         Returns:
-            The bumper, pressed at the last `look`, that they would drive into; None if the way is free, or
-            bumpers are ignored.
+            The pressed bumper in the way, as of the last `refresh`; None if there is none, or bumpers are
+            ignored.
         """
-        bumper = self._pressed(speeds.velocity)
+        bumper = self._blocking_bumper(speeds.velocity)
         self._setting = speeds if bumper is None else Speeds(0.0, speeds.turn)
         self._driver.drive(*self._setting)
         return bumper
@@ -110,9 +110,9 @@ class Base:
         self._setting = STILL
         self._driver.stop()
 
-    def _pressed(self, velocity: float) -> Bumper | None:
+    def _blocking_bumper(self, velocity: float) -> Bumper | None:
         state = self._state
-        if state is None or not velocity or not self._guarded:
+        if state is None or not velocity or not self._bumpers_watched:
             return None
         if not (state.front_bumper if velocity > 0.0 else state.rear_bumper):
             return None
@@ -120,32 +120,32 @@ class Base:
 
     # --- calls ---------------------------------------------------------------------------------------
 
-    def _present(self) -> BaseState:
-        state = self.look()
+    def _require_state(self) -> BaseState:
+        state = self.refresh()
         if state is None:
-            raise RefusedError("no value", f"{RSERVER.name}: the base has given nothing yet")
+            raise RefusedError("no value", f"{RSERVER.name}: the base has not reported a state yet")
         return state
 
-    def _bumper(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Bumpers:
-        state = self._present()
+    def _bumper(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> robot.Bumpers:
+        state = self._require_state()
         return robot.Bumpers(front=state.front_bumper, rear=state.rear_bumper)
 
-    def _position(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Position:
-        state = self._present()
+    def _position(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> robot.Position:
+        state = self._require_state()
         return robot.Position(x=self._pose.x, y=self._pose.y, heading=self._pose.heading, t_ns=state.t_ns)
 
-    def _set_bumper(self, asked: Asked, arguments: robot.SetBumper, now_ns: int) -> None:
-        self._guarded = arguments.setting != 0
+    def _set_bumper(self, call_id: CallId, arguments: robot.SetBumper, now_ns: int) -> None:
+        self._bumpers_watched = arguments.setting != 0
 
-    def _set_position(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
-        state = self._present()
+    def _set_position(self, call_id: CallId, arguments: robot.PoseArguments, now_ns: int) -> None:
+        state = self._require_state()
         self._odometer.set(state, _pose(arguments))
         self._pose = self._odometer.observe(state)
 
-    def _adjust_position(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
+    def _adjust_position(self, call_id: CallId, arguments: robot.PoseArguments, now_ns: int) -> None:
         delta = _pose(arguments)
         _check_pose(OdometerPose(self._pose.x + delta.x, self._pose.y + delta.y, delta.heading))
-        state = self._present()
+        state = self._require_state()
         self._odometer.adjust(state, delta)
         self._pose = self._odometer.observe(state)
 
@@ -159,6 +159,6 @@ def _pose(arguments: robot.PoseArguments) -> OdometerPose:
 def _check_pose(pose: OdometerPose) -> None:
     if not all(map(math.isfinite, pose)):
         raise RefusedError("arguments", f"the pose is {tuple(pose)}; expected finite numbers")
-    if max(abs(pose.x), abs(pose.y)) > FARTHEST_MM or abs(pose.heading) > MOST_TURNED_DEG:
-        expected = f"at most {FARTHEST_MM:g} mm from the origin, and {MOST_TURNED_DEG:g} deg"
+    if max(abs(pose.x), abs(pose.y)) > MAX_COORDINATE_MM or abs(pose.heading) > MAX_HEADING_DEG:
+        expected = f"at most {MAX_COORDINATE_MM:g} mm from the origin, and {MAX_HEADING_DEG:g} deg"
         raise RefusedError("arguments", f"the pose is {tuple(pose)}; expected {expected}")

@@ -1,4 +1,4 @@
-"""The actuator of a program that is bound to the base, or the built-in one if there is none."""
+"""The actuator that a program binds to the base, or the built-in one."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from colony.ir.program import Actuator, ActuatorField
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.motion import Speeds
 from colony.runtime.protocol.bindings import ActuatorBinding
-from colony.runtime.protocol.deployment import ActuatorTable, Deployment, actuator_table, commanded_by
+from colony.runtime.protocol.deployment import ActuatorTable, Deployment, actuator_table, actuators_of
 from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.servers.drivers import BaseLimits
-from colony.runtime.servers.orders import Range, whole_range
+from colony.runtime.servers.motion_commands import Range, full_range
 
 FRAME_NS = 50_000_000
 """Frame period of a robot without a program, in nanoseconds."""
@@ -37,34 +37,33 @@ _BUILT_IN = actuator_table(
 class BaseActuator:
     """The actuator of the base in a run, its range, and its clients by priority.
 
-    `published`: verdicts are published. They are not for a program without the base, which does not know the
-    actuator.
+    `published` is True if its verdicts are published. It is False for a program that does not bind the base.
     """
 
     run: str
     frame_ns: int
-    commanded: ActuatorTable
+    table: ActuatorTable
     allowed: Range
-    places: Mapping[int, str]
+    clients: Mapping[int, str]
     published: bool = True
     lockstep: bool = False
 
     @property
     def name(self) -> str:
         """Name of the actuator."""
-        return self.commanded.name
+        return self.table.name
 
     def values(self, speeds: Speeds) -> tuple[float, ...]:
-        """Return speeds as values of the actuator; those that it has no field for are left out."""
-        values = [0.0] * len(self.commanded.fields)
-        for i, speed in zip(self.commanded.places, speeds, strict=True):
+        """Return the values of the actuator for these speeds; a speed without a field is dropped."""
+        values = [0.0] * len(self.table.fields)
+        for i, speed in zip(self.table.places, speeds, strict=True):
             if i is not None:
                 values[i] = speed
         return tuple(values)
 
 
 def speeds_of(actuator: ActuatorTable, values: tuple[ScalarValue, ...]) -> Speeds:
-    """Return the speeds of a command in base units; a parameter that the actuator lacks is 0."""
+    """Return the speeds of a command in base units; a missing parameter is 0."""
     velocity, turn = (0.0 if i is None else float(values[i]) for i in actuator.places)
     return Speeds(velocity, turn)
 
@@ -73,27 +72,27 @@ def base_actuator(deployed: Deployment | None, limits: BaseLimits) -> BaseActuat
     """Return the actuator bound to the base in a valid deployment, else the built-in one."""
     if deployed is None:
         return BaseActuator(
-            run="", frame_ns=FRAME_NS, commanded=_BUILT_IN, allowed=whole_range(limits), places={}
+            run="", frame_ns=FRAME_NS, table=_BUILT_IN, allowed=full_range(limits), clients={}
         )
-    found = commanded_by(deployed, RSERVER.name)
-    commanded = found[0] if found else _BUILT_IN
+    found = actuators_of(deployed, RSERVER.name)
+    table = found[0] if found else _BUILT_IN
     return BaseActuator(
         run=deployed.run,
         frame_ns=deployed.frame_ns,
-        commanded=commanded,
-        allowed=_range(commanded, limits),
-        places={priority: name for name, priority in commanded.clients},
+        table=table,
+        allowed=_range(table, limits),
+        clients={priority: name for name, priority in table.clients},
         published=bool(found),
         lockstep=deployed.lockstep,
     )
 
 
-def misfit(deployed: Deployment) -> str | None:
+def mismatch(deployed: Deployment) -> str | None:
     """Return the reason why a deployment does not fit the base, or None."""
-    return next(_misfits(deployed), None)
+    return next(_mismatches(deployed), None)
 
 
-def _misfits(deployed: Deployment) -> Iterator[str]:
+def _mismatches(deployed: Deployment) -> Iterator[str]:
     if not deployed.run:
         yield "a run without a name"
     tables = [table for table in deployed.actuators if table.server == RSERVER.name]
@@ -101,45 +100,45 @@ def _misfits(deployed: Deployment) -> Iterator[str]:
         names = " and ".join(f"`{table.name}`" for table in tables)
         yield f"{names} command the base; expected one actuator"
     for table in tables:
-        yield from _misfits_of(table)
+        yield from _table_mismatches(table)
 
 
-def _misfits_of(table: ActuatorTable) -> Iterator[str]:
+def _table_mismatches(table: ActuatorTable) -> Iterator[str]:
     if table.command != _DRIVE.name:
         yield f"`{table.name}`: {RSERVER.name} has no command `{table.command}`"
     count = len(table.fields)
     if len(table.places) != len(_DRIVE.parameters):
         yield f"`{table.name}`: {len(table.places)} parameters; expected {len(_DRIVE.parameters)}"
     if any(i is not None and not 0 <= i < count for i in table.places):
-        yield f"`{table.name}`: a parameter is none of its {count} fields"
+        yield f"`{table.name}`: a parameter is not one of its {count} fields"
     if any(field.kind != "number" for field in table.fields):
-        yield f"`{table.name}`: a field is no number"
+        yield f"`{table.name}`: a field is not a number"
     if any(not math.isfinite(field.factor) or field.factor == 0.0 for field in table.fields):
         yield f"`{table.name}`: a factor is 0 or not finite"
     if table.idle is not None and not all(map(_number, table.idle)):
-        yield f"`{table.name}`: an idle command that is not finite numbers"
+        yield f"`{table.name}`: an idle command with a value that is not finite"
     priorities = [priority for _, priority in table.clients]
     if priorities != sorted(priorities, reverse=True):
-        yield f"`{table.name}`: clients that are not in the order of their priorities"
+        yield f"`{table.name}`: the clients are not in the order of their priorities"
 
 
 def _number(value: ScalarValue) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _range(commanded: ActuatorTable, limits: BaseLimits) -> Range:
+def _range(table: ActuatorTable, limits: BaseLimits) -> Range:
     """Return the program's range within the limits of the base; a speed that it lacks keeps its limits."""
-    whole = whole_range(limits)
-    velocity, turn = commanded.places
+    whole = full_range(limits)
+    velocity, turn = table.places
     return whole._replace(
-        velocity=_narrowed(whole.velocity, commanded, velocity), turn=_narrowed(whole.turn, commanded, turn)
+        velocity=_narrowed(whole.velocity, table, velocity), turn=_narrowed(whole.turn, table, turn)
     )
 
 
-def _narrowed(whole: tuple[float, float], commanded: ActuatorTable, place: int | None) -> tuple[float, float]:
+def _narrowed(whole: tuple[float, float], table: ActuatorTable, place: int | None) -> tuple[float, float]:
     if place is None:
         return whole
-    field = commanded.fields[place]
+    field = table.fields[place]
     low = whole[0] if field.low is None else max(whole[0], field.low)
     high = whole[1] if field.high is None else min(whole[1], field.high)
     return (low, high)

@@ -1,4 +1,4 @@
-"""Limits of a server's state, and sentences for users about the limits that were reached."""
+"""Limits on the state of a server, and reports of the limits that were reached."""
 
 from __future__ import annotations
 
@@ -7,30 +7,30 @@ class Bound:
     """A limit. Mutable: whether a request was refused because of it.
 
     Args:
-        what: the kind of things counted, for users.
-        most: the largest count that is allowed.
+        what: the name of the things counted, for users.
+        limit: the largest count that is allowed.
         in_bytes: True if the count is in bytes.
     """
 
-    def __init__(self, what: str, most: int, *, in_bytes: bool = False) -> None:
-        self.most = most
+    def __init__(self, what: str, limit: int, *, in_bytes: bool = False) -> None:
+        self.limit = limit
         self._what = what
         self._in_bytes = in_bytes
         self._was_reached = False
 
     def allows(self, count: int) -> bool:
         """Return True if `count` is allowed; if not, remember that the limit was reached."""
-        self._was_reached |= count > self.most
-        return count <= self.most
+        self._was_reached |= count > self.limit
+        return count <= self.limit
 
     def reached(self, count: int) -> tuple[str, ...]:
-        """Return a sentence if `count` reaches the limit, or a request was refused before; else nothing."""
-        if count < self.most and not self._was_reached:
+        """Return a sentence if `count` reaches the limit or a request was ever refused; else nothing."""
+        if count < self.limit and not self._was_reached:
             return ()
         refused = ", and there was no room for more" if self._was_reached else ""
-        return (f"{self._what}: {self._shown(count)} of {self._shown(self.most)} are used{refused}",)
+        return (f"{self._what}: {self._format(count)} of {self._format(self.limit)} are used{refused}",)
 
-    def _shown(self, count: int) -> str:
+    def _format(self, count: int) -> str:
         if not self._in_bytes:
             return str(count)
         return f"{count / (1 << 20):.1f} MiB" if count >= 1 << 20 else f"{count / 1024:.1f} KiB"

@@ -1,6 +1,6 @@
-"""Checkpoints at DServer: the memory of a program's clients, for the processes that replace them.
+"""Checkpoints at DServer: the memory of a program's clients, for processes that replace them.
 
-Only clients of the deployed program may keep checkpoints here.
+DServer accepts checkpoints of the deployed program's clients only.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from colony.runtime.protocol.messages import Checkpoint, Recall, Send
 from colony.runtime.servers.bounds import Bound
 from colony.runtime.store.store import Journal, Key
 
-MEMORY_BYTES = 1 << 20
-"""Byte limit of one memory."""
+MAX_MEMORY_BYTES = 1 << 20
+"""Byte limit of the memory in one checkpoint."""
 
-SPACE = 1 << 24
-"""Byte limit of all checkpoints; each counts for its name and `OVERHEAD` more."""
+MAX_TOTAL_BYTES = 1 << 24
+"""Byte limit of all checkpoints; each counts its memory, its name and `OVERHEAD`."""
 
 OVERHEAD = 100
 
@@ -28,23 +28,23 @@ _CLIENTS = Key("fact", "clients")
 
 
 class Checkpoints:
-    """The newest checkpoint of each client, by address. Mutable: those; changes go into the journal."""
+    """The newest checkpoint of each client, by address. Mutable; changes go into the journal."""
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
         self._newest: dict[str, Checkpoint] = {}
-        self._bound = Bound("checkpoints", SPACE, in_bytes=True)
+        self._bound = Bound("checkpoints", MAX_TOTAL_BYTES, in_bytes=True)
         self._used = 0
         self._run: str | None = None
         self._clients: frozenset[str] = frozenset()
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences for users about limits that are reached, or were since the server started."""
+        """Sentences for users about the limits reached since the server started."""
         return self._bound.reached(self._used)
 
     def keep(self, checkpoint: Checkpoint) -> None:
-        """Keep a checkpoint of one of the program's clients, unless it is too large or not the newest."""
+        """Keep a checkpoint of a client of the program, unless it is too large or outdated."""
         client = checkpoint.client
         if client not in self._clients:
             return
@@ -52,21 +52,21 @@ class Checkpoints:
         if known is not None and (checkpoint.start, checkpoint.k) <= (known.start, known.k):
             return
         used = self._used + _size(checkpoint) - (0 if known is None else _size(known))
-        if len(checkpoint.memory) > MEMORY_BYTES or not self._bound.allows(used):
+        if len(checkpoint.memory) > MAX_MEMORY_BYTES or not self._bound.allows(used):
             return
         self._used = used
         self._newest[client] = checkpoint
         self._journal.put(Key("checkpoint", client), _encode(checkpoint))
 
     def recall(self, recall: Recall) -> Iterator[Send]:
-        """Send a client its newest checkpoint; a client that is not the program's gets no answer."""
+        """Send a client its newest checkpoint; ignore a client of no or another program."""
         if recall.client in self._clients:
             none = Checkpoint(client=recall.client, k=-1, start=-1, memory=b"")
             found = self._newest.get(recall.client, none)
             yield Send(topics.recalled(DSERVER.name, recall.client), found)
 
     def begin(self, run: str, clients: Iterable[str]) -> None:
-        """Begin a run with these clients, and drop the checkpoints of another run."""
+        """Begin a run with these clients; if it is a new one, drop all checkpoints."""
         if run == self._run:
             return
         for client in self._newest:
@@ -78,7 +78,7 @@ class Checkpoints:
         self._journal.put(_CLIENTS, _encode(sorted(self._clients)))
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Load the entries of a store of the kind "checkpoint", with their run and its clients."""
+        """Load the checkpoints, their run and its clients from the entries of a store."""
         run = entries.get(_RUN)
         self._run = None if run is None else run.decode()
         if _CLIENTS in entries:

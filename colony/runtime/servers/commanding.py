@@ -8,16 +8,16 @@ from typing import NamedTuple
 
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Arbiter, Dispatch, Event, Timing
-from colony.runtime.arbitration.ballot import NOBODY, STOPPED, Others
+from colony.runtime.arbitration.ballot import NO_INTERVENTIONS, STOPPED, Interventions
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import ActuatorTable
 from colony.runtime.protocol.messages import Effect, Malformed, Request, Send, Tick, Verdict, WakeAt
 
 Perform = Callable[[ActuatorTable, tuple[ScalarValue, ...], int], None]
-"""A function that carries out a command, given the actuator, its fields in base units, and the time."""
+"""A function that carries out a command: the actuator, its fields in base units, the time."""
 
-Told = Callable[[ActuatorTable, Dispatch, int], None]
-"""A callback for a frame's decision, before it is carried out, even if nothing is sent."""
+OnDispatch = Callable[[ActuatorTable, Dispatch, int], None]
+"""A function called with a frame's decision before it is carried out, even if nothing is sent."""
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
@@ -44,7 +44,7 @@ class _Counts:
 
 
 class ClientCounts(NamedTuple):
-    """A client of the network, with the numbers of frames by the fate of its request."""
+    """A client of the network, with its frames counted by the fate of its request."""
 
     name: str
     priority: int
@@ -55,7 +55,7 @@ class ClientCounts(NamedTuple):
 
 
 class ActuatorCounts(NamedTuple):
-    """The frames of an actuator so far, its clients, highest place first, and the last note."""
+    """The frames of an actuator so far, its clients, highest priority first, and the last note."""
 
     actuator: str
     frames: int
@@ -63,15 +63,15 @@ class ActuatorCounts(NamedTuple):
     last_note: str | None
 
 
-class CommandDesk:
+class CommandDispatcher:
     """The arbitration and execution of commands for a server's actuators. Mutable: the arbiters.
 
     Args:
         commanded: the actuators.
         times: the deadline and grace period of their frames.
-        perform: carries out a dispatch, unless nothing is sent (`idle hold`).
-        told: called with every dispatch.
-        publish: True if verdicts are published.
+        perform: carries out a dispatched command; not called if nothing is sent (`idle hold`).
+        on_dispatch: called with every dispatch.
+        publish: True to publish the verdicts.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class CommandDesk:
         times: Timing,
         perform: Perform,
         *,
-        told: Told = lambda actuator, dispatch, now_ns: None,
+        on_dispatch: OnDispatch = lambda actuator, dispatch, now_ns: None,
         publish: bool = True,
     ) -> None:
         self._actuators = {table.name: table for table in commanded}
@@ -91,21 +91,23 @@ class CommandDesk:
         }
         self._counts = {name: _Counts() for name in self._actuators}
         self._perform = perform
-        self._told = told
+        self._on_dispatch = on_dispatch
         self._publish = publish
         self._alarm: int | None = None
 
     @property
-    def moves(self) -> bool:
-        """True if there is an actuator that `halt` makes idle."""
+    def can_halt(self) -> bool:
+        """True if `halt` has an idle command to carry out."""
         return any(table.idle is not None for table in self._actuators.values())
 
-    def tick(self, tick: Tick, now_ns: int, others: Others = NOBODY) -> Iterable[Effect]:
-        """Open the frame of every actuator; `others` are the influences besides its clients."""
+    def tick(
+        self, tick: Tick, now_ns: int, interventions: Interventions = NO_INTERVENTIONS
+    ) -> Iterable[Effect]:
+        """Open the frame of every actuator; `interventions` act besides its clients."""
         for name, arbiter in self._arbiters.items():
             clients = self._clients[name]
             lost = frozenset(clients[a] for a in tick.lost if a in clients)
-            yield from self._carry_out(name, arbiter.open(tick, lost, now_ns, others), now_ns)
+            yield from self._carry_out(name, arbiter.open(tick, lost, now_ns, interventions), now_ns)
         yield from self._set_alarm()
 
     def request(self, request: Request, now_ns: int) -> Iterable[Effect]:
@@ -120,15 +122,17 @@ class CommandDesk:
                 self._alarm = due
                 yield WakeAt(due)
 
-    def intervene(self, actuator: str, others: Others, now_ns: int) -> Iterable[Effect]:
-        """Apply a change of the influences besides an actuator's clients within its frame."""
-        yield from self._carry_out(actuator, self._arbiters[actuator].intervene(others, now_ns), now_ns)
+    def intervene(self, actuator: str, interventions: Interventions, now_ns: int) -> Iterable[Effect]:
+        """Apply changed interventions to an actuator within its frame."""
+        yield from self._carry_out(
+            actuator, self._arbiters[actuator].intervene(interventions, now_ns), now_ns
+        )
         yield from self._set_alarm()
 
     def halt(self, now_ns: int) -> Iterable[Effect]:
-        """Carry out every idle command, regardless of the frames' decisions.
+        """Carry out every idle command, whatever the frames decide.
 
-        This is for the emergency stop, and for a server that gets no ticks.
+        Called on an emergency stop, and when ticks stop coming.
         """
         for name, table in self._actuators.items():
             yield from self.intervene(name, STOPPED, now_ns)
@@ -138,11 +142,11 @@ class CommandDesk:
     def malformed(self, message: Malformed) -> None:
         """Add a note about a malformed request to the verdicts of the frame."""
         for name in self._arbiters:
-            self.remark(name, f"a request could not be read: {message.reason}")
+            self.add_note(name, f"a request could not be read: {message.reason}")
 
-    def remark(self, actuator: str, note: str) -> None:
-        """Add a note for people to the next verdict of an actuator."""
-        self._arbiters[actuator].remark(note)
+    def add_note(self, actuator: str, note: str) -> None:
+        """Add a note for users to the next verdict of an actuator."""
+        self._arbiters[actuator].add_note(note)
 
     def wake(self, now_ns: int) -> Iterable[Effect]:
         """Decide overdue frames."""
@@ -153,7 +157,7 @@ class CommandDesk:
         yield from self._set_alarm()
 
     def finish(self, now_ns: int) -> Iterable[Effect]:
-        """End the present frames in their present state, as no other follows."""
+        """End the present frames as they are; no other frame follows."""
         for name, arbiter in self._arbiters.items():
             yield from self._carry_out(name, arbiter.finish(), now_ns)
 
@@ -165,7 +169,7 @@ class CommandDesk:
         for event in events:
             if isinstance(event, Dispatch):
                 table = self._actuators[name]
-                self._told(table, event, now_ns)
+                self._on_dispatch(table, event, now_ns)
                 if event.values is not None:
                     self._perform(table, event.values, now_ns)
             else:

@@ -1,7 +1,7 @@
 """The calls of DServer, made by the functions of `library/data.py` (thesis section 4.6.1).
 
-Each part (variables, semaphores, watches, answers) puts its changes into one journal, which the server
-commits before any effect leaves.
+Variables, semaphores, watches and answers put their changes into one journal, which the server commits before
+any effect leaves.
 """
 
 from __future__ import annotations
@@ -15,42 +15,42 @@ from colony.runtime.library.data import (
     Publish,
     Watch,
 )
-from colony.runtime.protocol.calls import Asked, CallDesk, Handler, Later, Method, RefusedError, method
+from colony.runtime.protocol.calls import CallDispatcher, CallId, Handler, Later, Method, RefusedError, method
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import Effect, Message, Wake, WakeAt
-from colony.runtime.servers.data_methods import NAMES_BYTES, DataMethods, few
-from colony.runtime.servers.naming import named
-from colony.runtime.servers.once import CallAnswers
+from colony.runtime.servers.call_answers import CallAnswers
+from colony.runtime.servers.data_methods import MAX_NAMES_BYTES, DataMethods, check_count
+from colony.runtime.servers.frame_content import FrameSubscriptions
+from colony.runtime.servers.names import checked_name
+from colony.runtime.servers.notices import SLICE_INTERVAL_NS, NoticeQueue
 from colony.runtime.servers.semaphores import Semaphores
-from colony.runtime.servers.showing import Wanted
-from colony.runtime.servers.telling import PAUSE_NS, Telling
 from colony.runtime.servers.variables import (
     Variables,
 )
 from colony.runtime.servers.watching import Watches
 
-RETURN_NS = 2_000_000_000
-"""Nanoseconds after a restart in which the holds of a connection are kept for it to reconnect.
+RECONNECT_GRACE_NS = 2_000_000_000
+"""Nanoseconds after a restart for which the holds of a connection wait for it to reconnect.
 
-If the time were shorter, a client about to reconnect might find that another one has its semaphore too.
+If it were shorter, a client about to reconnect might find that another client holds its semaphore, too.
 """
 
 
 class DataCalls:
-    """The calls of DServer. Mutable: its parts, and the notices and answers that are due.
+    """The calls of DServer. Mutable: its parts, and the pending notices and answers.
 
     Args:
         variables: the variables, loaded.
         semaphores: the semaphores, loaded.
         answers: the answers to calls, loaded.
         watches: the watches of connections, loaded.
-        wanted: the variables asked for in frames, loaded.
-        others: more methods.
-        lost: called for each connection that has ended.
+        wanted: the variables that connections subscribed to in frames, loaded.
+        others: further methods.
+        on_lost: called for each connection that has ended.
         stop: carries out an emergency stop, given the connection and the time.
         full: returns sentences about limits that the server has reached.
-        no_room: returns the reason why nothing can be kept, None while there is room for it.
+        no_room: returns the reason why changes cannot be stored, None while they can.
     """
 
     def __init__(
@@ -59,10 +59,10 @@ class DataCalls:
         semaphores: Semaphores,
         answers: CallAnswers,
         watches: Watches,
-        wanted: Wanted,
+        frame_subscriptions: FrameSubscriptions,
         *,
         others: Iterable[Method] = (),
-        lost: Callable[[Caller], None] = lambda caller: None,
+        on_lost: Callable[[Caller], None] = lambda caller: None,
         stop: Callable[[str, int], None] | None = None,
         full: Callable[[], Iterable[str]] = lambda: (),
         no_room: Callable[[], str | None] = lambda: None,
@@ -72,48 +72,48 @@ class DataCalls:
         self._semaphores = semaphores
         self._answers = answers
         self._watches = watches
-        self._wanted = wanted
-        self._telling = Telling(variables, watches, self._notify)
-        self._data = DataMethods(variables, semaphores, self._telling.changed)
+        self._frame_subscriptions = frame_subscriptions
+        self._notices = NoticeQueue(variables, watches, self._notify)
+        self._data = DataMethods(variables, semaphores, self._notices.changed)
         self._next_slice: int | None = None
-        self._desk = CallDesk(
+        self._calls = CallDispatcher(
             DSERVER.name,
             (*self._methods(), *others),
             admit=self._admit,
-            lost=self._end,
+            on_lost=self._end,
             stop=stop,
             full=full,
         )
-        self._tell_lost = lost
+        self._on_lost = on_lost
         self._callers: dict[str, Caller] = {}
         self._opened: list[str] = []
         self._alarm: int | None = None
-        self._return_by: int | None = None
-        self.listens = self._desk.listens
+        self._reconnect_by: int | None = None
+        self.listens = self._calls.listens
 
     def start(self, now_ns: int) -> Iterator[Effect]:
-        """Start without connections, and give earlier ones the time to reconnect."""
+        """Start without connections, and give earlier connections time to reconnect."""
         self._watches.start(now_ns)
-        if self._semaphores.holders_but(()):
-            self._return_by = now_ns + RETURN_NS
-            yield WakeAt(self._return_by)
+        if self._semaphores.holders_except(()):
+            self._reconnect_by = now_ns + RECONNECT_GRACE_NS
+            yield WakeAt(self._reconnect_by)
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
         """Handle calls, signs of life, malformed calls, and wakes."""
         if isinstance(message, Wake):
             self._wake(now_ns)
-        yield from self._desk.handle(message, now_ns)
+        yield from self._calls.handle(message, now_ns)
         if self._opened:
-            self._greet()
+            self._restore_watches()
         yield from self._settle(now_ns)
-        if self._telling.waiting:
-            yield from self._tell(now_ns)
+        if self._notices.waiting:
+            yield from self._send_notices(now_ns)
 
     def changed(self, names: Iterable[str], now_ns: int) -> Iterator[Effect]:
         """Send notices about variables that actuators have set."""
         for name in names:
-            self._telling.changed(name)
-        yield from self._tell(now_ns)
+            self._notices.changed(name)
+        yield from self._send_notices(now_ns)
 
     def _methods(self) -> tuple[Method, ...]:
         return (
@@ -121,35 +121,35 @@ class DataCalls:
                 m if m.right == "read" else m._replace(handler=self._once(m.handler))
                 for m in self._data.methods
             ),
-            method("publish", Publish, self._publish, right="read", lasting=True, largest=NAMES_BYTES),
-            method("watch", Watch, self._watch, right="read", lasting=True, largest=NAMES_BYTES),
-            method("unwatch", Watch, self._unwatch, right="read", lasting=True, largest=NAMES_BYTES),
+            method("publish", Publish, self._publish, right="read", lasting=True, max_bytes=MAX_NAMES_BYTES),
+            method("watch", Watch, self._watch, right="read", lasting=True, max_bytes=MAX_NAMES_BYTES),
+            method("unwatch", Watch, self._unwatch, right="read", lasting=True, max_bytes=MAX_NAMES_BYTES),
         )
 
     def _once(self, handler: Handler) -> Handler:
-        """Return a handler that repeats the noted answer to a call that was done before."""
+        """Return a handler that answers a repeated call with the recorded answer."""
 
-        def handle(asked: Asked, arguments: Any, now_ns: int) -> object:
-            connection, number = asked.caller.connection, asked.number
+        def handle(call_id: CallId, arguments: Any, now_ns: int) -> object:
+            connection, number = call_id.caller.connection, call_id.number
             done = self._answers.find(connection, number)
             if done is not None:
                 return msgspec.Raw(done)
             try:
                 self._expect_room()
-                result = handler(asked, arguments, now_ns)
+                result = handler(call_id, arguments, now_ns)
             except RefusedError:
-                self._answers.settle(connection, number)
+                self._answers.clear_pending(connection, number)
                 raise
             if isinstance(result, Later):
-                self._answers.pend(connection, number)
+                self._answers.mark_pending(connection, number)
             else:
-                self._answers.note(connection, number, _encode(result))
+                self._answers.record(connection, number, _encode(result))
             return result
 
         return handle
 
     def _expect_room(self) -> None:
-        """Check that the changes of a call can be kept.
+        """Check that the changes of a call can be stored.
 
         Raises:
             RefusedError: "full".
@@ -159,42 +159,42 @@ class DataCalls:
 
     # --- variables -----------------------------------------------------------------------------------
 
-    def _publish(self, asked: Asked, arguments: Publish, now_ns: int) -> None:
-        few(len(arguments.names))
-        names = dict.fromkeys(named(name) for name in arguments.names)
+    def _publish(self, call_id: CallId, arguments: Publish, now_ns: int) -> None:
+        check_count(len(arguments.names))
+        names = dict.fromkeys(checked_name(name) for name in arguments.names)
         self._variables.expect_frames_with(names)
-        self._variables.show(self._wanted.ask(asked.caller.connection, names))
+        self._variables.show(self._frame_subscriptions.subscribe(call_id.caller.connection, names))
 
     # --- changes -------------------------------------------------------------------------------------
 
-    def _watch(self, asked: Asked, arguments: Watch, now_ns: int) -> None:
+    def _watch(self, call_id: CallId, arguments: Watch, now_ns: int) -> None:
         self._expect_room()
-        few(len(arguments.names) + len(arguments.prefixes))
-        for one in (*arguments.names, *arguments.prefixes):
-            named(one or "-")  # a prefix may be empty
-        connection = asked.caller.connection
+        check_count(len(arguments.names) + len(arguments.prefixes))
+        for text in (*arguments.names, *arguments.prefixes):
+            checked_name(text or "-")  # a prefix may be empty
+        connection = call_id.caller.connection
         self._watches.add(connection, arguments.names, arguments.prefixes)
-        self._telling.greet(connection, arguments.names, arguments.prefixes)
+        self._notices.queue_present_values(connection, arguments.names, arguments.prefixes)
 
-    def _unwatch(self, asked: Asked, arguments: Watch, now_ns: int) -> None:
-        few(len(arguments.names) + len(arguments.prefixes))
+    def _unwatch(self, call_id: CallId, arguments: Watch, now_ns: int) -> None:
+        check_count(len(arguments.names) + len(arguments.prefixes))
         if arguments.names or arguments.prefixes:
-            self._watches.remove(asked.caller.connection, arguments.names, arguments.prefixes)
+            self._watches.remove(call_id.caller.connection, arguments.names, arguments.prefixes)
         else:
-            self._watches.forget(asked.caller.connection)
+            self._watches.forget(call_id.caller.connection)
 
     def _notify(self, connection: str, name: str, body: msgspec.Raw) -> Iterator[Effect]:
         caller = self._callers.get(connection)
         if caller is not None:
-            yield from self._desk.notify(caller, name, body)
+            yield from self._calls.notify(caller, name, body)
 
-    def _tell(self, now_ns: int) -> Iterator[Effect]:
-        """Send one slice of notices, and schedule a wake if more are due."""
-        yield from self._telling.slice()
-        if not self._telling.waiting:
+    def _send_notices(self, now_ns: int) -> Iterator[Effect]:
+        """Send one slice of notices, and schedule a wake if more are pending."""
+        yield from self._notices.slice()
+        if not self._notices.waiting:
             self._next_slice = None
         elif self._next_slice is None or now_ns >= self._next_slice:
-            self._next_slice = now_ns + PAUSE_NS
+            self._next_slice = now_ns + SLICE_INTERVAL_NS
             yield WakeAt(self._next_slice)
 
     # --- connections and time ------------------------------------------------------------------------
@@ -203,45 +203,45 @@ class DataCalls:
         self._callers[caller.connection] = caller
         self._opened.append(caller.connection)
 
-    def _greet(self) -> None:
-        """Restore the watches of connections that have opened, and send them the present values."""
+    def _restore_watches(self) -> None:
+        """Restore the watches of reopened connections, and queue notices of the present values."""
         opened, self._opened = self._opened, []
         for connection in opened:
             self._watches.opened(connection)
-            self._telling.greet(connection, *self._watches.of(connection))
+            self._notices.queue_present_values(connection, *self._watches.of(connection))
 
     def _end(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
         connection = caller.connection
         self._callers.pop(connection, None)
         self._watches.lost(connection, now_ns)
-        self._telling.lost(connection)
-        self._variables.hide(self._wanted.lost(connection))
-        self._give_up(connection)
-        self._tell_lost(caller)
+        self._notices.lost(connection)
+        self._variables.hide(self._frame_subscriptions.lost(connection))
+        self._release_semaphores(connection)
+        self._on_lost(caller)
         return ()
 
-    def _give_up(self, connection: str) -> None:
-        """Release a connection's places in queues, and the semaphores that it holds."""
+    def _release_semaphores(self, connection: str) -> None:
+        """Remove a connection from all queues, and release the semaphores that it holds."""
         for number in self._data.drop(connection):
-            self._answers.undo(connection, number)
+            self._answers.forget(connection, number)
 
     def _wake(self, now_ns: int) -> None:
         self._watches.expire(now_ns)
-        if self._return_by is not None and now_ns >= self._return_by:
-            self._return_by = None
-            for connection in self._semaphores.holders_but(self._callers):
-                self._give_up(connection)
+        if self._reconnect_by is not None and now_ns >= self._reconnect_by:
+            self._reconnect_by = None
+            for connection in self._semaphores.holders_except(self._callers):
+                self._release_semaphores(connection)
         self._data.expire(now_ns)
 
     def _settle(self, now_ns: int) -> Iterator[Effect]:
-        """Answer the calls that have waited, and schedule a wake for those that still wait."""
+        """Answer the calls that are done, and schedule a wake for those that still wait."""
         answers, self._data.answers = self._data.answers, []
-        for asked, result in answers:
+        for call_id, result in answers:
             if isinstance(result, RefusedError):
-                self._answers.settle(asked.caller.connection, asked.number)
+                self._answers.clear_pending(call_id.caller.connection, call_id.number)
             else:
-                self._answers.note(asked.caller.connection, asked.number, _NIL)
-        yield from self._desk.settle(answers)
+                self._answers.record(call_id.caller.connection, call_id.number, _NIL)
+        yield from self._calls.settle(answers)
         due = self._data.wake_at
         if due is None or due == self._alarm:
             return

@@ -1,9 +1,8 @@
-"""Driver interfaces: what a server needs of the device below it.
+"""Driver interfaces between the servers and the devices of a robot, simulated or real.
 
-Simulated and real robots look the same here. Drivers do not block: they return their newest reading, with the
-time at which it was taken, or None if there was none yet; a slow device is read in the background. Times are
-those of the robot's Clock. The mechanism that stops a robot without its control program is below the driver,
-in the device.
+Drivers do not block. They return the newest reading with the time at which it was taken, or None if there is
+none yet; a slow device is read in the background. Times are those of the robot's Clock. The mechanism that
+stops a robot whose control program fails is in the device, below the driver.
 """
 
 from __future__ import annotations
@@ -50,12 +49,12 @@ class BaseDriver(Protocol):
 
     @property
     def limits(self) -> BaseLimits:
-        """The limits of the base, which are constant; commands beyond them are refused."""
+        """The constant limits of the base; commands beyond them are refused."""
         ...
 
     @property
     def register_bits(self) -> int | None:
-        """The number of bits of the signed registers of x and y, which overflow; None: they never do."""
+        """The number of bits of the signed x and y registers, which overflow; None if they never do."""
         ...
 
     def drive(self, velocity: float, turn: float) -> None:

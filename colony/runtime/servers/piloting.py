@@ -1,8 +1,8 @@
-"""Piloting of the base by connections outside a network: their motions, the lock, the emergency stop.
+"""Control of the base by connections outside the network: their motions, the lock, the emergency stop.
 
 The pilot takes the calls of Table 4.1 that move the base, and returns the wanted commands of each frame
-(`others`). Arbitration decides, and reports the result to the pilot (`dispatched`), so that only motions that
-were carried out proceed. The pilot does not use a driver.
+(`others`). Arbitration decides, and reports the result to the pilot (`on_dispatch`), so that only motions
+that were carried out proceed. The pilot does not use a driver.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
 
 from colony.runtime.arbitration import motion
-from colony.runtime.arbitration.ballot import Others, Outside
+from colony.runtime.arbitration.ballot import Interventions, OutsideCommand
 from colony.runtime.arbitration.locks import LockQueue
-from colony.runtime.arbitration.motion import Ending, Mode, Motion, Seen, Speeds, Step
-from colony.runtime.arbitration.outside import Commander, Outsiders, lease_end
+from colony.runtime.arbitration.motion import BaseObservation, FiniteMotion, Mode, Motion, Speeds, Step
+from colony.runtime.arbitration.outside import Commander, OutsideCommanders, lease_end
 from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.library import robot
-from colony.runtime.protocol.calls import LATER, Asked, Later, Method, Nothing, RefusedError, method
+from colony.runtime.protocol.calls import LATER, CallId, Later, Method, NoArguments, RefusedError, method
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.servers import orders
+from colony.runtime.servers import motion_commands
 from colony.runtime.servers.drivers import BaseLimits
 
-Answer = tuple[Asked, float | RefusedError | None]
+Answer = tuple[CallId, float | RefusedError | None]
 """A call that was waiting, and its result or refusal."""
 
 
@@ -38,14 +38,14 @@ class _Proposal(NamedTuple):
 class Pilot:
     """The commands of outside connections. Mutable: the commanders, the lock, the settings, the mode.
 
-    `allowed` and `places` (the clients of the network by priority) are those of the deployment. `answers` are
-    the calls that came to an end; the owner of the pilot takes them from there.
+    `allowed` and `clients` (the clients of the network by priority) are those of the deployment. `answers`
+    are the calls that came to an end; the owner of the pilot takes them from there.
 
     Args:
         limits: the limits of the base.
         emergency: the emergency stop of the base.
         values: converts speeds to values of the actuator.
-        ticking: returns True if a Clock ticks at a time; without a Clock no frame carries out a command.
+        ticking: returns True if the Clock ticks at a time; without ticks no command is carried out.
     """
 
     def __init__(
@@ -58,12 +58,12 @@ class Pilot:
         self._emergency = emergency
         self._values = values
         self._ticking = ticking
-        self._settings = orders.first_settings(limits)
+        self._settings = motion_commands.initial_settings(limits)
         self._proposal: _Proposal | None = None
-        self.outsiders = Outsiders()
+        self.outside_commanders = OutsideCommanders()
         self.lock = LockQueue()
-        self.allowed = orders.whole_range(limits)
-        self.places: Mapping[int, str] = {}
+        self.allowed = motion_commands.full_range(limits)
+        self.clients: Mapping[int, str] = {}
         self.mode: Mode = "joystick"
         self.answers: list[Answer] = []
         self.changed = False
@@ -81,49 +81,49 @@ class Pilot:
             method("move", robot.Move, self._move),
             method("turn", robot.Turn, self._turn),
             method("continuous_turn", robot.ContinuousTurn, self._continuous_turn),
-            method("mode", Nothing, lambda *_: self.mode, right="read"),
+            method("mode", NoArguments, lambda *_: self.mode, right="read"),
             method("lock", robot.LockBase, self._take_lock),
-            method("unlock", Nothing, self._give_lock),
+            method("unlock", NoArguments, self._give_lock),
         )
 
     # --- frames --------------------------------------------------------------------------------------
 
-    def others(self, seen: Seen, now_ns: int) -> Others:
+    def interventions(self, observation: BaseObservation, now_ns: int) -> Interventions:
         """Return the outside commands and holds of a frame, given the state of the base."""
         self._proposal = None
         if self._emergency.stopped is not None:
-            return Others((), "stopped", None)
-        self.outsiders.expire(now_ns)
+            return Interventions((), "stopped", None)
+        self.outside_commanders.expire(now_ns)
         holder = self.lock.holder
-        wanted: list[Outside] = []
-        for commander in self.outsiders.commanding:
+        wanted: list[OutsideCommand] = []
+        for commander in self.outside_commanders.commanding:
             caller = commander.caller
             values: tuple[float, ...] = ()
             if self._proposal is None and (holder is None or holder.connection == caller.connection):
-                values = self._propose(commander, seen)
+                values = self._propose(commander, observation)
                 if commander.motion is None:
                     continue
-            wanted.append(Outside(caller.connection, caller.priority, values))
+            wanted.append(OutsideCommand(caller.connection, caller.priority, values))
         if holder is None:
-            return Others(tuple(wanted))
-        return Others(tuple(wanted), "locked", holder.connection)
+            return Interventions(tuple(wanted))
+        return Interventions(tuple(wanted), "locked", holder.connection)
 
-    def _propose(self, commander: Commander, seen: Seen) -> tuple[float, ...]:
+    def _propose(self, commander: Commander, observation: BaseObservation) -> tuple[float, ...]:
         assert commander.motion is not None
-        step = motion.step(commander.motion, seen)
+        step = motion.step(commander.motion, observation)
         if step.end is not None:
-            self._end(commander, step.end, seen)
+            self._end(commander, step.end, observation)
             return ()
         speeds = self.allowed.clamp(step.speeds)
         self._proposal = _Proposal(commander, step, speeds)
         return self._values(speeds)
 
-    def dispatched(self, outside: str | None) -> Speeds | None:
+    def on_dispatch(self, outside: str | None) -> Speeds | None:
         """Note the connection that acts in the frame, None for none; return its speeds."""
         proposal, self._proposal = self._proposal, None
         if proposal is not None and proposal.commander.caller.connection != outside:
             proposal = None
-        for commander in self.outsiders.commanding:
+        for commander in self.outside_commanders.commanding:
             if commander.motion is not None and (proposal is None or commander is not proposal.commander):
                 commander.motion = motion.interrupted(commander.motion)
         if proposal is None:
@@ -132,39 +132,42 @@ class Pilot:
         self.mode = motion.mode(proposal.step.motion)
         return proposal.speeds
 
-    def drove(self, network: bool) -> None:
-        """Note that the network acted in a frame, or no client: a motion with an end is over."""
-        if network:
+    def on_network_dispatch(self, active: bool) -> None:
+        """Set the mode for a frame without outside command; `active`: a client of the network won."""
+        if active:
             self.mode = "jog"
         elif self.mode in ("continuous turn", "point-to-point go", "point-to-point turn"):
             self.mode = "go"
 
-    def bumped(self, connection: str, bumper: Bumper, seen: Seen) -> None:
-        """End the motion of a connection that a bumper stopped, if it is a move or an arc."""
-        for commander in self.outsiders.commanding:
+    def on_bumper(self, connection: str, bumper: Bumper, observation: BaseObservation) -> None:
+        """End the move or arc of a connection that a bumper stopped."""
+        for commander in self.outside_commanders.commanding:
             moving = isinstance(commander.motion, motion.Move | motion.Arc)
             if moving and commander.caller.connection == connection:
-                self._end(commander, bumper, seen)
+                self._end(commander, bumper, observation)
 
     def _end(
-        self, commander: Commander, why: Literal["done", "stalled", "front", "rear"], seen: Seen
+        self,
+        commander: Commander,
+        why: Literal["done", "stalled", "front", "rear"],
+        observation: BaseObservation,
     ) -> None:
-        ended, asked = commander.motion, commander.asked
-        commander.motion = commander.asked = commander.until_ns = None
+        ended, call_id = commander.motion, commander.call_id
+        commander.motion = commander.call_id = commander.until_ns = None
         self.mode = "go"
-        if asked is None or not isinstance(ended, Ending):
+        if call_id is None or not isinstance(ended, FiniteMotion):
             return
         unit = "mm" if isinstance(ended, motion.Move) else "deg"
-        done = motion.covered(ended, seen.track)
+        done = motion.covered(ended, observation.pose)
         match why:
             case "done":
-                self.answers.append((asked, done))
+                self.answers.append((call_id, done))
             case "stalled":
-                stalled = f"no progress for {motion.STALLED_S:g} s, after {done:.4g} {unit}"
-                self.answers.append((asked, RefusedError("stalled", stalled)))
+                stalled = f"no progress for {motion.STALL_TIMEOUT_S:g} s, after {done:.4g} {unit}"
+                self.answers.append((call_id, RefusedError("stalled", stalled)))
             case "front" | "rear":
                 bumped = f"the {why} bumper is pressed, after {done:.4g} {unit}"
-                self.answers.append((asked, RefusedError("bumper", bumped)))
+                self.answers.append((call_id, RefusedError("bumper", bumped)))
 
     def report(self, now_ns: int) -> tuple[robot.OutsideReport, ...]:
         """Return the connections that have commanded, and their present commands."""
@@ -176,41 +179,41 @@ class Pilot:
                 commands=None if commander.motion is None else motion.mode(commander.motion),
                 lease_s=None if commander.until_ns is None else (commander.until_ns - now_ns) / 1e9,
             )
-            for commander in self.outsiders.all
+            for commander in self.outside_commanders.all
         )
 
     # --- ends of commands from outside ---------------------------------------------------------------
 
-    def cancel(self, refused: RefusedError, spared: str | None = None) -> None:
-        """End every command, except that of one connection."""
-        for commander in self.outsiders.all:
-            if commander.caller.connection != spared:
-                self._drop(commander, refused)
+    def cancel(self, refused: RefusedError, except_connection: str | None = None) -> None:
+        """Cancel all commands, except those of one connection."""
+        for commander in self.outside_commanders.all:
+            if commander.caller.connection != except_connection:
+                self._cancel(commander, refused)
 
     def stop(self) -> None:
-        """End all commands, as the emergency stop has come on."""
-        self.cancel(self._stopped())
+        """Cancel all commands because of the emergency stop."""
+        self.cancel(self._stop_refusal())
         self.mode = "joystick"
         self.changed = True
 
     def lost(self, caller: Caller) -> None:
         """Remove a connection that ended, with its command and its lock."""
-        commander = self.outsiders.of(caller)
+        commander = self.outside_commanders.of(caller)
         self.changed = self.changed or (commander is not None and commander.motion is not None)
-        self.outsiders.leave(caller)
-        self._granted(self.lock.drop(caller))
+        self.outside_commanders.leave(caller)
+        self._on_grant(self.lock.drop(caller))
 
     def expire(self, now_ns: int) -> None:
         """Refuse calls whose wait for the lock timed out."""
-        for asked in self.lock.expire(now_ns):
-            self.answers.append((asked, self.lock.refusal()))
+        for call_id in self.lock.expire(now_ns):
+            self.answers.append((call_id, self.lock.refusal()))
 
-    def _drop(self, commander: Commander, refused: RefusedError) -> None:
-        if commander.asked is not None:
-            self.answers.append((commander.asked, refused))
-        commander.motion = commander.asked = commander.until_ns = None
+    def _cancel(self, commander: Commander, refused: RefusedError) -> None:
+        if commander.call_id is not None:
+            self.answers.append((commander.call_id, refused))
+        commander.motion = commander.call_id = commander.until_ns = None
 
-    def _stopped(self) -> RefusedError:
+    def _stop_refusal(self) -> RefusedError:
         stopped = self._emergency.stopped
         by = "" if stopped is None else f", by {stopped.by}"
         return RefusedError(
@@ -221,104 +224,109 @@ class Pilot:
 
     def _admit(self, caller: Caller) -> Commander:
         if self._emergency.stopped is not None:
-            raise self._stopped()
+            raise self._stop_refusal()
         holder = self.lock.holder
         if holder is not None and holder.connection != caller.connection:
             raise self.lock.refusal()
-        return self.outsiders.enter(caller, self.places)
+        return self.outside_commanders.enter(caller, self.clients)
 
     def _admit_motion(self, caller: Caller, now_ns: int) -> Commander:
         if not self._ticking(now_ns):
-            raise RefusedError(
-                "clock", "no Clock ticks, so that nothing would move the base (see `colony ps`)"
-            )
+            raise RefusedError("clock", "the Clock does not tick, so the base cannot move (see `colony ps`)")
         return self._admit(caller)
 
-    def _hold(self, commander: Commander, wanted: Motion, until_ns: int) -> None:
-        """Set a command that holds for a lease."""
-        self._drop(commander, _REPLACED)
+    def _set_leased_motion(self, commander: Commander, wanted: Motion, until_ns: int) -> None:
+        """Set a command that holds until its lease ends."""
+        self._cancel(commander, _REPLACED)
         commander.motion, commander.until_ns = wanted, until_ns
         self.changed = True
 
-    def _begin(self, asked: Asked, wanted: Ending, wait: bool, now_ns: int) -> Later | None:
+    def _set_motion(self, call_id: CallId, wanted: FiniteMotion, wait: bool, now_ns: int) -> Later | None:
         """Set a command that holds until it is done."""
-        commander = self._admit_motion(asked.caller, now_ns)
-        self._drop(commander, _REPLACED)
+        commander = self._admit_motion(call_id.caller, now_ns)
+        self._cancel(commander, _REPLACED)
         commander.motion = wanted
         self.changed = True
         if not wait:
             return None
-        commander.asked = asked
+        commander.call_id = call_id
         return LATER
 
-    def _drive(self, asked: Asked, arguments: robot.Drive, now_ns: int) -> None:
-        wanted, until_ns = orders.drive(arguments, self.allowed), lease_end(arguments.lease_s, now_ns)
-        self._hold(self._admit_motion(asked.caller, now_ns), wanted, until_ns)
+    def _drive(self, call_id: CallId, arguments: robot.Drive, now_ns: int) -> None:
+        wanted, until_ns = (
+            motion_commands.drive(arguments, self.allowed),
+            lease_end(arguments.lease_s, now_ns),
+        )
+        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), wanted, until_ns)
 
-    def _go(self, asked: Asked, arguments: robot.Go, now_ns: int, integrating: bool = True) -> None:
-        before, until_ns = self._before(asked.caller), lease_end(arguments.lease_s, now_ns)
-        wanted, settings = orders.go(arguments, self._settings, self.allowed, before, integrating=integrating)
-        self._hold(self._admit_motion(asked.caller, now_ns), wanted, until_ns)
+    def _go(self, call_id: CallId, arguments: robot.Go, now_ns: int, integrating: bool = True) -> None:
+        previous, until_ns = self._previous(call_id.caller), lease_end(arguments.lease_s, now_ns)
+        wanted, settings = motion_commands.go(
+            arguments, self._settings, self.allowed, previous, integrating=integrating
+        )
+        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), wanted, until_ns)
         self._settings = settings
 
-    def _proportional_go(self, asked: Asked, arguments: robot.Go, now_ns: int) -> None:
-        self._go(asked, arguments, now_ns, integrating=False)
+    def _proportional_go(self, call_id: CallId, arguments: robot.Go, now_ns: int) -> None:
+        self._go(call_id, arguments, now_ns, integrating=False)
 
-    def _jog(self, asked: Asked, arguments: robot.Jog, now_ns: int) -> None:
-        before, until_ns = self._before(asked.caller), lease_end(arguments.lease_s, now_ns)
-        wanted = orders.jog(arguments, self._settings, self.allowed, before)
-        self._hold(self._admit_motion(asked.caller, now_ns), wanted, until_ns)
+    def _jog(self, call_id: CallId, arguments: robot.Jog, now_ns: int) -> None:
+        previous, until_ns = self._previous(call_id.caller), lease_end(arguments.lease_s, now_ns)
+        wanted = motion_commands.jog(arguments, self._settings, self.allowed, previous)
+        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), wanted, until_ns)
 
-    def _halt(self, asked: Asked, arguments: robot.Halt, now_ns: int) -> None:
+    def _halt(self, call_id: CallId, arguments: robot.Halt, now_ns: int) -> None:
         until_ns = lease_end(arguments.lease_s, now_ns)
-        self._hold(self._admit(asked.caller), orders.halt(arguments, self._settings), until_ns)
+        self._set_leased_motion(
+            self._admit(call_id.caller), motion_commands.halt(arguments, self._settings), until_ns
+        )
 
-    def _move(self, asked: Asked, arguments: robot.Move, now_ns: int) -> Later | None:
-        wanted, settings = orders.move(arguments, self._settings, self.allowed)
-        answer = self._begin(asked, wanted, arguments.wait, now_ns)
+    def _move(self, call_id: CallId, arguments: robot.Move, now_ns: int) -> Later | None:
+        wanted, settings = motion_commands.move(arguments, self._settings, self.allowed)
+        answer = self._set_motion(call_id, wanted, arguments.wait, now_ns)
         self._settings = settings
         return answer
 
-    def _turn(self, asked: Asked, arguments: robot.Turn, now_ns: int) -> Later | None:
-        wanted, settings = orders.turn(arguments, self._settings, self.allowed)
-        answer = self._begin(asked, wanted, arguments.wait, now_ns)
+    def _turn(self, call_id: CallId, arguments: robot.Turn, now_ns: int) -> Later | None:
+        wanted, settings = motion_commands.turn(arguments, self._settings, self.allowed)
+        answer = self._set_motion(call_id, wanted, arguments.wait, now_ns)
         self._settings = settings
         return answer
 
-    def _continuous_turn(self, asked: Asked, arguments: robot.ContinuousTurn, now_ns: int) -> Later | None:
-        wanted, settings = orders.continuous_turn(arguments, self._settings, self.allowed)
-        answer = self._begin(asked, wanted, arguments.wait, now_ns)
+    def _continuous_turn(self, call_id: CallId, arguments: robot.ContinuousTurn, now_ns: int) -> Later | None:
+        wanted, settings = motion_commands.continuous_turn(arguments, self._settings, self.allowed)
+        answer = self._set_motion(call_id, wanted, arguments.wait, now_ns)
         self._settings = settings
         return answer
 
-    def _before(self, caller: Caller) -> Motion | None:
-        commander = self.outsiders.of(caller)
+    def _previous(self, caller: Caller) -> Motion | None:
+        commander = self.outside_commanders.of(caller)
         return None if commander is None else commander.motion
 
     # --- lock ----------------------------------------------------------------------------------------
 
-    def _take_lock(self, asked: Asked, arguments: robot.LockBase, now_ns: int) -> Later | None:
+    def _take_lock(self, call_id: CallId, arguments: robot.LockBase, now_ns: int) -> Later | None:
         if self._emergency.stopped is not None:
-            raise self._stopped()
-        self.outsiders.enter(asked.caller, self.places)
-        if not self.lock.ask(asked, now_ns, wait_ns=arguments.wait_ns):
+            raise self._stop_refusal()
+        self.outside_commanders.enter(call_id.caller, self.clients)
+        if not self.lock.ask(call_id, now_ns, wait_ns=arguments.wait_ns):
             return LATER
-        self._locked()
+        self._on_lock()
         return None
 
-    def _give_lock(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
-        self._granted(self.lock.release(asked.caller))
+    def _give_lock(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> None:
+        self._on_grant(self.lock.release(call_id.caller))
         self.changed = True
 
-    def _granted(self, granted: tuple[Asked, ...]) -> None:
+    def _on_grant(self, granted: tuple[CallId, ...]) -> None:
         if granted:
-            self.answers += [(asked, None) for asked in granted]
-            self._locked()
+            self.answers += [(call_id, None) for call_id in granted]
+            self._on_lock()
 
-    def _locked(self) -> None:
+    def _on_lock(self) -> None:
         holder = self.lock.holder
         assert holder is not None
-        self.cancel(self.lock.refusal(), spared=holder.connection)
+        self.cancel(self.lock.refusal(), except_connection=holder.connection)
         self.changed = True
 
 

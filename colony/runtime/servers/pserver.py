@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.library.proximity import InfraredReading, SetTimeouts, SonarReading
-from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, RefusedError, method
+from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, RefusedError, method
 from colony.runtime.protocol.fields import PROXIMITY_SENSORS, PSERVER
 from colony.runtime.protocol.messages import (
     Alive,
@@ -27,7 +27,7 @@ from colony.runtime.servers.drivers import ProximityDriver
 class PServer(QuietNode):
     """The server of both rings, each with its time of measurement. Mutable: the timeouts.
 
-    A timeout is the greatest range of a sonar: ranges beyond it read as that, in frames and in calls.
+    A timeout is the greatest range of a sonar: longer ranges are cut to it, in frames and in calls.
     """
 
     address = PSERVER.name
@@ -37,13 +37,13 @@ class PServer(QuietNode):
         self._publisher = Publisher(self.address, self._read, keep=keep)
         self._timeouts: tuple[float, ...] | None = None
         self.methods = (
-            method("sonar", Nothing, self._tell_sonar, right="read"),
-            method("infrared", Nothing, self._tell_infrared, right="read"),
-            method("timeouts", Nothing, lambda *_: self._timeouts, right="read"),
+            method("sonar", NoArguments, self._sonar_reading, right="read"),
+            method("infrared", NoArguments, self._infrared_reading, right="read"),
+            method("timeouts", NoArguments, lambda *_: self._timeouts, right="read"),
             method("set_timeouts", SetTimeouts, self._set_timeouts),
         )
-        self._desk = CallDesk(self.address, self.methods, full=lambda: self._publisher.reached)
-        self.listens = (*self._publisher.listens, *self._desk.listens)
+        self._calls = CallDispatcher(self.address, self.methods, full=lambda: self._publisher.reached)
+        self.listens = (*self._publisher.listens, *self._calls.listens)
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
         """Answer ticks, fetches and calls."""
@@ -51,7 +51,7 @@ class PServer(QuietNode):
             case Tick() | Fetch():
                 return self._publisher.handle(message)
             case Call() | Alive() | Malformed() | Wake():
-                return self._desk.handle(message, now_ns)
+                return self._calls.handle(message, now_ns)
             case _:
                 return ()
 
@@ -72,21 +72,23 @@ class PServer(QuietNode):
 
     # --- calls ---------------------------------------------------------------------------------------
 
-    def _tell_sonar(self, asked: Asked, arguments: Nothing, now_ns: int) -> SonarReading | None:
+    def _sonar_reading(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> SonarReading | None:
         sample = self.sonar()
         if sample is None:
             return None
         assert isinstance(sample.value, tuple)
         return SonarReading(t_ns=sample.t_ns, ranges=tuple(map(float, sample.value)))
 
-    def _tell_infrared(self, asked: Asked, arguments: Nothing, now_ns: int) -> InfraredReading | None:
+    def _infrared_reading(
+        self, call_id: CallId, arguments: NoArguments, now_ns: int
+    ) -> InfraredReading | None:
         sample = self.infrared()
         if sample is None:
             return None
         assert isinstance(sample.value, tuple)
         return InfraredReading(t_ns=sample.t_ns, seen=tuple(map(bool, sample.value)))
 
-    def _set_timeouts(self, asked: Asked, arguments: SetTimeouts, now_ns: int) -> None:
+    def _set_timeouts(self, call_id: CallId, arguments: SetTimeouts, now_ns: int) -> None:
         ranges, where = arguments.ranges, f"{self.address}.set_timeouts"
         if len(ranges) != PROXIMITY_SENSORS:
             raise RefusedError("arguments", f"{where}: {len(ranges)} ranges; expected {PROXIMITY_SENSORS}")

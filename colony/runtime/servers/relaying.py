@@ -1,4 +1,4 @@
-"""Relaying by DServer of the announcements of modules in Python: their answers in a frame."""
+"""The relay by which DServer publishes the answers of modules in Python as frames."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample
 
 
 class ActivityRelay:
-    """A publisher of announcements as frames that keeps the newest `keep` of a module. Mutable: those.
+    """A publisher of announcements as frames. Mutable: the newest `keep` frames of each module.
 
-    It answers fetches to its server within a budget that each tick renews. A frame that it lacks the
-    announcer may have, which receives those fetches too and announces again.
+    It answers fetches to its server within a budget that each tick renews. The announcer receives the same
+    fetches, and announces again what is missing here.
     """
 
     def __init__(self, server: str, modules: tuple[str, ...], *, keep: int) -> None:

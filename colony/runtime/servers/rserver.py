@@ -1,9 +1,9 @@
-"""RServer: the base of the robot (thesis section 4.6.3). It alone moves it, by one command a frame.
+"""RServer: the server that alone moves the base, by one command a frame (thesis section 4.6.3).
 
 The clients of the deployed program, and connections from outside, are arbitrated by priority, lock and
-emergency stop (`arbiter.py`, `piloting.py`). Below that are a reflex, which sends no command that goes into a
-pressed bumper, and a watchdog: when no command is decided any more, because the ticks stop, the base is
-stopped two frames after the last one; so is one whose idle command is to hold.
+emergency stop (`arbiter.py`, `piloting.py`). Below that are a reflex, which blocks commands that drive into a
+pressed bumper, and a watchdog. When ticks and thus decisions stop coming, the watchdog stops the base two
+frames after the last command, even under `idle hold`.
 
 Frames belong to a run. In frames of another run than the deployed one, the base is stopped, and no verdict is
 published. If nothing is deployed, the built-in actuator `drive` is arbitrated among connections alone.
@@ -15,14 +15,14 @@ from collections.abc import Iterable, Iterator
 
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
-from colony.runtime.arbitration.motion import Seen, Speeds
+from colony.runtime.arbitration.motion import BaseObservation, Speeds
 from colony.runtime.arbitration.stop_latch import StopFollower
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.library import robot
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Asked, CallDesk, Method, Nothing, RefusedError, method
+from colony.runtime.protocol.calls import CallDispatcher, CallId, Method, NoArguments, RefusedError, method
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, ActuatorTable, Deployment
+from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, ActuatorTable, Deployment
 from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
@@ -39,18 +39,17 @@ from colony.runtime.protocol.messages import (
     WakeAt,
 )
 from colony.runtime.servers.base import Base
-from colony.runtime.servers.base_actuator import base_actuator, misfit, speeds_of
-from colony.runtime.servers.commanding import ActuatorCounts, CommandDesk
+from colony.runtime.servers.base_actuator import base_actuator, mismatch, speeds_of
+from colony.runtime.servers.commanding import ActuatorCounts, CommandDispatcher
 from colony.runtime.servers.drivers import BaseDriver
 from colony.runtime.servers.piloting import Bumper, Pilot
 
 WATCHDOG_FRAMES = 2
 
 STALE_FRAMES = 2
-"""Age in frames at which a tick is too old to move the base by.
+"""Age in frames at which a tick is too old to move the base.
 
-This process was suspended, and a stop that it has not received yet may have overtaken the messages that
-waited for it.
+The process was suspended, and may not have received a later emergency stop yet.
 """
 
 
@@ -59,15 +58,13 @@ CLOCK_GRACE_NS = 2_000_000_000
 
 
 class RServer:
-    """The server of the base: it publishes its state, arbitrates its commands, and takes calls.
-
-    Mutable: all of that.
+    """The server of the base. It publishes its state, arbitrates its commands, and answers calls. Mutable.
 
     Args:
         driver: the base.
-        deployment: a program that is deployed from the beginning, until another comes by the call `deploy`;
-            that one stays as long as the connection which made the call.
-        watchdog_ns: the time without a decision after which the base is stopped; two frames, unless given.
+        deployment: the program deployed at the start. The call `deploy` replaces it; that deployment ends
+            with the connection that made the call.
+        watchdog_ns: the time without a decision after which the base is stopped; by default two frames.
         keep: the number of frames kept for readers that missed one.
     """
 
@@ -90,17 +87,19 @@ class RServer:
         self._leadership = Leadership(self.address)
         self._leader: str | None = None
         methods = (*self._pilot.methods, *self._base.methods, *self._methods())
-        self._calls = CallDesk(self.address, methods, lost=self._lost, stop=self._stop, full=self._full)
+        self._calls = CallDispatcher(
+            self.address, methods, on_lost=self._lost, stop=self._stop, full=self._full
+        )
         self._watchdog_given = watchdog_ns
-        self._use(deployment)
+        self._activate(deployment)
         self._k = -1
         self._tick_ns = 0
-        self._began_ns = 0
+        self._started_ns = 0
         self._outside_speeds: Speeds | None = None
         self._acting: str | None = None
         self._commanded_at: int | None = None
-        self._bark_at: int | None = None
-        self._patience: int | None = None
+        self._watchdog_due_ns: int | None = None
+        self._lock_wake_ns: int | None = None
         self._outbox: list[Effect] = []
         self.listens = (
             *self._publisher.listens,
@@ -110,7 +109,7 @@ class RServer:
 
     def start(self, now_ns: int) -> Iterable[Effect]:
         """Stop the base, and await the first tick."""
-        self._began_ns = now_ns
+        self._started_ns = now_ns
         self._halt()
         return ()
 
@@ -118,23 +117,23 @@ class RServer:
         """Handle a message, carry out its commands, and feed the watchdog."""
         match message:
             case Request():
-                yield from self._desk.request(message, now_ns)
+                yield from self._commands.request(message, now_ns)
             case Tick():
                 yield from self._tick(message, now_ns)
             case Fetch():
                 yield from self._publisher.handle(message)
             case Malformed() if message.topic == topics.requests(self.address):
-                self._desk.malformed(message)
+                self._commands.malformed(message)
             case Call() | Alive() | Malformed():
                 yield from self._calls.handle(message, now_ns)
             case Wake():
-                yield from self._desk.wake(now_ns)
+                yield from self._commands.wake(now_ns)
                 yield from self._calls.handle(message, now_ns)
                 self._pilot.expire(now_ns)
             case _:
                 return
-        yield from self._follow(now_ns)
-        yield from self._watch(now_ns)
+        yield from self._apply_changes(now_ns)
+        yield from self._check_watchdog(now_ns)
 
     def _full(self) -> Iterable[str]:
         return self._publisher.reached
@@ -150,34 +149,34 @@ class RServer:
         if new:
             self._k, self._tick_ns = tick.k, tick.t_ns
             self._follow_stop(tick)
-            self._base.look()
+            self._base.refresh()
         yield from self._publisher.handle(tick)
         if not new:
             return
         if tick.run != self._actuator.run:
-            yield from self._desk.finish(now_ns)
+            yield from self._commands.finish(now_ns)
             self._halt()
             self._acting = None
             return
-        others = self._pilot.others(self._seen(now_ns), now_ns)
-        yield from self._desk.tick(tick, now_ns, others)
+        interventions = self._pilot.interventions(self._observation(now_ns), now_ns)
+        yield from self._commands.tick(tick, now_ns, interventions)
 
     def _read(self, tick: Tick) -> Fields:
         return self._base.fields(tick.t_ns)
 
-    def _seen(self, now_ns: int) -> Seen:
-        """Return the input of motion laws."""
+    def _observation(self, now_ns: int) -> BaseObservation:
+        """Return the input of the motion laws."""
         frame_ns = self._actuator.frame_ns
         since = frame_ns if self._commanded_at is None else now_ns - self._commanded_at
-        return self._base.seen(min(max(since, 0), 2 * frame_ns) / 1e9)
+        return self._base.observation(min(max(since, 0), 2 * frame_ns) / 1e9)
 
     # --- commands to the base ------------------------------------------------------------------------
 
-    def _told(self, actuator: ActuatorTable, dispatch: Dispatch, now_ns: int) -> None:
+    def _on_dispatch(self, actuator: ActuatorTable, dispatch: Dispatch, now_ns: int) -> None:
         self._acting = dispatch.by if dispatch.outside is None else dispatch.outside
-        self._outside_speeds = self._pilot.dispatched(dispatch.outside)
+        self._outside_speeds = self._pilot.on_dispatch(dispatch.outside)
         if dispatch.outside is None and dispatch.hold != "stopped":
-            self._pilot.drove(network=dispatch.by is not None)
+            self._pilot.on_network_dispatch(active=dispatch.by is not None)
         if dispatch.hold is not None and dispatch.values is None:
             self._halt()
 
@@ -187,13 +186,13 @@ class RServer:
             return
         if self._stale(now_ns):
             self._halt()
-            note = f"frame {self._k}: nothing was sent, its tick came too late"
-            self._desk.remark(self._actuator.name, note)
+            note = f"frame {self._k}: no command was sent, as the tick came too late"
+            self._commands.add_note(self._actuator.name, note)
             return
         speeds = self._outside_speeds
         wanted = speeds_of(actuator, values) if speeds is None else speeds
         if wanted.velocity:
-            self._base.look()
+            self._base.refresh()
         bumper = self._base.drive(wanted)
         if bumper is not None:
             self._bumped(wanted, bumper, now_ns)
@@ -201,7 +200,7 @@ class RServer:
 
     def _ticking(self, now_ns: int) -> bool:
         """Return True if the Clock ticked recently; in lockstep the times of ticks only count frames."""
-        last_ns = max(self._began_ns, self._tick_ns)
+        last_ns = max(self._started_ns, self._tick_ns)
         return self._actuator.lockstep or now_ns - last_ns <= CLOCK_GRACE_NS
 
     def _stale(self, now_ns: int) -> bool:
@@ -209,33 +208,33 @@ class RServer:
         return not self._actuator.lockstep and now_ns - self._tick_ns > STALE_FRAMES * self._actuator.frame_ns
 
     def _bumped(self, wanted: Speeds, bumper: Bumper, now_ns: int) -> None:
-        note = f"frame {self._k}: {wanted.velocity:g} mm/s was not sent, the {bumper} bumper is pressed"
-        self._desk.remark(self._actuator.name, note)
+        note = f"frame {self._k}: {wanted.velocity:g} mm/s was not sent, as the {bumper} bumper is pressed"
+        self._commands.add_note(self._actuator.name, note)
         if self._outside_speeds is not None and self._acting is not None:
-            self._pilot.bumped(self._acting, bumper, self._seen(now_ns))
+            self._pilot.on_bumper(self._acting, bumper, self._observation(now_ns))
 
     def _halt(self) -> None:
-        self._commanded_at = self._bark_at = None
+        self._commanded_at = self._watchdog_due_ns = None
         self._base.stop()
 
-    def _watch(self, now_ns: int) -> Iterator[Effect]:
-        """Stop a base that is no longer commanded; while it is, keep one wake for this scheduled."""
+    def _check_watchdog(self, now_ns: int) -> Iterator[Effect]:
+        """Stop the base if its watchdog is due; else keep one wake scheduled for it."""
         if self._commanded_at is None:
             return
         due = self._commanded_at + self._watchdog_ns
         if now_ns >= due:
             self._halt()
-        elif self._bark_at is None or now_ns >= self._bark_at:
-            self._bark_at = due
+        elif self._watchdog_due_ns is None or now_ns >= self._watchdog_due_ns:
+            self._watchdog_due_ns = due
             yield WakeAt(due)
 
-    def _follow(self, now_ns: int) -> Iterator[Effect]:
-        """Apply the changes made by calls, and answer the calls that came to an end."""
+    def _apply_changes(self, now_ns: int) -> Iterator[Effect]:
+        """Apply the changes made by calls, and answer the calls that ended."""
         pilot = self._pilot
         if pilot.changed:
             pilot.changed = False
-            others = pilot.others(self._seen(now_ns), now_ns)
-            yield from self._desk.intervene(self._actuator.name, others, now_ns)
+            interventions = pilot.interventions(self._observation(now_ns), now_ns)
+            yield from self._commands.intervene(self._actuator.name, interventions, now_ns)
         if self._outbox:
             effects, self._outbox = self._outbox, []
             yield from effects
@@ -243,45 +242,49 @@ class RServer:
             answers, pilot.answers = pilot.answers, []
             yield from self._calls.settle(answers)
         due = pilot.lock.wake_at
-        if due is not None and (self._patience is None or due < self._patience or now_ns >= self._patience):
-            self._patience = due
+        if due is not None and (
+            self._lock_wake_ns is None or due < self._lock_wake_ns or now_ns >= self._lock_wake_ns
+        ):
+            self._lock_wake_ns = due
             yield WakeAt(due)
 
     # --- the run -------------------------------------------------------------------------------------
 
-    def _use(self, deployed: Deployment | None) -> None:
+    def _activate(self, deployed: Deployment | None) -> None:
         """Arbitrate among the clients of this program, from the next tick on."""
         base = base_actuator(deployed, self._base.limits)
         self._actuator = base
         self._watchdog_ns = self._watchdog_given or WATCHDOG_FRAMES * base.frame_ns
-        self._pilot.allowed, self._pilot.places = base.allowed, base.places
+        self._pilot.allowed, self._pilot.clients = base.allowed, base.clients
         times = timing(base.frame_ns, lockstep=base.lockstep)
-        told, publish = self._told, base.published
-        self._desk = CommandDesk((base.commanded,), times, self._perform, told=told, publish=publish)
+        on_dispatch, publish = self._on_dispatch, base.published
+        self._commands = CommandDispatcher(
+            (base.table,), times, self._perform, on_dispatch=on_dispatch, publish=publish
+        )
 
-    def _change(self, deployed: Deployment | None, now_ns: int) -> None:
-        self._outbox.extend(self._desk.finish(now_ns))
-        self._use(deployed)
+    def _replace_deployment(self, deployed: Deployment | None, now_ns: int) -> None:
+        self._outbox.extend(self._commands.finish(now_ns))
+        self._activate(deployed)
 
-    def _deploy(self, asked: Asked, deployed: Deployment, now_ns: int) -> None:
+    def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:
         where = f"{self.address}.deploy"
-        wrong = misfit(deployed)
+        wrong = mismatch(deployed)
         if wrong is not None:
             raise RefusedError("deployment", f"{where}: {wrong}")
-        tie = self._pilot.outsiders.tied(base_actuator(deployed, self._base.limits).places)
+        tie = self._pilot.outside_commanders.tied(base_actuator(deployed, self._base.limits).clients)
         if tie is not None:
             raise RefusedError("tie", f"{where}: {tie}")
-        self._leadership.take(asked.caller, deployed)
-        self._leader = asked.caller.connection
+        self._leadership.take(call_id.caller, deployed)
+        self._leader = call_id.caller.connection
         if deployed.run != self._actuator.run:
-            self._change(deployed, now_ns)
+            self._replace_deployment(deployed, now_ns)
 
     def _lost(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
         self._pilot.lost(caller)
         self._leadership.lost(caller)
         if caller.connection == self._leader:
             self._leader = None
-            self._change(None, now_ns)
+            self._replace_deployment(None, now_ns)
         return ()
 
     def _values(self, speeds: Speeds) -> tuple[float, ...]:
@@ -291,13 +294,13 @@ class RServer:
 
     def _methods(self) -> tuple[Method, ...]:
         return (
-            method("arbitration", Nothing, self._arbitration, right="read"),
-            method("deploy", Deployment, self._deploy, largest=DEPLOYMENT_BYTES),
+            method("arbitration", NoArguments, self._arbitration, right="read"),
+            method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES),
         )
 
     def _stop(self, by: str, now_ns: int) -> None:
         self._halt()
-        self._emergency.hear(Stopped(by=by, t_ns=now_ns))
+        self._emergency.engage(Stopped(by=by, t_ns=now_ns))
         self._stopped(by)
 
     def _follow_stop(self, tick: Tick) -> None:
@@ -309,19 +312,19 @@ class RServer:
             self._halt()
             self._stopped(after.by)
         elif before is not None and after is None:
-            self._desk.remark(self._actuator.name, "the emergency stop was released")
+            self._commands.add_note(self._actuator.name, "the emergency stop was released")
 
     def _stopped(self, by: str) -> None:
         self._pilot.stop()
-        self._desk.remark(self._actuator.name, f"emergency stop by {by}")
+        self._commands.add_note(self._actuator.name, f"emergency stop by {by}")
 
-    def _arbitration(self, asked: Asked, arguments: Nothing, now_ns: int) -> robot.Arbitration:
+    def _arbitration(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> robot.Arbitration:
         lock = self._pilot.lock
         return robot.Arbitration(
             run=self._actuator.run,
             leader=self._leader,
             acting=self._acting,
-            actuators=tuple(_report(counts) for counts in self._desk.counts()),
+            actuators=tuple(_report(counts) for counts in self._commands.counts()),
             outside=self._pilot.report(now_ns),
             lock_holder=None if lock.holder is None else lock.holder.connection,
             lock_waiting=tuple(c.connection for c in lock.waiting),

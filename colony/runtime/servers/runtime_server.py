@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from hashlib import blake2b
 
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
-from colony.runtime.protocol.calls import Asked, CallDesk, method
+from colony.runtime.protocol.calls import CallDispatcher, CallId, method
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import DEPLOYMENT_BYTES, Deployment
+from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, Deployment
 from colony.runtime.protocol.fields import RUNTIME
 from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
@@ -26,11 +26,10 @@ from colony.runtime.protocol.messages import (
 
 
 class RuntimeServer(QuietNode):
-    """The server of `random`, a function of only the run's seed and the frame's number.
+    """The server of `random`, which depends only on the run's seed and the number of the frame.
 
-    So a restarted server continues with the same numbers. Mutable: the seed. The seed comes with each
-    deployment: by the call `deploy`, or from the Clock of the same process by `use`, before the first frame
-    of the run.
+    So a restarted server continues with the same numbers. Mutable: the seed. It comes with each deployment,
+    before the first frame of the run: by the call `deploy`, or from the Clock of the same process by `use`.
     """
 
     address = RUNTIME.name
@@ -39,12 +38,12 @@ class RuntimeServer(QuietNode):
         self._seed = seed
         self._publisher = Publisher(self.address, self._read, keep=keep)
         self._leadership = Leadership(self.address)
-        self._desk = CallDesk(
+        self._calls = CallDispatcher(
             self.address,
-            (method("deploy", Deployment, self._deploy, largest=DEPLOYMENT_BYTES),),
-            lost=self._lost,
+            (method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES),),
+            on_lost=self._lost,
         )
-        self.listens = (*self._publisher.listens, *self._desk.listens)
+        self.listens = (*self._publisher.listens, *self._calls.listens)
 
     def use(self, deployed: Deployment) -> None:
         """Publish the numbers of this run, from the next frame on."""
@@ -56,15 +55,15 @@ class RuntimeServer(QuietNode):
             case Tick() | Fetch():
                 return self._publisher.handle(message)
             case Call() | Alive() | Malformed() | Wake():
-                return self._desk.handle(message, now_ns)
+                return self._calls.handle(message, now_ns)
             case _:
                 return ()
 
     def _read(self, tick: Tick) -> Fields:
         return {"random": Sample(random_of_frame(self._seed, tick.k), tick.t_ns)}
 
-    def _deploy(self, asked: Asked, deployed: Deployment, now_ns: int) -> None:
-        self._leadership.take(asked.caller, deployed)
+    def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:
+        self._leadership.take(call_id.caller, deployed)
         self.use(deployed)
 
     def _lost(self, caller: Caller, now_ns: int) -> Iterable[Effect]:

@@ -1,10 +1,10 @@
 """DServer's semaphores (thesis section 4.6.1, "Semaphores").
 
 A semaphore has a value and a queue, first come first served; while a call waits, its value is 0. A signal
-hands over to the first waiting call, which leaves the value as it is.
+grants the semaphore to the first waiting call; only if none waits does it raise the value.
 
-As in the thesis a semaphore that was taken has no owner. A client that wants one takes it as a *hold*: it
-belongs to the connection and the call that took it, and is released when the connection is lost.
+As in the thesis, a semaphore that was taken has no owner. A client may take it as a *hold* instead: then it
+belongs to the connection and call that took it, and is released when the connection is lost.
 """
 
 from __future__ import annotations
@@ -17,31 +17,31 @@ from typing import NamedTuple
 import msgspec
 
 from colony.runtime.library.data import SemaphoreState
-from colony.runtime.protocol.calls import Asked, RefusedError
+from colony.runtime.protocol.calls import CallId, RefusedError
 from colony.runtime.servers.bounds import Bound
-from colony.runtime.servers.naming import Names
+from colony.runtime.servers.names import SortedNames
 from colony.runtime.store.store import Journal, Key
 
-MOST = 10_000
+MAX_SEMAPHORES = 10_000
 """Largest number of semaphores."""
 
-MOST_HELD = 2_000
-"""Largest number of holds of all connections together: all of them may end at one moment."""
+MAX_HOLDS = 2_000
+"""Largest number of holds of all connections together; all may end in the same moment."""
 
-MOST_WAITING = 1_000
-"""Largest number of calls that wait for semaphores, of all connections: all may be answered at one moment."""
+MAX_WAITING_CALLS = 1_000
+"""Largest number of calls waiting for semaphores; all may be answered in the same moment."""
 
-FOR_EVER_NS = 10**17
-"""Nanoseconds (three years) from which a wait counts as one without a timeout."""
+UNLIMITED_WAIT_NS = 10**17
+"""Nanoseconds (three years) from which a timeout counts as unlimited."""
 
-HIGHEST = (1 << 31) - 1
+MAX_INITIAL_VALUE = (1 << 31) - 1
 """The largest initial value of a semaphore."""
 
 
 class Waiter(NamedTuple):
     """A call that waits for a semaphore, its timeout (None: forever), and whether it would hold it."""
 
-    asked: Asked
+    call_id: CallId
     name: str
     until_ns: int | None
     hold: bool
@@ -50,30 +50,30 @@ class Waiter(NamedTuple):
 @dataclass(frozen=False, slots=True, kw_only=True)
 class _Semaphore:
     value: int
-    waiting: OrderedDict[Asked, Waiter] = field(default_factory=OrderedDict)
+    waiting: OrderedDict[CallId, Waiter] = field(default_factory=OrderedDict)
     holds: dict[tuple[str, int], None] = field(default_factory=dict)  # connections and numbers of calls
 
 
 class Semaphores:
     """All semaphores. Mutable: values, queues and holds. Values and holds go into the journal, queues do not.
 
-    Methods return the calls to answer, as they were granted late.
+    Methods return the waiting calls that are to be answered.
     """
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
         self._semaphores: dict[str, _Semaphore] = {}
         self._holds: dict[str, dict[int, str]] = {}  # semaphores by connection and number of the call
-        self._waits: dict[str, dict[Asked, Waiter]] = {}  # by connection
+        self._waits: dict[str, dict[CallId, Waiter]] = {}  # by connection
         self._held = self._waiting = 0
-        self._most = Bound("semaphores", MOST)
-        self._most_held = Bound("holds of semaphores", MOST_HELD)
-        self._most_waiting = Bound("calls that wait for semaphores", MOST_WAITING)
-        self.names = Names()
+        self._most = Bound("semaphores", MAX_SEMAPHORES)
+        self._most_held = Bound("holds of semaphores", MAX_HOLDS)
+        self._most_waiting = Bound("calls that wait for semaphores", MAX_WAITING_CALLS)
+        self.names = SortedNames()
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences for users about limits that are reached, or were since the server started."""
+        """Sentences for users about the limits reached since the server started."""
         return (
             *self._most.reached(len(self._semaphores)),
             *self._most_held.reached(self._held),
@@ -90,10 +90,10 @@ class Semaphores:
         Raises:
             RefusedError: "unknown".
         """
-        semaphore = self._of(name)
+        semaphore = self._find(name)
         return SemaphoreState(
             value=semaphore.value,
-            waiting=tuple(asked.caller.connection for asked in semaphore.waiting),
+            waiting=tuple(call_id.caller.connection for call_id in semaphore.waiting),
             holding=tuple(connection for connection, _ in semaphore.holds),
         )
 
@@ -105,97 +105,101 @@ class Semaphores:
         """
         if name in self._semaphores:
             return False
-        if not 0 <= value <= HIGHEST:
-            raise RefusedError("arguments", f"DServer: an initial value of {value}; expected 0 to {HIGHEST}")
+        if not 0 <= value <= MAX_INITIAL_VALUE:
+            raise RefusedError(
+                "arguments", f"DServer: an initial value of {value}; expected 0 to {MAX_INITIAL_VALUE}"
+            )
         if not self._most.allows(len(self._semaphores) + 1):
-            raise RefusedError("full", f"DServer has {MOST} semaphores already")
+            raise RefusedError("full", f"DServer already has {MAX_SEMAPHORES} semaphores")
         self._semaphores[name] = _Semaphore(value=0)
         self.names.add(name)
         self._set(name, value)
         return True
 
-    def delete(self, name: str) -> tuple[bool, tuple[Asked, ...]]:
+    def delete(self, name: str) -> tuple[bool, tuple[CallId, ...]]:
         """Remove a semaphore; return whether it existed, and the waiting calls, which are to be refused."""
         semaphore = self._semaphores.get(name)
         if semaphore is None:
             return False, ()
         self._journal.drop(Key("semaphore", name))
         for connection, number in [*semaphore.holds]:
-            self._unhold(connection, number)
+            self._end_hold(connection, number)
         waited = tuple(semaphore.waiting)
-        for asked in waited:
-            self._unwait(asked)
+        for call_id in waited:
+            self._remove_waiter(call_id)
         del self._semaphores[name]
         self.names.discard(name)
         return True, waited
 
     # --- taking and giving back ----------------------------------------------------------------------
 
-    def wait(self, asked: Asked, name: str, wait_ns: int | None, now_ns: int, *, hold: bool) -> Waiter | None:
-        """Take one, and return None; if there is nothing to take, return the waiting call.
+    def wait(
+        self, call_id: CallId, name: str, wait_ns: int | None, now_ns: int, *, hold: bool
+    ) -> Waiter | None:
+        """Take the semaphore and return None, or queue the call and return its entry.
 
         Raises:
             RefusedError: "unknown", "timeout" or "full".
         """
-        semaphore = self._of(name)
+        semaphore = self._find(name)
         if hold and not self._most_held.allows(self._held + 1):
-            raise RefusedError("full", f"DServer has {MOST_HELD} holds already")
+            raise RefusedError("full", f"DServer already has {MAX_HOLDS} holds")
         if semaphore.value > 0:
             self._set(name, semaphore.value - 1)
             if hold:
-                self._hold(asked, name)
+                self._hold(call_id, name)
             return None
         if wait_ns is not None and wait_ns <= 0:
             raise timed_out(name)
         if not self._most_waiting.allows(self._waiting + 1):
-            raise RefusedError("full", f"DServer has {MOST_WAITING} calls that wait already")
-        until_ns = None if wait_ns is None or wait_ns >= FOR_EVER_NS else now_ns + wait_ns
-        waiter = Waiter(asked, name, until_ns, hold)
-        semaphore.waiting[asked] = waiter
-        self._waits.setdefault(asked.caller.connection, {})[asked] = waiter
+            raise RefusedError("full", f"DServer already has {MAX_WAITING_CALLS} waiting calls")
+        until_ns = None if wait_ns is None or wait_ns >= UNLIMITED_WAIT_NS else now_ns + wait_ns
+        waiter = Waiter(call_id, name, until_ns, hold)
+        semaphore.waiting[call_id] = waiter
+        self._waits.setdefault(call_id.caller.connection, {})[call_id] = waiter
         self._waiting += 1
         return waiter
 
-    def signal(self, name: str, connection: str) -> Asked | None:
-        """Put one back, and end a hold of `connection`; return the waiting call that gets it, if any.
+    def signal(self, name: str, connection: str) -> CallId | None:
+        """Signal a semaphore, and end a hold of `connection`; return the waiting call that gets it, if any.
 
         Raises:
             RefusedError: "unknown".
         """
-        self._of(name)
+        self._find(name)
         held = self._held_by(connection, name)
         if held is not None:
-            self._unhold(connection, held)
+            self._end_hold(connection, held)
         return self._put_back(name)
 
-    def release(self, name: str, connection: str) -> Asked | None:
+    def release(self, name: str, connection: str) -> CallId | None:
         """Release a semaphore that the connection holds; return the waiting call that gets it, if any.
 
         Raises:
             RefusedError: "unknown" or "not held".
         """
-        self._of(name)
+        self._find(name)
         if self._held_by(connection, name) is None:
             raise RefusedError("not held", f"DServer: this connection does not hold `{name}` (any more)")
         return self.signal(name, connection)
 
-    def drop(self, connection: str) -> tuple[tuple[int, ...], tuple[Asked, ...]]:
+    def drop(self, connection: str) -> tuple[tuple[int, ...], tuple[CallId, ...]]:
         """Remove a lost connection from all queues, and release its holds.
 
-        Return the numbers of its calls by which it held, and the calls of others that are granted by that.
+        Return the numbers of the calls that took the holds, and the waiting calls that get the semaphores.
         """
-        for asked in [*self._waits.get(connection, ())]:
-            self._unwait(asked)
+        for call_id in [*self._waits.get(connection, ())]:
+            self._remove_waiter(call_id)
         held = tuple(self._holds.get(connection, {}).items())
         granted = []
         for number, name in held:
-            self._unhold(connection, number)
+            self._end_hold(connection, number)
             following = self._put_back(name)
             if following is not None:
                 granted.append(following)
         return tuple(number for number, _ in held), tuple(granted)
 
-    def holders_but(self, connections: Container[str]) -> tuple[str, ...]:
+    def holders_except(self, connections: Container[str]) -> tuple[str, ...]:
         """Return the connections that hold a semaphore and are not among these."""
         return tuple(connection for connection in self._holds if connection not in connections)
 
@@ -210,7 +214,7 @@ class Semaphores:
         """Remove and return the calls whose timeout has passed; they are to be refused."""
         late = tuple(w for w in self._waiters() if w.until_ns is not None and now_ns >= w.until_ns)
         for waiter in late:
-            self._unwait(waiter.asked)
+            self._remove_waiter(waiter.call_id)
         return late
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
@@ -228,7 +232,7 @@ class Semaphores:
 
     # --- parts ---------------------------------------------------------------------------------------
 
-    def _of(self, name: str) -> _Semaphore:
+    def _find(self, name: str) -> _Semaphore:
         semaphore = self._semaphores.get(name)
         if semaphore is None:
             raise RefusedError("unknown", f"DServer has no semaphore `{name}`")
@@ -238,35 +242,35 @@ class Semaphores:
         self._semaphores[name].value = value
         self._journal.put(Key("semaphore", name), _encode(value))
 
-    def _put_back(self, name: str) -> Asked | None:
+    def _put_back(self, name: str) -> CallId | None:
         semaphore = self._semaphores[name]
         if not semaphore.waiting:
             self._set(name, semaphore.value + 1)
             return None
         first = next(iter(semaphore.waiting.values()))
-        self._unwait(first.asked)
+        self._remove_waiter(first.call_id)
         if first.hold:
-            self._hold(first.asked, name)
-        return first.asked
+            self._hold(first.call_id, name)
+        return first.call_id
 
     def _waiters(self) -> Iterator[Waiter]:
         return (waiter for waits in self._waits.values() for waiter in waits.values())
 
-    def _unwait(self, asked: Asked) -> None:
-        waits = self._waits[asked.caller.connection]
-        del self._semaphores[waits.pop(asked).name].waiting[asked]
+    def _remove_waiter(self, call_id: CallId) -> None:
+        waits = self._waits[call_id.caller.connection]
+        del self._semaphores[waits.pop(call_id).name].waiting[call_id]
         if not waits:
-            del self._waits[asked.caller.connection]
+            del self._waits[call_id.caller.connection]
         self._waiting -= 1
 
-    def _hold(self, asked: Asked, name: str) -> None:
-        connection, number = asked.caller.connection, asked.number
+    def _hold(self, call_id: CallId, name: str) -> None:
+        connection, number = call_id.caller.connection, call_id.number
         self._holds.setdefault(connection, {})[number] = name
         self._semaphores[name].holds[connection, number] = None
         self._held += 1
         self._journal.put(Key("hold", connection, number), _encode(name))
 
-    def _unhold(self, connection: str, number: int) -> None:
+    def _end_hold(self, connection: str, number: int) -> None:
         held = self._holds[connection]
         del self._semaphores[held.pop(number)].holds[connection, number]
         if not held:

@@ -1,7 +1,7 @@
 """Watches: the connections that get notices about changes of DServer's variables.
 
-The watches of a lost connection are kept for a while, also over the death of the server: a connection that is
-reopened keeps its watches, and gets the present values, for it may have missed some.
+The watches of a lost connection are kept for a while, even across a restart of the server. A reopened
+connection keeps its watches and gets the present values, as it may have missed changes.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from colony.runtime.protocol.topics import user_of
 from colony.runtime.servers.bounds import Bound
 from colony.runtime.store.store import Journal, Key
 
-MOST = 2_000
+MAX_WATCHED = 2_000
 """Largest number of names and prefixes that one connection may watch."""
 
-MOST_PREFIXES_EACH = 50
+MAX_PREFIXES_PER_CONNECTION = 50
 """Largest number of prefixes that one connection may watch."""
 
-MOST_NAMES = 20_000
+MAX_WATCHED_NAMES = 20_000
 """Largest number of names that all connections may watch together."""
 
-MOST_PREFIXES = 1_000
+MAX_WATCHED_PREFIXES = 1_000
 """Largest number of prefixes that all connections may watch together."""
 
-SHARE = 2
-"""Divisor of the limits of all connections that gives those of one user, so that no user takes it all."""
+USER_SHARE = 2
+"""Divisor of the limits of all connections that yields the limits of a single user."""
 
-KEPT_NS = 60_000_000_000
+LOST_WATCHES_NS = 60_000_000_000
 """Nanoseconds for which the watches of a lost connection are kept."""
 
 
@@ -53,12 +53,12 @@ class Watches:
         self._by_prefix: dict[str, dict[str, None]] = {}
         self._lengths: Counter[int] = Counter()  # lengths of the prefixes
         self._names = self._prefixes = 0
-        self._most_names = Bound("names watched", MOST_NAMES)
-        self._most_prefixes = Bound("prefixes watched", MOST_PREFIXES)
+        self._most_names = Bound("names watched", MAX_WATCHED_NAMES)
+        self._most_prefixes = Bound("prefixes watched", MAX_WATCHED_PREFIXES)
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Sentences for users about limits that are reached, or were since the server started."""
+        """Sentences for users about the limits reached since the server started."""
         return (*self._most_names.reached(self._names), *self._most_prefixes.reached(self._prefixes))
 
     def watchers(self, name: str) -> Collection[str]:
@@ -82,19 +82,27 @@ class Watches:
         watch = self._watches.get(connection, _Watch())
         names = [name for name in dict.fromkeys(names) if name not in watch.names]
         prefixes = [prefix for prefix in dict.fromkeys(prefixes) if prefix not in watch.prefixes]
-        if len(watch.names) + len(names) + len(watch.prefixes) + len(prefixes) > MOST:
-            raise RefusedError("full", f"DServer: a connection watches at most {MOST} names and prefixes")
-        if len(watch.prefixes) + len(prefixes) > MOST_PREFIXES_EACH:
-            raise RefusedError("full", f"DServer: a connection watches at most {MOST_PREFIXES_EACH} prefixes")
+        if len(watch.names) + len(names) + len(watch.prefixes) + len(prefixes) > MAX_WATCHED:
+            raise RefusedError(
+                "full", f"DServer: a connection watches at most {MAX_WATCHED} names and prefixes"
+            )
+        if len(watch.prefixes) + len(prefixes) > MAX_PREFIXES_PER_CONNECTION:
+            raise RefusedError(
+                "full", f"DServer: a connection watches at most {MAX_PREFIXES_PER_CONNECTION} prefixes"
+            )
         mine = [w for c, w in self._watches.items() if user_of(c) == user_of(connection)]
-        if sum(len(w.names) for w in mine) + len(names) > MOST_NAMES // SHARE:
-            raise RefusedError("full", f"DServer: a user watches at most {MOST_NAMES // SHARE} names")
-        if sum(len(w.prefixes) for w in mine) + len(prefixes) > MOST_PREFIXES // SHARE:
-            raise RefusedError("full", f"DServer: a user watches at most {MOST_PREFIXES // SHARE} prefixes")
+        if sum(len(w.names) for w in mine) + len(names) > MAX_WATCHED_NAMES // USER_SHARE:
+            raise RefusedError(
+                "full", f"DServer: a user watches at most {MAX_WATCHED_NAMES // USER_SHARE} names"
+            )
+        if sum(len(w.prefixes) for w in mine) + len(prefixes) > MAX_WATCHED_PREFIXES // USER_SHARE:
+            raise RefusedError(
+                "full", f"DServer: a user watches at most {MAX_WATCHED_PREFIXES // USER_SHARE} prefixes"
+            )
         if not self._most_names.allows(self._names + len(names)):
-            raise RefusedError("full", f"DServer: connections watch {MOST_NAMES} names already")
+            raise RefusedError("full", f"DServer: connections watch {MAX_WATCHED_NAMES} names already")
         if not self._most_prefixes.allows(self._prefixes + len(prefixes)):
-            raise RefusedError("full", f"DServer: connections watch {MOST_PREFIXES} prefixes already")
+            raise RefusedError("full", f"DServer: connections watch {MAX_WATCHED_PREFIXES} prefixes already")
         self._journal.promise()
         self._watches[connection] = watch
         watch.names |= dict.fromkeys(names)
@@ -127,7 +135,7 @@ class Watches:
             self.remove(connection, [*watch.names], [*watch.prefixes])
 
     def opened(self, connection: str) -> None:
-        """Keep the watches of a connection that was opened (again)."""
+        """Keep the watches of a connection that was opened or reopened."""
         watch = self._watches.get(connection)
         if watch is not None:
             watch.until_ns = None
@@ -136,7 +144,7 @@ class Watches:
         """Start the timeout of the watches of a lost connection; it may reconnect."""
         watch = self._watches.get(connection)
         if watch is not None:
-            watch.until_ns = now_ns + KEPT_NS
+            watch.until_ns = now_ns + LOST_WATCHES_NS
 
     def expire(self, now_ns: int) -> None:
         """Drop the watches of connections that did not reconnect."""
@@ -145,7 +153,7 @@ class Watches:
             self.forget(connection)
 
     def start(self, now_ns: int) -> None:
-        """Start without connections: the timeouts of all watches begin."""
+        """Start without connections: start the timeouts of all watches."""
         for connection in self._watches:
             self.lost(connection, now_ns)
 
@@ -163,8 +171,8 @@ class Watches:
         self._prefixes += len(prefixes)
         self._lengths.update(len(prefix) for prefix in prefixes if prefix not in self._by_prefix)
         for table, new in ((self._by_name, names), (self._by_prefix, prefixes)):
-            for one in new:
-                table.setdefault(one, {})[connection] = None
+            for key in new:
+                table.setdefault(key, {})[connection] = None
 
     def _note(self, connection: str, watch: _Watch) -> None:
         if watch.names or watch.prefixes:
@@ -174,12 +182,12 @@ class Watches:
             self._journal.drop(Key("watch", connection))
 
 
-def _unindex(table: dict[str, dict[str, None]], one: str, connection: str) -> bool:
+def _unindex(table: dict[str, dict[str, None]], key: str, connection: str) -> bool:
     """Remove a connection; return True if it was the last."""
-    del table[one][connection]
-    if table[one]:
+    del table[key][connection]
+    if table[key]:
         return False
-    del table[one]
+    del table[key]
     return True
 
 

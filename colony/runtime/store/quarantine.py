@@ -1,4 +1,4 @@
-"""Quarantine of damaged databases: each is renamed to `<name>.damaged-1` and so on, with its log beside it.
+"""Quarantine of damaged databases: each is renamed to `<name>.damaged-1` and so on, together with its log.
 
 Nothing is deleted or overwritten. A quarantined database stays until a user removes it.
 """
@@ -12,27 +12,29 @@ from pathlib import Path
 
 from colony.files import open_descriptor, sync_folder
 
-BESIDE = ("-wal", "-journal", "-shm")
-"""Suffixes of the files that SQLite keeps beside a database."""
+COMPANION_SUFFIXES = ("-wal", "-journal", "-shm")
+"""Suffixes of the files that SQLite keeps in addition to a database."""
 
 
 def quarantine(path: Path) -> Path:
-    """Rename a database and the files that SQLite keeps beside it, and return the new name.
+    """Rename a database and its companion files, and return the new name.
 
     Raises:
         BlockingIOError: another process has the database open.
         OSError: a file cannot be renamed.
     """
-    _expect_unused(path)
+    _check_unused(path)
     for number in itertools.count(1):
-        aside = path.with_name(f"{path.name}.damaged-{number}")
-        if not any(os.path.lexists(_beside(aside, ending)) for ending in ("", *BESIDE)):
+        quarantined_path = path.with_name(f"{path.name}.damaged-{number}")
+        if not any(
+            os.path.lexists(_with_suffix(quarantined_path, suffix)) for suffix in ("", *COMPANION_SUFFIXES)
+        ):
             break
-    for ending in ("", *BESIDE):  # the database first: without its log it could pass for an intact one
-        if os.path.lexists(_beside(path, ending)):
-            os.rename(_beside(path, ending), _beside(aside, ending))
+    for suffix in ("", *COMPANION_SUFFIXES):  # database first: without its log, it could look intact
+        if os.path.lexists(_with_suffix(path, suffix)):
+            os.rename(_with_suffix(path, suffix), _with_suffix(quarantined_path, suffix))
     sync_folder(path.parent)
-    return aside
+    return quarantined_path
 
 
 def quarantined(path: Path) -> tuple[Path, ...]:
@@ -46,19 +48,26 @@ def quarantined(path: Path) -> tuple[Path, ...]:
     return tuple(path.with_name(f"{prefix}{n}") for n in sorted(filter(str.isdecimal, numbers), key=int))
 
 
-def damages(path: Path) -> tuple[str, ...]:
+def damage_notes(path: Path) -> tuple[str, ...]:
     """Return a sentence for users about each quarantined database, or its log if nothing else was left."""
     return tuple(
-        f"its file was damaged, so it began with nothing; remove {_first_left(aside)} once nobody needs it"
-        for aside in quarantined(path)
+        f"its file was damaged, so it started empty; remove {_first_existing(damaged)} when it is not needed"
+        for damaged in quarantined(path)
     )
 
 
-def _first_left(aside: Path) -> Path:
-    return next((file for e in ("", *BESIDE) if os.path.lexists(file := _beside(aside, e))), aside)
+def _first_existing(quarantined_path: Path) -> Path:
+    return next(
+        (
+            file
+            for e in ("", *COMPANION_SUFFIXES)
+            if os.path.lexists(file := _with_suffix(quarantined_path, e))
+        ),
+        quarantined_path,
+    )
 
 
-def _expect_unused(path: Path) -> None:
+def _check_unused(path: Path) -> None:
     """Raise BlockingIOError if another process holds SQLite's locks on the database."""
     try:
         descriptor = open_descriptor(path, os.O_RDWR)
@@ -70,5 +79,5 @@ def _expect_unused(path: Path) -> None:
         os.close(descriptor)
 
 
-def _beside(path: Path, ending: str) -> Path:
-    return path.with_name(path.name + ending)
+def _with_suffix(path: Path, suffix: str) -> Path:
+    return path.with_name(path.name + suffix)

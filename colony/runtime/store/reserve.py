@@ -1,4 +1,4 @@
-"""Disk space held in reserve, so that work in progress can be completed when the disk fills up."""
+"""Disk space in reserve, so that work in progress can be completed when the disk fills up."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class Reserve:
     """A file that occupies disk space and has no content. Mutable: whether the file exists.
 
     Args:
-        path: the file, on the disk whose space is reserved.
-        size: the size of the reserve, in bytes.
+        path: file on the disk whose space is reserved.
+        size: size of the reserve, in bytes.
     """
 
     def __init__(self, path: Path, size: int = RESERVE_BYTES) -> None:
@@ -24,7 +24,7 @@ class Reserve:
         self._size = size
 
     def take(self) -> None:
-        """Occupy the reserved space if it is not yet occupied; do without on a disk that cannot preallocate.
+        """Allocate the space if it is not yet allocated; do nothing if the file system cannot preallocate.
 
         Raises:
             OSError: the disk has no room for it.
@@ -37,11 +37,11 @@ class Reserve:
             finally:
                 os.close(file)
         except OSError as problem:
-            self.give_up()  # part of the space may have been allocated
+            self.release()  # part of the space may have been allocated
             if problem.errno in NO_ROOM:
                 raise
 
-    def give_up(self) -> None:
+    def release(self) -> None:
         """Release the space. Calling this again has no effect."""
         try:
             self._path.unlink(missing_ok=True)

@@ -1,26 +1,26 @@
 """A store in one SQLite file.
 
-Durability. A commit appends to the write-ahead log with plain writes: once they are done, the operating
-system has the bytes, and SIGKILL of the process cannot take them back, synchronized to the disk or not. So
-the default is `synchronous=NORMAL`, which synchronizes only when the log is checkpointed into the database,
-about every four megabytes. `OFF` would be no faster in between, and after a loss of power may leave an
+Durability. A commit appends to the write-ahead log with plain writes. Once they are done, the operating
+system has the bytes, and SIGKILL of the process cannot undo them, whether they are synchronized to the disk
+or not. So the default is `synchronous=NORMAL`, which synchronizes only when the log is checkpointed into the
+database, about every four megabytes. `OFF` would be no faster in between, and a loss of power could leave an
 unreadable file; with `NORMAL` a loss of power costs the last moments, never the file. With `fsync` each
 commit waits for the disk (`synchronous=FULL`), and a loss of power costs nothing.
 
 The file is locked while it is open: two servers cannot write one state. Pages are small because most entries
-are: a commit writes whole pages. Each entry has a checksum, as the file format itself has none. The table has
-row ids, so that the keys have an index of their own: otherwise a search among entries of a megabyte would
-have to read the entries that it passes.
+are, and a commit writes whole pages. Each entry has a checksum, because the file format has none. The table
+has row ids, so that the keys have their own index: otherwise a search among entries of a megabyte would have
+to read the entries that it passes.
 
-A full disk. A reserve file beside the database occupies space. When a commit finds no room, the store
-releases the reserve, checkpoints the log into the database, and retries the commit, so that work in progress
-can be kept. From then on the store is `full`, until there is room for the reserve again. A file size limit or
-a quota counts as a full disk.
+Full disk. A reserve file in the same folder occupies space. When a commit finds no room, the store releases
+the reserve, checkpoints the log into the database, and retries the commit, so that work in progress can be
+kept. From then on the store is `full`, until there is room for the reserve again. A file size limit or a
+quota counts as a full disk.
 
-An empty or damaged file is quarantined (`quarantine.py`), and the store starts empty; the store reports that,
-and DServer keeps reporting it. An empty file is damaged because the store never makes one: it fills a new
-database under another name. A file that is not DServer's, or is from a later version, is refused and left
-alone.
+Damage. An empty or damaged file is quarantined (`quarantine.py`), and the store starts empty; the store
+reports that, and DServer keeps reporting it. An empty file counts as damaged because the store never makes
+one: it fills a new database under another name. A file that is not DServer's, or is from a later version, is
+refused and left unchanged.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from pathlib import Path
 
 from colony.files import open_regular, reason, sync_folder
 from colony.os_errors import limit_advice
-from colony.runtime.store.quarantine import BESIDE, quarantine
+from colony.runtime.store.quarantine import COMPANION_SUFFIXES, quarantine
 from colony.runtime.store.reserve import RESERVE_BYTES, Reserve
 from colony.runtime.store.store import Key, StoreError, StoreFullError
 
@@ -47,7 +47,7 @@ VERSION = 2
 """Schema version of the table. Version 1 had no row ids; its files are converted."""
 
 _PAGE = 1024
-_CARRIED_OVER_AFTER = 4096  # pages of the log: four megabytes
+_CHECKPOINT_PAGES = 4096  # pages of the log: four megabytes
 
 _TABLE = """
 CREATE TABLE state (
@@ -66,15 +66,15 @@ class SqliteStore:
     """A store in the SQLite database at `path`, which it creates if missing. Mutable: the file.
 
     Args:
-        path: the database; beside it are SQLite's log, `<path>-wal`, and the reserve, `<path>.reserve`.
+        path: database; SQLite's log is `<path>-wal`, and the reserve `<path>.reserve`.
         fsync: True if a commit must also survive a loss of power.
-        patience_s: seconds to wait for another server to release the file.
-        report: called with a line for users when the file is damaged and was quarantined.
+        lock_timeout_s: seconds to wait for another server to release the file.
+        report: callback for a line to users when the file is damaged and was quarantined.
 
     Raises:
         StoreFullError: the file is missing, or is of an earlier version, and the disk has no room for a new
             one.
-        StoreError: the file cannot be opened or quarantined, is in use, or is something else.
+        StoreError: the file cannot be opened or quarantined, is in use, or is not DServer's.
     """
 
     def __init__(
@@ -82,25 +82,25 @@ class SqliteStore:
         path: str | os.PathLike[str],
         *,
         fsync: bool = False,
-        patience_s: float = 1.0,
+        lock_timeout_s: float = 1.0,
         report: Callable[[str], None] = lambda line: None,
     ) -> None:
         self._path = Path(path)
-        self._fsync, self._patience_s, self._report = fsync, patience_s, report
+        self._fsync, self._lock_timeout_s, self._report = fsync, lock_timeout_s, report
         self._database: sqlite3.Connection | None = None
         try:
-            self._begin()
+            self._open_or_create()
         except _DamagedStoreError as damage:
-            self._begin_with_nothing(damage)
+            self._start_empty(damage)
 
-    def _begin(self) -> None:
+    def _open_or_create(self) -> None:
         """Open the database, or create it if there is none."""
-        is_new = _look_at(self._path)
+        is_new = _check_files(self._path)
         try:
             if is_new:
-                _make(self._path)
+                _create(self._path)
             self._database = sqlite3.connect(
-                self._path, timeout=self._patience_s, isolation_level=None, check_same_thread=False
+                self._path, timeout=self._lock_timeout_s, isolation_level=None, check_same_thread=False
             )
             self._prepare(self._database, self._fsync)
         except (sqlite3.Error, UnicodeDecodeError) as problem:  # the latter from messages about damage
@@ -114,33 +114,33 @@ class SqliteStore:
         self.make_room()
 
     def make_room(self) -> None:
-        """Allocate the reserve, again if it was released; without room for it the store is full."""
+        """Allocate the reserve if it was released; without room for it the store stays full."""
         try:
-            _expect_growth(self._path)
+            _check_growth(self._path)
             self._reserve.take()
         except OSError as problem:
             self.full = str(self._no_room(problem))
         else:
             self.full = None
 
-    def _begin_with_nothing(self, damage: _DamagedStoreError) -> None:
+    def _start_empty(self, damage: _DamagedStoreError) -> None:
         """Quarantine a damaged database and create a new one."""
         self._abandon()
         try:
-            aside = quarantine(self._path)
+            renamed = quarantine(self._path)
         except BlockingIOError:
             raise StoreError(f"{self._path} is in use by another server") from None
         except OSError as problem:
-            raise StoreError(f"{damage}; it cannot be kept aside: {reason(problem)}") from None
-        self._report(f"{damage}; it is kept as {aside.name}, and DServer begins with nothing")
-        self._begin()
+            raise StoreError(f"{damage}; it cannot be renamed: {reason(problem)}") from None
+        self._report(f"{damage}; it is kept as {renamed.name}, and DServer starts empty")
+        self._open_or_create()
 
     def load(self) -> Iterator[tuple[Key, bytes]]:
         """Return every committed entry; quarantine a damaged database and return no entries."""
         try:
             entries = list(self._entries())
         except _DamagedStoreError as damage:
-            self._begin_with_nothing(damage)
+            self._start_empty(damage)
             entries = []
         return iter(entries)
 
@@ -149,7 +149,7 @@ class SqliteStore:
             for kind, name, slot, data, found in self._open().execute("SELECT * FROM state"):
                 key = Key(kind, name, slot)
                 if not isinstance(data, bytes) or found != _checksum(key, data):
-                    raise _DamagedStoreError(self._path, f"the {kind} `{name}` is not what was written")
+                    raise _DamagedStoreError(self._path, f"the {kind} `{name}` has a wrong checksum")
                 yield key, data
         except (sqlite3.Error, UnicodeDecodeError) as problem:
             raise self._error(problem) from None
@@ -160,8 +160,8 @@ class SqliteStore:
             self._commit(changes)
         except StoreFullError as problem:
             self.full = str(problem)
-            self._reserve.give_up()
-            self._carry_over()
+            self._reserve.release()
+            self._checkpoint_log()
             self._commit(changes)
 
     def _commit(self, changes: Mapping[Key, bytes | None]) -> None:
@@ -184,10 +184,10 @@ class SqliteStore:
         """Checkpoint the log into the database, and release the file."""
         database, self._database = self._database, None
         if database is not None:
-            self._reserve.give_up()
+            self._reserve.release()
             database.close()
 
-    def _carry_over(self) -> None:
+    def _checkpoint_log(self) -> None:
         """Checkpoint the log into the database as far as there is room, and truncate the log."""
         with suppress(sqlite3.Error):
             self._open().execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
@@ -199,10 +199,12 @@ class SqliteStore:
         self._check_owner(database)
         mode = database.execute("PRAGMA journal_mode = WAL").fetchone()[0]
         if mode != "wal":
-            raise StoreError(f"{self._path}: SQLite cannot keep a log here (it is in mode `{mode}`)")
+            raise StoreError(f"{self._path}: SQLite cannot keep a write-ahead log here (mode `{mode}`)")
         database.execute(f"PRAGMA synchronous = {'FULL' if fsync else 'NORMAL'}")
-        database.execute(f"PRAGMA wal_autocheckpoint = {_CARRIED_OVER_AFTER}")
-        database.execute("PRAGMA secure_delete = OFF")  # zeros over what was replaced double what is written
+        database.execute(f"PRAGMA wal_autocheckpoint = {_CHECKPOINT_PAGES}")
+        database.execute(
+            "PRAGMA secure_delete = OFF"
+        )  # overwriting old data with zeros would double the writes
         database.execute("BEGIN EXCLUSIVE")
         if database.execute("PRAGMA user_version").fetchone()[0] == 1:
             database.execute("ALTER TABLE state RENAME TO state_1")
@@ -221,10 +223,10 @@ class SqliteStore:
         if owner == APPLICATION and version in (1, VERSION):
             return
         if owner == APPLICATION:
-            raise StoreError(f"{self._path} is of version {version}; this is a server of version {VERSION}")
+            raise StoreError(f"{self._path} has version {version}; this server expects version {VERSION}")
         if owner != 0 or database.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0]:
-            raise StoreError(f"{self._path} is another program's database; give DServer a file of its own")
-        raise _DamagedStoreError(self._path, "there is nothing in it")
+            raise StoreError(f"{self._path} is another program's database; give DServer its own file")
+        raise _DamagedStoreError(self._path, "it has no tables")
 
     def _open(self) -> sqlite3.Connection:
         if self._database is None:
@@ -241,7 +243,7 @@ class SqliteStore:
         primary = None if code is None else code & 0xFF
         if primary in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
             return StoreError(f"{self._path} is in use by another server")
-        if code == sqlite3.SQLITE_IOERR_WRITE and _most_bytes() is not None:
+        if code == sqlite3.SQLITE_IOERR_WRITE and _file_size_limit() is not None:
             return self._no_room(_too_large(self._path))
         if primary == sqlite3.SQLITE_FULL or code == sqlite3.SQLITE_IOERR_WRITE:
             return self._no_room(problem)
@@ -256,10 +258,10 @@ class SqliteStore:
 
 
 class _DamagedStoreError(StoreError):
-    """A database that is not what DServer wrote, or not all of it."""
+    """A database that does not have the content that DServer wrote."""
 
-    def __init__(self, path: Path, why: str) -> None:
-        super().__init__(f"{path} is damaged: {why}")
+    def __init__(self, path: Path, problem: str) -> None:
+        super().__init__(f"{path} is damaged: {problem}")
 
 
 _DAMAGE = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR)
@@ -268,17 +270,17 @@ _DAMAGE = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR)
 _HEADER = b"SQLite format 3\0"
 
 
-def _look_at(path: Path) -> bool:
-    """Return True if there is no database; reject one that SQLite would wait for or take for empty."""
-    for ending in BESIDE:
-        _header(path.with_name(path.name + ending))
+def _check_files(path: Path) -> bool:
+    """Return True if there is no database; reject a file that blocks SQLite, or that it takes for empty."""
+    for suffix in COMPANION_SUFFIXES:
+        _header(path.with_name(path.name + suffix))
     header, log = _header(path), _header(path.with_name(f"{path.name}-wal"))
     if header is None and log:
-        raise _DamagedStoreError(path, "it is missing, but its log is there")
+        raise _DamagedStoreError(path, "it is missing, but its log exists")
     if header == b"":
         raise _DamagedStoreError(path, "it is empty")
     if header is not None and header != _HEADER:
-        raise _DamagedStoreError(path, "it is no database")
+        raise _DamagedStoreError(path, "it is not a database")
     return header is None
 
 
@@ -292,7 +294,7 @@ def _header(path: Path) -> bytes | None:
         raise StoreError(f"{path} cannot be read: {reason(problem)}") from None
 
 
-def _make(path: Path) -> None:
+def _create(path: Path) -> None:
     """Create a database without entries, atomically."""
     beside = path.with_name(f"{path.name}.new")
     try:
@@ -319,22 +321,22 @@ def _fill(database: sqlite3.Connection) -> None:
 
 
 def _discard(path: Path) -> None:
-    for ending in ("", *BESIDE):
-        path.with_name(path.name + ending).unlink(missing_ok=True)
+    for suffix in ("", *COMPANION_SUFFIXES):
+        path.with_name(path.name + suffix).unlink(missing_ok=True)
 
 
-def _expect_growth(path: Path) -> None:
+def _check_growth(path: Path) -> None:
     """Check that the file may grow by the size of the reserve: a file size limit ignores the reserve.
 
     Raises:
         OSError: the file may not grow that much.
     """
-    most = _most_bytes()
+    most = _file_size_limit()
     if most is not None and path.stat().st_size + RESERVE_BYTES > most:
         raise _too_large(path)
 
 
-def _most_bytes() -> int | None:
+def _file_size_limit() -> int | None:
     """Return the file size limit in bytes, or None if there is none."""
     most = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
     return None if most == resource.RLIM_INFINITY else most

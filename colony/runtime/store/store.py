@@ -1,15 +1,15 @@
 """Durable state of a server: a map from keys to bytes, changed by atomic commits.
 
-A server's state lives in memory. Each change is also put into a `Journal`, and the journal goes to the store
-in one commit before any answer leaves. So whatever was acknowledged is in the store, and nothing of an
-uncommitted batch is.
+A server's state lives in memory. Each change is also put into a `Journal`, which is written to the store in
+one commit before any answer is sent. So all acknowledged changes are in the store, and a batch is committed
+as a whole or not at all.
 
-A store may run out of room. Then its server accepts nothing that must be kept, and continues with everything
-else: what changes by itself (variables that actuators set, checkpoints) waits in the journal until there is
+A store may run out of room. Its server then accepts nothing that must be kept, and otherwise continues:
+unacknowledged changes (variables that actuators set, checkpoints) wait in the journal until there is
 room. Promised changes never wait: if one cannot be kept, the server ends instead of acknowledging it.
 
-A restarted server loads all entries. The meaning of the bytes is the server's business. A store promises that
-they are those that were committed; it quarantines a damaged file as a whole, reports that, and starts empty.
+A restarted server loads all entries. Only the server interprets the bytes. A store guarantees that they are
+the bytes that were committed; it quarantines a damaged file as a whole, reports that, and starts empty.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Store(Protocol):
 
 
 class MemoryStore:
-    """A store that lives as long as its process, for runs in virtual time. Mutable: the entries."""
+    """A store without a file, for runs in virtual time. Mutable: the entries."""
 
     full: str | None = None
 
@@ -101,14 +101,14 @@ class MemoryStore:
         """Do nothing: the store holds no resources."""
 
 
-class UnmadeStore:
+class PendingStore:
     """A placeholder for a store that cannot be created yet because its disk is full.
 
     It has no entries and keeps none until the store can be created. Mutable: the store, once it exists.
 
     Args:
-        make: creates the store, or raises `StoreFullError`.
-        problem: the reason why the store could not be created so far.
+        make: function that creates the store, or raises `StoreFullError`.
+        problem: reason why the store could not be created so far.
     """
 
     def __init__(self, make: Callable[[], Store], problem: StoreFullError) -> None:
@@ -166,7 +166,7 @@ class Journal:
         return self._store.full
 
     def make_room(self) -> None:
-        """Check whether there is room again; the next `settle` retries waiting changes in any case."""
+        """Check whether there is room again; the next `settle` retries the waiting changes anyway."""
         self._store.make_room()
         self._waiting = False
 

@@ -11,14 +11,14 @@ from colony.runtime.transport.virtual import Delay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rates:
+class FaultRates:
     """The probability of each fault per message, and the largest delays.
 
     A late message arrives after messages of later frames; a reordered one after others of its moment.
     """
 
     lost: float = 0.02
-    doubled: float = 0.02
+    duplicated: float = 0.02
     late: float = 0.03
     reordered: float = 0.1
     late_ns: int = 120_000_000
@@ -28,35 +28,35 @@ class Rates:
 class Faults:
     """A link with faults. Mutable: its random state.
 
-    Messages for which `spares(sender, receiver, message)` is true always arrive at once.
+    Messages for which `exempt(sender, receiver, message)` is true always arrive at once.
     """
 
     def __init__(
         self,
         seed: int,
-        rates: Rates = Rates(),
+        rates: FaultRates = FaultRates(),
         *,
-        spares: Callable[[str, str, Message], bool] = lambda sender, receiver, message: False,
+        exempt: Callable[[str, str, Message], bool] = lambda sender, receiver, message: False,
     ) -> None:
         self._random = random.Random(seed).random
         self._rates = rates
-        self._spares = spares
+        self._exempt = exempt
 
     def __call__(self, sender: str, receiver: str, message: Message) -> Delay:
         """Draw the fate of a message, as a `Link` returns it."""
-        if self._spares(sender, receiver, message):
+        if self._exempt(sender, receiver, message):
             return 0
         rates, drawn = self._rates, self._random()
         if drawn < rates.lost:
             return None
         drawn -= rates.lost
-        if drawn < rates.doubled:
-            return 0, self._some(rates.late_ns)
-        drawn -= rates.doubled
+        if drawn < rates.duplicated:
+            return 0, self._random_delay(rates.late_ns)
+        drawn -= rates.duplicated
         if drawn < rates.late:
-            return self._some(rates.late_ns)
+            return self._random_delay(rates.late_ns)
         drawn -= rates.late
-        return self._some(rates.reordered_ns) if drawn < rates.reordered else 0
+        return self._random_delay(rates.reordered_ns) if drawn < rates.reordered else 0
 
-    def _some(self, most_ns: int) -> int:
-        return int(self._random() * most_ns)
+    def _random_delay(self, max_ns: int) -> int:
+        return int(self._random() * max_ns)

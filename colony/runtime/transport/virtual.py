@@ -1,9 +1,9 @@
 """A transport within one process and in virtual time, with a seeded scheduler.
 
-The nodes that a network connects are connected here by a queue. Messages due at the same moment are delivered
-in an order drawn from the seed, so that a run is not limited to one of the orders that a network could
-produce, and yet can be repeated. A `Link` delays, drops and duplicates messages where a test wants faults
-(`faults.py`). Nodes can be killed, frozen and restarted at any moment.
+A queue takes the place of the network. Messages due at the same moment are delivered in an order drawn from
+the seed, so that seeds cover the orders that a network could produce, and each run can be repeated. A `Link`
+delays, drops and duplicates messages where a test wants faults (`faults.py`). Nodes can be killed, frozen and
+restarted at any moment.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import random
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from colony.runtime.protocol.messages import Effect, Message, Node, Send, Settling, Wake
+from colony.runtime.protocol.messages import Effect, Message, Node, Send, SettlingNode, Wake
 
 
 class VirtualClock:
@@ -62,7 +62,7 @@ class VirtualTransport:
         self._link = link
         self._random = random.Random(seed).random
         self._nodes: dict[str, Node] = {}
-        self._settling: dict[str, Settling] = {}
+        self._settling: dict[str, SettlingNode] = {}
         self._frozen: dict[str, list[Message]] = {}
         self._listeners: dict[str, list[str]] = {}
         self._queue: list[_Delivery] = []
@@ -81,7 +81,7 @@ class VirtualTransport:
         if address in self._nodes:
             raise ValueError(f"there are two nodes with the address {address}")
         self._nodes[address] = node
-        if isinstance(node, Settling):
+        if isinstance(node, SettlingNode):
             self._settling[address] = node
         for topic in dict.fromkeys(node.listens):
             self._listeners.setdefault(topic, []).append(address)
@@ -112,7 +112,7 @@ class VirtualTransport:
     # --- input from outside --------------------------------------------------------------------------------
 
     def inject(self, topic: str, message: Message) -> None:
-        """Deliver a message to every listener of `topic`, now; also one that no node sends (`Malformed`)."""
+        """Deliver a message to every listener of `topic` now, even one that no node sends (`Malformed`)."""
         self._send(OUTSIDE, topic, message)
 
     def at(self, t_ns: int, action: Action) -> None:
@@ -130,7 +130,7 @@ class VirtualTransport:
     ) -> bool:
         """Deliver everything that is due before `t_ns`, and advance the present to it.
 
-        `pace` is called with each new present before anything happens in it (a run at wall-clock speed sleeps
+        `pace` is called with each new time before anything happens at it (a run at wall-clock speed sleeps
         there). Return False if `stop` ended the run, which happens only between moments, never within one.
         """
         clock = self._clock

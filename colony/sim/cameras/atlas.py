@@ -1,10 +1,10 @@
-"""Pictures on walls, stored so that the mean of any rectangle of one is found at once.
+"""Pictures on walls, stored as summed-area tables, which give the mean of any rectangle in constant time.
 
-A pixel of a camera sees a patch of a wall, small or large as the wall is near or far, and narrow or wide as
-it is faced or grazed. Its gray level is the mean over that patch, which a summed-area table gives exactly
-(Crow 1984), whatever the patch's shape: no aliasing, and edges that move by less than a pixel are seen to.
+A pixel of a camera sees a patch of a wall whose size depends on the distance and the viewing angle. Its gray
+level is the mean over that patch, which a summed-area table gives exactly (Crow 1984) for any size: there is
+no aliasing, and motion of less than a pixel is visible.
 
-A picture is as wide and high as it is in the building; it begins at its upper left corner.
+A picture has the size that it has in the building; its origin is the upper left corner.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ import numpy as np
 from colony.sim.compiled import Floats, Floats2, called, inlined
 
 OFFSET, COLUMNS, ROWS, ACROSS, DOWN, COVER, WRAPS = range(7)
-"""Columns of `Atlas.pictures`: where its table begins, its size in texels, mm a texel across and down, where
-the table of what it covers begins (below 0: all of it), and whether it repeats to the sides (1) or not."""
+"""Columns of `Atlas.pictures`: start of the table, size in texels, mm per texel across and down, start of the
+table of opacities (negative if opaque), and 1 if the picture repeats to the sides, else 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,9 +28,9 @@ class Picture:
     """A picture of `width_mm` by `height_mm`.
 
     Attributes:
-        shades: (rows, columns), from 0, black, to 1.
-        cover: likewise, the opacity of each texel; None: all opaque.
-        wraps: True if it repeats to the sides.
+        shades: (rows, columns), from 0 (black) to 1.
+        cover: (rows, columns), the opacity of each texel; None if all are opaque.
+        wraps: True if the picture repeats to the sides.
     """
 
     shades: Floats2
@@ -41,10 +41,10 @@ class Picture:
 
 
 class Atlas(NamedTuple):
-    """Pictures as the renderer takes them.
+    """Pictures in the renderer's form.
 
-    `sums` has the summed-area tables of all pictures, one after the other, each (columns + 1, rows + 1);
-    `pictures`, (n, 7), has their places and sizes.
+    `sums` has the summed-area tables of all pictures in sequence, each (columns + 1, rows + 1); `pictures`,
+    (n, 7), has their offsets and sizes.
     """
 
     sums: Floats
@@ -52,7 +52,7 @@ class Atlas(NamedTuple):
 
 
 def atlas_of(pictures: Sequence[Picture]) -> Atlas:
-    """Return an atlas of pictures, which keep their numbers."""
+    """Return an atlas of pictures, numbered as given."""
     tables: list[Floats] = []
     rows: list[tuple[float, ...]] = []
     used = 0
@@ -78,7 +78,7 @@ def atlas_of(pictures: Sequence[Picture]) -> Atlas:
 
 @inlined
 def _at(sums: Floats, start: int, high: int, part: float, row: int, rest: float) -> float:
-    """Interpolate a table between its columns and rows, `start` being the place of the column before."""
+    """Interpolate a table between its columns and rows; `start` is the offset of the left column."""
     here = start + row
     left: float = sums[here] + rest * (sums[here + 1] - sums[here])
     here += high + 1
@@ -90,9 +90,9 @@ def _at(sums: Floats, start: int, high: int, part: float, row: int, rest: float)
 def _strip(
     sums: Floats, place: int, wide: int, high: int, left: float, right: float, laps: float, down: float
 ) -> float:
-    """Return the sum over the strip from the column `left` to `right`, from the top down to row `down`.
+    """Return the sum over the columns from `left` to `right`, from the top down to row `down`.
 
-    `laps` is the number of times that the whole picture lies between.
+    `laps` is the number of whole repetitions of the picture in between.
     """
     row = min(int(down), high - 1)
     rest = down - row
@@ -115,17 +115,17 @@ def paint_picture(
         out: the column, from its top.
         atlas: the pictures.
         picture: number of the picture.
-        left: where the part that the column sees begins, in mm from the picture's left edge, and not beyond
-            its edges unless it repeats.
-        right: where that part ends, likewise.
-        width: width of the wall that the column covers, of which `left` to `right` is a part.
-        first: the first row that sees something of it.
-        last: the last such row.
-        above: how far below the picture's top the upper edge of row 0 looks, in mm.
-        step: the mm that a row covers.
-        clip_top: the height, in mm below the picture's top, where its visible part begins.
-        clip_bottom: the height where that part ends, likewise.
-        gain: from shades to gray levels.
+        left: start of the visible part, in mm from the picture's left edge; within the picture unless it
+            repeats.
+        right: end of the visible part, likewise.
+        width: width in mm of the wall that the column covers, which includes `left` to `right`.
+        first: first row that sees the picture.
+        last: row after the last one that sees it.
+        above: distance in mm of the upper edge of row 0 below the top of the picture.
+        step: mm per row.
+        clip_top: start of the visible part, in mm below the top of the picture.
+        clip_bottom: end of the visible part, likewise.
+        gain: factor from shades to gray levels.
     """
     about = atlas.pictures[picture]
     wide, high, place, covering = int(about[COLUMNS]), int(about[ROWS]), int(about[OFFSET]), int(about[COVER])

@@ -1,4 +1,4 @@
-"""Robots and people in front of a camera that looks along the floor.
+"""Robots and people in front of a level camera.
 
 Robots are upright cylinders; people are upright pictures that face the camera.
 """
@@ -9,13 +9,13 @@ import math
 
 from colony.sim.cameras.atlas import paint_picture
 from colony.sim.cameras.rays import Eye, Lens, Ray, level_of, light_at, paint, row_below
-from colony.sim.cameras.silhouettes import LOOKS, PERSON_WIDTH_MM
+from colony.sim.cameras.silhouettes import PERSON_STYLES, PERSON_WIDTH_MM
 from colony.sim.cameras.surfaces import Scene
 from colony.sim.compiled import Floats, Floats2, inlined
 
 _ROBOT_SHADE, _ROBOT_TOP_SHADE, _ROBOT_RIM = 0.30, 0.18, 0.4
-_STEP_MM = 400.0  # after so much way people have the other picture
-_LEAST_DEPTH_MM = 200.0
+_STEP_MM = 400.0  # distance after which the picture of a person changes
+_MIN_DEPTH_MM = 200.0
 
 
 @inlined
@@ -35,19 +35,17 @@ def _robot_depth(ray: Ray, x: float, y: float, radius: float) -> tuple[float, fl
 def _person_depth(eye: Eye, ray: Ray, x: float, y: float) -> float:
     """Return the depth of the person at (x, y) along a ray; infinite if the ray misses.
 
-    A person is as flat as a picture.
+    A person is flat.
     """
     ox, oy = x - eye.x, y - eye.y
     depth, right = oy * eye.cosine - ox * eye.sine, ox * eye.cosine + oy * eye.sine
-    met = (
-        depth > _LEAST_DEPTH_MM and abs(right - ray.right * depth) < PERSON_WIDTH_MM / 2.0 + ray.half * depth
-    )
+    met = depth > _MIN_DEPTH_MM and abs(right - ray.right * depth) < PERSON_WIDTH_MM / 2.0 + ray.half * depth
     return depth if met else math.inf
 
 
 @inlined
 def _paint_robot(column: Floats, near: float, far: float, ray: Ray, axis: float, lens: Lens) -> None:
-    """Paint an upright cylinder, darker at the rim, from above."""
+    """Paint an upright cylinder, darker at the rim, and its top."""
     rows = column.shape[0]
     thickness = (far - near) * ray.length / (2.0 * lens.robot_radius)
     shade = _ROBOT_SHADE * (_ROBOT_RIM + (1.0 - _ROBOT_RIM) * thickness)
@@ -69,8 +67,8 @@ def _paint_person(
     lens: Lens,
     scene: Scene,
 ) -> None:
-    """Paint the person at (x, y): the number gives the looks, the place the position of the legs."""
-    picture = 2 * (number % LOOKS) + int(math.floor((x + y) / _STEP_MM) % 2.0)
+    """Paint the person at (x, y): the number selects the style, the place the position of the legs."""
+    picture = 2 * (number % PERSON_STYLES) + int(math.floor((x + y) / _STEP_MM) % 2.0)
     middle = (x - eye.x) * eye.cosine + (y - eye.y) * eye.sine
     left = (ray.right - ray.half) * depth - middle + PERSON_WIDTH_MM / 2.0
     right = left + 2.0 * ray.half * depth

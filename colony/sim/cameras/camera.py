@@ -1,12 +1,11 @@
-"""The cameras that look along the floor: an image of the building in shades of gray.
+"""Level cameras: images of the building in shades of gray.
 
-The optical axis is level, and walls are upright. So a ray of an image column looks in one direction over the
-floor, it ends at one wall, and all of the wall in that column is equally far away: a column is the ceiling,
-the wall with what is on it, the floor, and the robots and people in front of them, from far to near. A column
-has several rays, spread over its width and over the time of the exposure, so that edges are where they are to
-a part of a pixel, and what moves is smeared.
+The optical axis is level, and walls are upright. A ray of an image column therefore has one direction over
+the floor and ends at one wall, whose distance is the same for the whole column. A column consists of the
+ceiling, the wall with everything on it, the floor, and the robots and people in front, painted from far to
+near. It has several rays, spread over its width and over the exposure, for sub-pixel edges and motion blur.
 
-Depths are measured along the optical axis, as projection wants them; what is far away is darker.
+Depths are measured along the optical axis, as the projection requires; distant surfaces are darker.
 """
 
 from __future__ import annotations
@@ -19,33 +18,33 @@ import numpy as np
 
 from colony.sim.cameras.atlas import Atlas
 from colony.sim.cameras.columns import Canvas, canvas_of, draw_columns
-from colony.sim.cameras.fitting import fitted
+from colony.sim.cameras.fitting import scene_with_walls
 from colony.sim.cameras.optics import Optics, Sensor, blur_columns, expose, gain_at, sensor_of
 from colony.sim.cameras.rays import Lens
 from colony.sim.cameras.surfaces import Lighting, Scene
 from colony.sim.compiled import Bytes2, Floats2, compiled
 from colony.sim.world.world import World
 
-MOST_PIXELS = 4_000_000
+MAX_PIXELS = 4_000_000
 
-_NOBODY = np.zeros((0, 2))
+_NO_PEOPLE = np.zeros((0, 2))
 _ROBOT_HEIGHT_MM = 1000.0
-_RECORDS = (Atlas, Lighting)  # parts of a scene, whose types the compiler looks up here
+_RECORDS = (Atlas, Lighting)  # types of parts of a scene, which the compiler looks up here
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraConfig:
-    """A camera on the robot's axis, looking along the floor.
+    """The configuration of a level camera on the robot's axis.
 
     Attributes:
-        width, height: size of the image in pixels, which are square.
-        view_deg: the angle that the image's width sees, below 180.
-        yaw_deg: its direction, counterclockwise from ahead: 90 is to the left.
-        above_floor_mm: the height of the lens; below the ceiling.
-        optics: its lens and sensor.
+        width, height: size of the image in square pixels.
+        view_deg: horizontal field of view, below 180.
+        yaw_deg: direction, counterclockwise from ahead: 90 is to the left.
+        above_floor_mm: height of the lens, below the ceiling.
+        optics: the lens and the sensor.
 
     Raises:
-        ValueError: a number is not finite or not in its range.
+        ValueError: a number is not finite, or out of range.
     """
 
     width: int = 240
@@ -57,12 +56,13 @@ class CameraConfig:
 
     def __post_init__(self) -> None:
         """Check the ranges of the parameters."""
-        for one in fields(self):
-            if one.name != "optics" and not math.isfinite(getattr(self, one.name)):
-                raise ValueError(f"{one.name} is {getattr(self, one.name)!r}; expected a finite number")
-        if min(self.width, self.height) < 1 or self.width * self.height > MOST_PIXELS:
+        for parameter in fields(self):
+            name = parameter.name
+            if name != "optics" and not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} is {getattr(self, name)!r}; expected a finite number")
+        if min(self.width, self.height) < 1 or self.width * self.height > MAX_PIXELS:
             raise ValueError(
-                f"an image of {self.width} x {self.height}; expected 1 to {MOST_PIXELS} pixels in all"
+                f"an image of {self.width} x {self.height}; expected 1 to {MAX_PIXELS} pixels in all"
             )
         if not 0.0 < self.view_deg < 180.0:
             raise ValueError(f"view_deg is {self.view_deg}; expected an angle above 0 and below 180")
@@ -71,7 +71,7 @@ class CameraConfig:
 
 
 def lens_of(config: CameraConfig, *, robot_radius_mm: float) -> Lens:
-    """Return a camera as the renderer takes it."""
+    """Return a camera in the renderer's form."""
     return Lens(
         focal=config.width / 2.0 / math.tan(math.radians(config.view_deg) / 2.0),
         above_floor=float(config.above_floor_mm),
@@ -100,10 +100,10 @@ def render(
         scene: the scene.
         lens: the lens.
         sensor: the sensor.
-        canvas: larger than the image by what the blur reaches, on all sides.
-        first: number of the first row drawn.
+        canvas: the work space, larger than the image by the reach of the blur on all sides.
+        first: number of the first row to draw.
         height: number of rows of the whole image.
-        image: (rows, width), gets the rows, from 0, black, to 255.
+        image: (rows, width), receives the rows, from 0 (black) to 255.
     """
     reach = sensor.weights.shape[0] - 1
     middle, axis = image.shape[1] / 2.0 + reach, height / 2.0 - 0.5 - first + reach
@@ -119,7 +119,7 @@ def render(
 class Camera:
     """A camera of a robot, in a scene.
 
-    Mutable: the canvas that it draws on, and the scene, whose doors are those of the world that it saw last.
+    Mutable: its canvas, and the scene, whose doors are those of the world at the last shot.
 
     Args:
         scene: the scene.
@@ -128,7 +128,7 @@ class Camera:
         seed: seed of the noise and of the gain.
 
     Raises:
-        ValueError: the lens would be in the ceiling or above.
+        ValueError: the lens is not below the ceiling.
     """
 
     def __init__(self, scene: Scene, config: CameraConfig, *, robot_radius_mm: float, seed: int = 0) -> None:
@@ -137,22 +137,22 @@ class Camera:
             raise ValueError(f"{found}; expected less than the ceiling's {scene.ceiling}")
         self.config = config
         self._scene = scene
-        self._seen_walls: Floats2 | None = None
+        self._last_walls: Floats2 | None = None
         self._lens = lens_of(config, robot_radius_mm=robot_radius_mm)
         own_seed = seed * 1_000_003 + round(config.yaw_deg * 1000.0) % 360_000
         self._sensor = sensor_of(config.optics, width=config.width, seed=own_seed)
         self._canvas: Canvas | None = None
 
     def shot(self, world: World, robot: int, t_ns: int) -> Callable[[int, int], Bytes2]:
-        """Take a picture of a world as it is, to be drawn later.
+        """Take a picture of a world in its present state, to be drawn later.
 
-        Gives what draws `count` rows from row `first` on, exactly as they are in the whole image, or raises
-        `ValueError` where the image has none such.
+        Returns a function that draws `count` rows from row `first` on, exactly as they are in the whole
+        image; it raises `ValueError` for rows that the image does not have.
         """
-        if world.walls is not self._seen_walls:
-            self._scene, self._seen_walls = fitted(self._scene, world.walls), world.walls
+        if world.walls is not self._last_walls:
+            self._scene, self._last_walls = scene_with_walls(self._scene, world.walls), world.walls
         scene, poses, people, speed = self._scene, world.true_poses, world.people, world.speed(robot)
-        return lambda first, count: self._drawn(scene, poses, robot, t_ns, people, speed, first, count)
+        return lambda first, count: self._draw_rows(scene, poses, robot, t_ns, people, speed, first, count)
 
     def see(self, world: World, robot: int, t_ns: int) -> Bytes2:
         """Return the image of robot number `robot` of a world, (height, width).
@@ -167,7 +167,7 @@ class Camera:
         robot: int,
         t_ns: int = 0,
         *,
-        people: Floats2 = _NOBODY,
+        people: Floats2 = _NO_PEOPLE,
         speed: tuple[float, float] = (0.0, 0.0),
     ) -> Bytes2:
         """Return the image of robot number `robot` of those at `poses`; (height, width) of uint8.
@@ -179,9 +179,9 @@ class Camera:
             people: (people, 2), the places of the people, in mm.
             speed: speed of the robot, in mm/s and degrees/s.
         """
-        return self._drawn(self._scene, poses, robot, t_ns, people, speed, 0, self.config.height)
+        return self._draw_rows(self._scene, poses, robot, t_ns, people, speed, 0, self.config.height)
 
-    def _drawn(
+    def _draw_rows(
         self, scene: Scene, poses: Floats2, robot: int, t_ns: int, people: Floats2,
         speed: tuple[float, float], first: int, count: int,
     ) -> Bytes2:  # fmt: skip
@@ -194,12 +194,12 @@ class Camera:
         render(
             np.ascontiguousarray(poses, dtype=np.float64), robot, np.ascontiguousarray(people),
             float(speed[0]), float(speed[1]), t_ns, scene, self._lens, self._sensor,
-            self._room(count, len(scene.walls)), first, height, image,
+            self._canvas_for(count, len(scene.walls)), first, height, image,
         )  # fmt: skip
         return image
 
-    def _room(self, rows: int, walls: int) -> Canvas:
-        """Return a canvas for so many rows, and for a scene of so many walls."""
+    def _canvas_for(self, rows: int, walls: int) -> Canvas:
+        """Return a canvas for this number of rows, and for a scene with this number of walls."""
         margin = 2 * (len(self._sensor.weights) - 1)
         size = self.config.width + margin, rows + margin
         canvas = self._canvas

@@ -1,12 +1,12 @@
 """The camera that looks up: an image of the ceiling with its lights, in shades of gray.
 
-The camera is on the robot's axis. Columns of the image grow in the direction of travel and rows to the right,
-so that a row is a line along the corridor, which meets a light at its leading edge (thesis section 5.6). The
-ceiling is a plane, so a pixel looks at one place of it: its tiles, the sun on it, and a light if there is
-one. Edges are as soft as the lens makes them, and corners darker than the middle.
+The camera is on the robot's axis. Columns of the image increase in the direction of travel, rows to the
+right, so that a row is a line along the corridor, which meets a light at its leading edge (thesis section
+5.6). The ceiling is a plane, so a pixel sees one place of it: the tile, the sunlight on it, and a light if
+there is one. The lens blurs edges and darkens the corners.
 
-Noise is counted, not drawn in order: it depends on the seed, the time of the image and the pixel, so that
-three rows rendered alone are the same as in the whole image.
+Noise is counter-based: it depends on the seed, the time of the image and the pixel, so that rows rendered
+alone are the same as in the whole image.
 """
 
 from __future__ import annotations
@@ -19,36 +19,36 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.sim.cameras.grain import QUANTILES, quantiles
-from colony.sim.chance import PIXELS, SEEDS, mixed
+from colony.sim.chance import PIXELS, SEEDS, random_bits
 from colony.sim.compiled import Bytes2, Floats, Floats2, Ints, compiled, inlined
 from colony.sim.hazards.scenery import CeilingLight, Scenery, SunBand
 
 LIGHT_ALONG_MM, LIGHT_ACROSS_MM = 600.0, 1200.0
 
 _CEILING_LEVEL = 70.0
-_LIGHT_LEVEL = 180.0  # by how much a light is brighter than the ceiling
-_OUT_LEVEL = -12.0  # and one that is out
+_LIGHT_LEVEL = 180.0  # excess of a light over the ceiling
+_OUT_LEVEL = -12.0  # likewise of a light that is out
 _TILE_MM, _TILE_LEVELS = 600.0, 6.0
-_SEAM_MM, _SEAM_LEVEL = 12.0, -18.0  # half the width of what holds the tiles
+_SEAM_MM, _SEAM_LEVEL = 12.0, -18.0  # half the width of the grid that holds the tiles
 _SUN_SOFT_MM = 60.0
-_MOST_NEAR = 32
-_TILES = 64  # the pattern of the tiles repeats after so many
+_MAX_NEAR = 32
+_TILES = 64  # period of the pattern of tiles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CeilingCameraConfig:
-    """A camera that looks straight up, the image's columns along the direction of travel.
+    """The configuration of a camera that looks straight up, with columns along the direction of travel.
 
     Attributes:
         width, height: size of the image in pixels.
-        along_deg, across_deg: the angles that the width and the height see.
-        below_ceiling_mm: how far below the ceiling the lens is.
-        blur_mm: on the ceiling; edges are ramps of twice this width.
-        vignetting: part by which the image is darker in its corners.
-        noise: the standard deviation of a pixel, in gray levels.
+        along_deg, across_deg: fields of view of the width and the height.
+        below_ceiling_mm: distance of the lens from the ceiling.
+        blur_mm: blur on the ceiling; edges are ramps of twice this width.
+        vignetting: fraction by which the corners are darker.
+        noise: standard deviation of a pixel, in gray levels.
 
     Raises:
-        ValueError: a number is not finite or not in its range.
+        ValueError: a number is not finite, or out of range.
     """
 
     width: int = 240
@@ -71,17 +71,17 @@ class CeilingCameraConfig:
                 raise ValueError(f"{field.name} is {value!r}; expected {low:g} to {high:g}")
 
 
-class Overhead(NamedTuple):
-    """A ceiling as the renderer takes it, and its work space.
+class CeilingModel(NamedTuple):
+    """A ceiling in the renderer's form, with work space.
 
     Attributes:
         lights: (n, 7), x, y, the unit vector along the corridor, half the length along it and across, and
-            gray levels above the ceiling's.
-        sun: (m, 7), likewise: x, y, the unit vector of the length, half the length and width, gray levels.
-        tiles: (64, 64), the difference of each tile in gray levels.
-        quantiles: (4096,), of the normal distribution.
-        near_lights, near_sun: (32,), the numbers of what is near.
-        level, hidden: (width,), a row of gray levels, and the part of it that is covered by lights.
+            the excess over the ceiling in gray levels.
+        sun: (m, 7), x, y, the unit vector of the length, half the length and width, and the excess.
+        tiles: (64, 64), the deviation of each tile in gray levels.
+        quantiles: (4096,), quantiles of the normal distribution.
+        near_lights, near_sun: (32,), the numbers of nearby lights and sun bands.
+        level, hidden: (width,), a row of gray levels, and the fraction of each pixel covered by lights.
         seed: seed of the noise.
     """
 
@@ -97,10 +97,9 @@ class Overhead(NamedTuple):
 
 
 class UpwardLens(NamedTuple):
-    """A camera as the renderer takes it.
+    """A ceiling camera in the renderer's form.
 
-    It has the mm of ceiling a pixel, the middle of the image, and the effect on edges, corners and gray
-    levels.
+    It has the mm of ceiling per pixel, the middle of the image, the blur, the vignetting and the noise.
     """
 
     along_mm: float
@@ -112,16 +111,16 @@ class UpwardLens(NamedTuple):
     noise: float
 
 
-def overhead_of(scenery: Scenery, width: int) -> Overhead:
-    """Return the ceiling of a building in one run, for images of a width."""
+def ceiling_model(scenery: Scenery, width: int) -> CeilingModel:
+    """Return the ceiling of a building in one run, for images of this width."""
     seed = scenery.seed % SEEDS
-    return Overhead(
+    return CeilingModel(
         lights=np.array([_light_row(light) for light in scenery.lights], dtype=np.float64).reshape(-1, 7),
         sun=np.array([_sun_row(band) for band in scenery.sun], dtype=np.float64).reshape(-1, 7),
         tiles=_TILE_LEVELS * (np.random.default_rng(seed).random((_TILES, _TILES)) - 0.5),
         quantiles=quantiles(),
-        near_lights=np.zeros(_MOST_NEAR, dtype=np.int64),
-        near_sun=np.zeros(_MOST_NEAR, dtype=np.int64),
+        near_lights=np.zeros(_MAX_NEAR, dtype=np.int64),
+        near_sun=np.zeros(_MAX_NEAR, dtype=np.int64),
         level=np.zeros(width),
         hidden=np.zeros(width),
         seed=seed,
@@ -129,7 +128,7 @@ def overhead_of(scenery: Scenery, width: int) -> Overhead:
 
 
 def lens_of(config: CeilingCameraConfig) -> UpwardLens:
-    """Return a camera as the renderer takes it."""
+    """Return a camera in the renderer's form."""
     half_along = config.below_ceiling_mm * math.tan(math.radians(config.along_deg) / 2)
     half_across = config.below_ceiling_mm * math.tan(math.radians(config.across_deg) / 2)
     return UpwardLens(
@@ -158,47 +157,47 @@ def _sun_row(band: SunBand) -> tuple[float, ...]:
 
 @inlined
 def _inside(depth: float, sharpness: float) -> float:
-    """Return the visible part, 0 to 1, of a blurred edge `depth` inside of it (negative: outside)."""
+    """Return the visible fraction, 0 to 1, at `depth` inside a blurred edge (negative: outside)."""
     part = min(max(0.5 + depth * sharpness, 0.0), 1.0)
     return part * part * (3.0 - 2.0 * part)
 
 
 @inlined
 def _gather(x: float, y: float, reach: float, shapes: Floats2, near: Ints) -> int:
-    """Put the rectangles that may be in view from (x, y) into `near` by number, and return their count."""
+    """Collect the numbers of the rectangles that may be in view from (x, y) into `near`; return the count."""
     count = 0
     for number in range(shapes.shape[0]):
         shape = shapes[number]
         dx, dy = x - shape[0], y - shape[1]
         along, across = abs(dx * shape[2] + dy * shape[3]), abs(dy * shape[2] - dx * shape[3])
-        if along < shape[4] + reach and across < shape[5] + reach and count < _MOST_NEAR:
+        if along < shape[4] + reach and across < shape[5] + reach and count < _MAX_NEAR:
             near[count] = number
             count += 1
     return count
 
 
 @inlined
-def _draw_tiles(x: float, y: float, dx: float, dy: float, blur: float, overhead: Overhead) -> None:
-    """Begin a row of pixels, which look at (x, y), (x + dx, y + dy) and so on."""
+def _draw_tiles(x: float, y: float, dx: float, dy: float, blur: float, ceiling: CeilingModel) -> None:
+    """Draw the tiles of a row of pixels, which look at (x, y), (x + dx, y + dy) and so on."""
     sharpness = 1.0 / (2.0 * blur)
     east0, north0, east_step, north_step = x / _TILE_MM, y / _TILE_MM, dx / _TILE_MM, dy / _TILE_MM
-    for column in range(overhead.level.shape[0]):  # apart from the tiles: the compiler makes vectors of it
+    for column in range(ceiling.level.shape[0]):  # a loop that the compiler vectorizes
         east, north = east0 + column * east_step, north0 + column * north_step
         part_x, part_y = east - math.floor(east), north - math.floor(north)
         edge = _TILE_MM * min(min(part_x, 1.0 - part_x), min(part_y, 1.0 - part_y))
-        overhead.level[column] = _SEAM_LEVEL * _inside(_SEAM_MM - edge, sharpness)
-        overhead.hidden[column] = 0.0
-    for column in range(overhead.level.shape[0]):
+        ceiling.level[column] = _SEAM_LEVEL * _inside(_SEAM_MM - edge, sharpness)
+        ceiling.hidden[column] = 0.0
+    for column in range(ceiling.level.shape[0]):
         tile_x = math.floor(east0 + column * east_step) & (_TILES - 1)
         tile_y = math.floor(north0 + column * north_step) & (_TILES - 1)
-        overhead.level[column] += overhead.tiles[tile_x, tile_y]
+        ceiling.level[column] += ceiling.tiles[tile_x, tile_y]
 
 
 @inlined
 def _add(
     x: float, y: float, dx: float, dy: float, blur: float, shape: Floats, out: Floats, factor: float
 ) -> None:
-    """Add `factor` times how much of a rectangle is seen to each pixel of such a row."""
+    """Add `factor` times the visible fraction of a rectangle to each pixel of such a row."""
     ox, oy = x - shape[0], y - shape[1]
     along, along_step = ox * shape[2] + oy * shape[3], dx * shape[2] + dy * shape[3]
     across, across_step = oy * shape[2] - ox * shape[3], dy * shape[2] - dx * shape[3]
@@ -210,66 +209,66 @@ def _add(
 
 
 @inlined
-def _expose(row: int, t_ns: int, overhead: Overhead, lens: UpwardLens, out: Bytes2, place: int) -> None:
+def _expose(row: int, t_ns: int, ceiling: CeilingModel, lens: UpwardLens, out: Bytes2, place: int) -> None:
     """Turn a row of gray levels into an image's: darker at the rim, with noise."""
     down = (row - lens.middle_row) / (lens.middle_row + 0.5)
     bits, scale = np.uint64(0), 1.0 / (lens.middle_column + 0.5)
     for column in range(out.shape[1]):
-        if column % 4 == 0:  # four pixels have sixteen bits each
-            bits = mixed(overhead.seed, PIXELS, t_ns, row * 4096 + column)
-        deviate = overhead.quantiles[int(bits & np.uint64(QUANTILES - 1))]
+        if column % 4 == 0:  # sixteen bits for each of four pixels
+            bits = random_bits(ceiling.seed, PIXELS, t_ns, row * 4096 + column)
+        deviate = ceiling.quantiles[int(bits & np.uint64(QUANTILES - 1))]
         bits >>= np.uint64(16)
         right = (column - lens.middle_column) * scale
-        level = overhead.level[column] * (1.0 - lens.vignetting * (right * right + down * down) / 2.0)
+        level = ceiling.level[column] * (1.0 - lens.vignetting * (right * right + down * down) / 2.0)
         out[place, column] = np.uint8(min(max(level + lens.noise * deviate + 0.5, 0.0), 255.0))
 
 
 @compiled
 def render_rows(
-    x: float, y: float, heading_deg: float, t_ns: int, overhead: Overhead, lens: UpwardLens, rows: Ints,
+    x: float, y: float, heading_deg: float, t_ns: int, ceiling: CeilingModel, lens: UpwardLens, rows: Ints,
     image: Bytes2,
 ) -> None:  # fmt: skip
     """Draw some rows of the image of a robot's camera at (x, y).
 
     Args:
-        x: place of the robot, in mm.
-        y: the same, to the north.
+        x: place of the robot to the east, in mm.
+        y: place of the robot to the north, in mm.
         heading_deg: heading of the robot.
         t_ns: time of the image.
-        overhead: the ceiling.
+        ceiling: the ceiling.
         lens: the camera.
         rows: (k,), the numbers of the rows.
-        image: (k, width), gets the rows, from 0, black, to 255.
+        image: (k, width), receives the rows, from 0 (black) to 255.
     """
     sine, cosine = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
     ahead = -lens.along_mm * lens.middle_column
     reach = math.hypot(ahead, lens.across_mm * lens.middle_row) + lens.blur + _SUN_SOFT_MM
-    lights = _gather(x, y, reach, overhead.lights, overhead.near_lights)
-    bands = _gather(x, y, reach, overhead.sun, overhead.near_sun)
+    lights = _gather(x, y, reach, ceiling.lights, ceiling.near_lights)
+    bands = _gather(x, y, reach, ceiling.sun, ceiling.near_sun)
     dx, dy = -lens.along_mm * sine, lens.along_mm * cosine
     for place in range(rows.shape[0]):
         left = (lens.middle_row - rows[place]) * lens.across_mm
         px, py = x - ahead * sine - left * cosine, y + ahead * cosine - left * sine
-        _draw_tiles(px, py, dx, dy, lens.blur, overhead)
-        for light in overhead.near_lights[:lights]:
-            _add(px, py, dx, dy, lens.blur, overhead.lights[light], overhead.hidden, 1.0)
+        _draw_tiles(px, py, dx, dy, lens.blur, ceiling)
+        for light in ceiling.near_lights[:lights]:
+            _add(px, py, dx, dy, lens.blur, ceiling.lights[light], ceiling.hidden, 1.0)
         for column in range(image.shape[1]):
-            overhead.level[column] = _CEILING_LEVEL + overhead.level[column] * (1.0 - overhead.hidden[column])
-        for light in overhead.near_lights[:lights]:
-            lamp = overhead.lights[light]
-            _add(px, py, dx, dy, lens.blur, lamp, overhead.level, lamp[6])
-        for band in overhead.near_sun[:bands]:
-            shine = overhead.sun[band]
-            _add(px, py, dx, dy, lens.blur + _SUN_SOFT_MM, shine, overhead.level, shine[6])
-        _expose(rows[place], t_ns, overhead, lens, image, place)
+            ceiling.level[column] = _CEILING_LEVEL + ceiling.level[column] * (1.0 - ceiling.hidden[column])
+        for light in ceiling.near_lights[:lights]:
+            lamp = ceiling.lights[light]
+            _add(px, py, dx, dy, lens.blur, lamp, ceiling.level, lamp[6])
+        for band in ceiling.near_sun[:bands]:
+            shine = ceiling.sun[band]
+            _add(px, py, dx, dy, lens.blur + _SUN_SOFT_MM, shine, ceiling.level, shine[6])
+        _expose(rows[place], t_ns, ceiling, lens, image, place)
 
 
 class CeilingCamera:
-    """A camera that looks up, in a building. Mutable: the room that it draws in."""
+    """A camera that looks up, in a building. Mutable: its work space."""
 
     def __init__(self, scenery: Scenery, config: CeilingCameraConfig | None = None) -> None:
         self.config = config or CeilingCameraConfig()
-        self._overhead, self._lens = overhead_of(scenery, self.config.width), lens_of(self.config)
+        self._ceiling, self._lens = ceiling_model(scenery, self.config.width), lens_of(self.config)
         self._all_rows = np.arange(self.config.height, dtype=np.int64)
 
     def image(self, pose: tuple[float, float, float], t_ns: int) -> Bytes2:
@@ -277,10 +276,10 @@ class CeilingCamera:
         return self._draw(pose, t_ns, self._all_rows)
 
     def rows(self, pose: tuple[float, float, float], t_ns: int, rows: Sequence[int]) -> Bytes2:
-        """Return some rows of that image alone, (rows, width): much faster than all of it.
+        """Return only some rows of the image, (rows, width), which is much faster than all of them.
 
         Raises:
-            ValueError: the image does not have one of them.
+            ValueError: the image does not have one of the rows.
         """
         numbers = np.array(rows, dtype=np.int64).reshape(-1)
         if numbers.size and not 0 <= numbers.min() <= numbers.max() < self.config.height:
@@ -289,5 +288,5 @@ class CeilingCamera:
 
     def _draw(self, pose: tuple[float, float, float], t_ns: int, rows: Ints) -> Bytes2:
         image = np.empty((len(rows), self.config.width), dtype=np.uint8)
-        render_rows(*pose, t_ns, self._overhead, self._lens, rows, image)
+        render_rows(*pose, t_ns, self._ceiling, self._lens, rows, image)
         return image

@@ -1,7 +1,7 @@
-"""The columns of an image of a building, ray by ray (`colony.sim.cameras.camera` makes an image of them).
+"""The columns of an image of a building, ray by ray, for `colony.sim.cameras.camera`.
 
-These helpers, and those of the files that they come from, are part of a compiled function of `camera.py`,
-whose kept code is renewed when that file changes, and not when this one does.
+These helpers, and those that they import, are part of a compiled function of `camera.py`. Its cached code is
+renewed when that file changes, but not when this one does.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from colony.sim.cameras.rays import Eye, Lens, Ray, level_of, light_at, paint, r
 from colony.sim.cameras.surfaces import BARE, Scene
 from colony.sim.compiled import Floats, Floats2, Ints, called, inlined
 
-FARTHEST_MM = 1.0e6
+MAX_DEPTH_MM = 1.0e6
 
-_EDGE = 1e-9  # rays meet walls up to this part beyond their ends: no leak where two walls meet
-_BACK_MM = 1.0  # where two walls lie on each other, the one is seen whose front it is
-_WIDEST_MM = 4000.0  # of what a ray sees of a wall that it grazes
-_SIDE_LIGHT = 0.2  # how much darker walls are that run from north to south
+_EDGE = 1e-9  # fraction by which walls extend beyond their ends, so that rays do not leak between them
+_BACK_MM = 1.0  # of two coincident walls, the one that shows its front is visible
+_MAX_SPAN_MM = 4000.0  # longest part of a wall that a grazing ray sees
+_SIDE_LIGHT = 0.2  # fraction by which walls that run north to south are darker
 _FLOOR_SHADE, _FLOOR_TILE_MM, _FLOOR_CONTRAST = 0.42, 600.0, 0.10
 _CEILING_SHADE, _CEILING_TILE_MM, _CEILING_CONTRAST = 0.88, 1200.0, 0.06
-_COVER_SHIFT_MM = 977.0  # covers of different walls do not begin alike
+_COVER_SHIFT_MM = 977.0  # offset between the covers of different walls
 
 
 class Canvas(NamedTuple):
     """Work space of the renderer.
 
-    It has a picture, (columns, rows), the same blurred, the present column, and the numbers of the walls that
-    may be visible.
+    It has a picture, (columns, rows), the blurred picture, the present column, and the numbers of the walls
+    that may be visible.
     """
 
     picture: Floats2
@@ -42,7 +42,7 @@ class Canvas(NamedTuple):
 
 
 def canvas_of(columns: int, rows: int, walls: int) -> Canvas:
-    """Return work space for a picture, in a scene of so many walls."""
+    """Return work space for a picture, in a scene with this number of walls."""
     return Canvas(
         picture=np.zeros((columns, rows)),
         blurred=np.zeros((columns, rows)),
@@ -90,10 +90,10 @@ def _paint_planes(
 
 @inlined
 def _gather(eye: Eye, reach: float, scene: Scene, near: Ints) -> int:
-    """Put the numbers of the walls that may be in view into `near`, and return their count.
+    """Collect the numbers of the walls that may be in view into `near`; return their count.
 
-    A wall is in view unless it is wholly behind, or beside the view: `reach` to either side for one mm of
-    depth.
+    A wall is in view unless it is completely behind the camera or beside the view, which is `reach` wide to
+    either side per mm of depth.
     """
     count = 0
     for wall in range(scene.walls.shape[0]):
@@ -113,7 +113,7 @@ def _gather(eye: Eye, reach: float, scene: Scene, near: Ints) -> int:
 @inlined
 def _meet_wall(ray: Ray, walls: Floats2, near: Ints, count: int) -> tuple[int, float]:
     """Return the wall at which a ray ends, -1 if there is none, and its depth."""
-    met, nearest, behind = -1, FARTHEST_MM, FARTHEST_MM
+    met, nearest, behind = -1, MAX_DEPTH_MM, MAX_DEPTH_MM
     for number in range(count):
         wall = near[number]
         ax, ay, length = walls[wall, 0] - ray.x, walls[wall, 1] - ray.y, walls[wall, 6]
@@ -133,7 +133,7 @@ def _meet_wall(ray: Ray, walls: Floats2, near: Ints, count: int) -> tuple[int, f
 
 @inlined
 def _along(wall: int, walls: Floats2, eye: Eye, right: float) -> float:
-    """Return where along a wall's line, in mm, the ray that looks `right` to the right ends."""
+    """Return the place along a wall's line, in mm, where the ray that looks `right` to the right ends."""
     dx, dy = right * eye.cosine - eye.sine, right * eye.sine + eye.cosine
     ax, ay = walls[wall, 0] - eye.x, walls[wall, 1] - eye.y
     along: float = (ax * dy - ay * dx) / (dx * walls[wall, 5] - dy * walls[wall, 4])
@@ -142,23 +142,23 @@ def _along(wall: int, walls: Floats2, eye: Eye, right: float) -> float:
 
 @inlined
 def _span(wall: int, along: float, walls: Floats2, eye: Eye, ray: Ray) -> tuple[float, float]:
-    """Return the range along a wall that a ray sees, which meets it at `along`."""
-    one, other = (
+    """Return the range along a wall that is covered by a ray, which meets the wall at `along`."""
+    start, end = (
         _along(wall, walls, eye, ray.right - ray.half),
         _along(wall, walls, eye, ray.right + ray.half),
     )
-    left, right = min(one, other), max(one, other)
-    if not (left <= along and along <= right and right - left < _WIDEST_MM):  # beyond the horizon
-        left, right = along - _WIDEST_MM / 2.0, along + _WIDEST_MM / 2.0
+    left, right = min(start, end), max(start, end)
+    if not (left <= along and along <= right and right - left < _MAX_SPAN_MM):  # beyond the horizon
+        left, right = along - _MAX_SPAN_MM / 2.0, along + _MAX_SPAN_MM / 2.0
     return left, right
 
 
 @inlined
-def _hang(
+def _paint_wall_picture(
     column: Floats, place: Floats, left: float, right: float, depth: float, axis: float, lens: Lens,
     atlas: Atlas, gain: float,
 ) -> None:  # fmt: skip
-    """Paint a picture on a wall between `left` and `right`; `place` is a row of `Scene.hung`."""
+    """Paint a picture on a wall between `left` and `right`; `place` is a row of `Scene.wall_pictures`."""
     step = depth / lens.focal
     above = place[3] - lens.above_floor - (axis + 0.5) * step
     clip = place[3] - place[2]
@@ -176,7 +176,7 @@ def _hang(
 def _paint_wall(
     column: Floats, wall: int, depth: float, ray: Ray, eye: Eye, lens: Lens, scene: Scene
 ) -> None:
-    """Paint a wall and what is on it; each column of it is equally far away, so equally bright."""
+    """Paint a wall and everything on it; a column has one distance, and so one brightness."""
     rows = column.shape[0]
     x, y = ray.x + depth * ray.dx, ray.y + depth * ray.dy
     light = 1.0 - _SIDE_LIGHT * (1.0 - abs(scene.walls[wall, 4]))
@@ -195,16 +195,18 @@ def _paint_wall(
         shift = _COVER_SHIFT_MM * wall
         paint_picture(
             column, scene.atlas, cover, left + shift, right + shift, right - left,
-            top, bottom, above, step, -FARTHEST_MM, FARTHEST_MM, gain,
+            top, bottom, above, step, -MAX_DEPTH_MM, MAX_DEPTH_MM, gain,
         )  # fmt: skip
     for panel in range(scene.first[wall], scene.first[wall + 1]):
         if scene.panels[panel, 0] <= along and along < scene.panels[panel, 1]:
             start = row_below(min(scene.panels[panel, 3], scene.ceiling), depth, eye.axis, lens, rows)
             end = row_below(scene.panels[panel, 2], depth, eye.axis, lens, rows)
             paint(column, start, end, gain * scene.panels[panel, 4])
-    for number in range(scene.first_hung[wall], scene.first_hung[wall + 1]):
-        if scene.hung[number, 0] < right and left < scene.hung[number, 1]:
-            _hang(column, scene.hung[number], left, right, depth, eye.axis, lens, scene.atlas, gain)
+    for number in range(scene.first_wall_picture[wall], scene.first_wall_picture[wall + 1]):
+        if scene.wall_pictures[number, 0] < right and left < scene.wall_pictures[number, 1]:
+            _paint_wall_picture(
+                column, scene.wall_pictures[number], left, right, depth, eye.axis, lens, scene.atlas, gain
+            )
 
 
 @called
@@ -224,7 +226,7 @@ def draw_columns(
         lens: the lens.
         middle: the column, between two pixels, of the optical axis.
         axis: its row.
-        canvas: gets the columns.
+        canvas: receives the columns.
     """
     columns, rows = canvas.picture.shape
     column, rays = canvas.column, lens.rays

@@ -1,8 +1,8 @@
-"""A scene with a world's present walls: doors stand open, those of elevators slide.
+"""The scene for the present walls of a world, in which doors are open and elevator doors slide.
 
-A wall of the building that the world lacks was replaced by others, and their places identify them: on the
-line of an elevator's doors they are its leaves, which take along what is pasted on them; from the jamb of a
-door on, leading away from it, its leaf; all others belong to a room or a cabin.
+The world replaces the edge of an open door by other walls, which are identified by their places. A wall on
+the line of an elevator's doors is one of their leaves, and carries the pictures on it. A wall from a door's
+jamb away from the door is its leaf. All others belong to a room or a cabin.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _CABIN_MM = (
 )  # from the middle of an elevator's doors to the middle of a wall of its cabin
 
 
-def fitted(scene: Scene, walls: NDArray[np.float64]) -> Scene:
-    """Fit the scene to other walls, (n, 4) or more columns: x0, y0, x1, y1 in mm; none without length."""
+def scene_with_walls(scene: Scene, walls: NDArray[np.float64]) -> Scene:
+    """Return the scene for other walls, (n, 4) or more columns: x0, y0, x1, y1 in mm; none of length 0."""
     segments = np.ascontiguousarray(walls[:, :4])
     own = scene.walls[: scene.own]
     places = {tuple(row): wall for wall, row in enumerate(own[:, :4].tolist())}
@@ -36,20 +36,25 @@ def fitted(scene: Scene, walls: NDArray[np.float64]) -> Scene:
     standing = np.zeros(scene.own, dtype=np.int64)
     standing[[wall for wall in found if wall is not None]] = 1
     others = wall_table(segments[[wall is None for wall in found]])
-    looks = [_look(scene, row) for row in others]
-    panels = [np.array(look.panels, dtype=np.float64).reshape(-1, 5) for look in looks]
-    hung = [np.array(look.hung, dtype=np.float64).reshape(-1, 6) for look in looks]
+    appearances = [_appearance(scene, row) for row in others]
+    panels = [np.array(appearance.panels, dtype=np.float64).reshape(-1, 5) for appearance in appearances]
+    wall_pictures = [
+        np.array(appearance.wall_pictures, dtype=np.float64).reshape(-1, 6) for appearance in appearances
+    ]
     return scene._replace(
         walls=np.ascontiguousarray(np.vstack([own, others])),
         standing=np.concatenate([standing, np.ones(len(others), dtype=np.int64)]),
-        shades=np.concatenate([scene.shades[: scene.own], [look.shade for look in looks]]),
+        shades=np.concatenate([scene.shades[: scene.own], [appearance.shade for appearance in appearances]]),
         covers=np.concatenate(
-            [scene.covers[: scene.own], np.array([look.cover for look in looks], dtype=np.int64)]
+            [
+                scene.covers[: scene.own],
+                np.array([appearance.cover for appearance in appearances], dtype=np.int64),
+            ]
         ),
         panels=np.vstack([scene.panels[: scene.first[scene.own]], *panels]),
         first=_firsts(scene.first[: scene.own + 1], panels),
-        hung=np.vstack([scene.hung[: scene.first_hung[scene.own]], *hung]),
-        first_hung=_firsts(scene.first_hung[: scene.own + 1], hung),
+        wall_pictures=np.vstack([scene.wall_pictures[: scene.first_wall_picture[scene.own]], *wall_pictures]),
+        first_wall_picture=_firsts(scene.first_wall_picture[: scene.own + 1], wall_pictures),
     )
 
 
@@ -61,16 +66,16 @@ def _firsts(first: Ints, added: list[Floats2]) -> Ints:
 _Rows = list[list[float]]
 
 
-class _Look(NamedTuple):
-    """A wall that is not the building's own: its shade or cover, its panels and pictures as in a scene."""
+class _Appearance(NamedTuple):
+    """The appearance of a wall that is not an edge of the map: its shade or cover, panels and pictures."""
 
     shade: float = WALL_SHADE
     cover: int = BARE
     panels: Sequence[list[float]] = ()
-    hung: Sequence[list[float]] = ()
+    wall_pictures: Sequence[list[float]] = ()
 
 
-def _look(scene: Scene, row: NDArray[np.float64]) -> _Look:
+def _appearance(scene: Scene, row: NDArray[np.float64]) -> _Appearance:
     for elevator in scene.elevators.tolist():
         wall = scene.walls[elevator]
         span = _on_line(wall, row)
@@ -78,15 +83,15 @@ def _look(scene: Scene, row: NDArray[np.float64]) -> _Look:
             return _leaf_of_elevator(scene, elevator, *span)
         middle, here = (wall[:2] + wall[2:4]) / 2, (row[:2] + row[2:4]) / 2
         if math.dist(middle, here) < _CABIN_MM:
-            return _Look(shade=_CABIN_SHADE)
+            return _Appearance(shade=_CABIN_SHADE)
     for door in scene.doors.tolist():
         if _is_leaf(scene.walls[door], row):
-            return _Look(panels=[[0.0, float(row[6]), 0.0, _DOOR_TOP_MM, _LEAF_SHADE]])
-    return _Look(shade=_ROOM_SHADE, cover=scene.rooms)
+            return _Appearance(panels=[[0.0, float(row[6]), 0.0, _DOOR_TOP_MM, _LEAF_SHADE]])
+    return _Appearance(shade=_ROOM_SHADE, cover=scene.rooms)
 
 
 def _on_line(wall: NDArray[np.float64], row: NDArray[np.float64]) -> tuple[float, float] | None:
-    """Return the range along a wall where another one lies on it, or None if it does not."""
+    """Return the range along a wall that another wall covers, or None if it is not on the same line."""
     spans = []
     for x, y in ((row[0], row[1]), (row[2], row[3])):
         dx, dy = x - wall[0], y - wall[1]
@@ -98,31 +103,34 @@ def _on_line(wall: NDArray[np.float64], row: NDArray[np.float64]) -> tuple[float
 
 
 def _is_leaf(door: NDArray[np.float64], row: NDArray[np.float64]) -> bool:
-    """Return True if a wall hangs at one of the jambs of a door, and is turned away from it."""
+    """Return True if a wall begins or ends at a jamb of a door, and is not parallel to the door."""
     jambs = ((door[0], door[1]), (door[2], door[3]))
     ends = ((row[0], row[1]), (row[2], row[3]))
     hangs = any(math.dist(jamb, end) < _NEAR_MM for jamb in jambs for end in ends)
     return hangs and abs(row[4] * door[5] - row[5] * door[4]) > 1e-3
 
 
-def _leaf_of_elevator(scene: Scene, elevator: int, start: float, end: float) -> _Look:
-    """Return the look of a leaf that has slid: it moved by what it is short of half the doors."""
+def _leaf_of_elevator(scene: Scene, elevator: int, start: float, end: float) -> _Appearance:
+    """Return the appearance of a leaf that has slid, by as much as it is shorter than half the doors."""
     length = float(scene.walls[elevator, 6])
     moved = length / 2 - (end - start)
     is_left = start < _NEAR_MM and end < length - _NEAR_MM
     half = (0.0, length / 2) if is_left else (length / 2, length)
     shift = -moved if is_left else -length / 2
     panels = _slid(scene.panels[scene.first[elevator] : scene.first[elevator + 1]], half, shift, end - start)
-    hung = _slid(
-        scene.hung[scene.first_hung[elevator] : scene.first_hung[elevator + 1]], half, shift, end - start
+    wall_pictures = _slid(
+        scene.wall_pictures[scene.first_wall_picture[elevator] : scene.first_wall_picture[elevator + 1]],
+        half,
+        shift,
+        end - start,
     )
-    for row in hung:
+    for row in wall_pictures:
         row[5] += shift
-    return _Look(panels=panels, hung=hung)
+    return _Appearance(panels=panels, wall_pictures=wall_pictures)
 
 
 def _slid(rows: NDArray[np.float64], half: tuple[float, float], shift: float, length: float) -> _Rows:
-    """Return the parts of rectangles that are on one half of the doors, where the leaf has taken them."""
+    """Return the parts of rectangles on one half of the doors, moved with the leaf."""
     slid = []
     for start, end, *rest in rows.tolist():
         low = max(max(start, half[0]) + shift, 0.0)

@@ -1,4 +1,4 @@
-"""The places of posters and fire extinguishers in one run: on walls, clear of plates and of each other."""
+"""Random places of posters and fire extinguishers: on walls, clear of plates and of each other."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ _POSTER_MIDDLE_MM = (1250.0, 1550.0)
 _ON_DOOR_MIDDLE_MM = (1300.0, 1450.0)
 _TRIES = 8
 
-_PANE = re.compile(r"\b(glass|window)", re.IGNORECASE)  # nothing is hung there
+_PANE = re.compile(r"\b(glass|window)", re.IGNORECASE)  # nothing hangs on glass
 
 _Span = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spacings:
-    """The mean length of wall for each thing of a kind, in mm.
+    """The mean length of wall in mm per black poster, other poster and fire extinguisher.
 
-    With them comes the probability that a door has a black poster.
+    `on_door` is the probability that a door has a black poster.
     """
 
     black_poster_mm: float
@@ -41,7 +41,7 @@ class Spacings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Place:
-    """An edge on which something may hang: its length, what hangs there anyway, whether it is a door."""
+    """An edge for posters and extinguishers: its length, its occupied spans, and True if it is a door."""
 
     edge: int
     length_mm: float
@@ -49,26 +49,26 @@ class _Place:
     is_door: bool
 
 
-def furnished(
+def draw_furnishings(
     floor: Map, spacings: Spacings, stream: Callable[[int], np.random.Generator]
 ) -> tuple[tuple[Poster, ...], tuple[Extinguisher, ...]]:
-    """Draw the posters and fire extinguishers of a floor; `stream` gives an edge its chance."""
-    hung: list[Poster] = []
+    """Draw the posters and fire extinguishers of a floor; `stream` returns the generator of an edge."""
+    wall_pictures: list[Poster] = []
     extinguishers: list[Extinguisher] = []
     for place in _places(floor):
         rng = stream(place.edge)
         if place.is_door:
-            hung += _on_door(place, spacings, rng)
+            wall_pictures += _on_door(place, spacings, rng)
             continue
         taken = list(place.taken)
         extinguishers += _extinguishers(place, spacings.extinguisher_mm, taken, rng)
         for kinds, spacing in ((BLACK_KINDS, spacings.black_poster_mm), (OTHER_KINDS, spacings.poster_mm)):
             for _ in range(rng.poisson(place.length_mm / spacing)):
                 kind, middle = int(rng.choice(kinds)), float(rng.uniform(*_POSTER_MIDDLE_MM))
-                start = _free(place.length_mm, POSTERS_MM[kind][0], taken, rng)
+                start = _take_free_place(place.length_mm, POSTERS_MM[kind][0], taken, rng)
                 if start is not None:
-                    hung.append(Poster(edge=place.edge, start_mm=start, middle_mm=middle, kind=kind))
-    return tuple(hung), tuple(extinguishers)
+                    wall_pictures.append(Poster(edge=place.edge, start_mm=start, middle_mm=middle, kind=kind))
+    return tuple(wall_pictures), tuple(extinguishers)
 
 
 @lru_cache(maxsize=16)
@@ -102,13 +102,15 @@ def _extinguishers(
 ) -> Iterator[Extinguisher]:
     width = EXTINGUISHER_MM[0]
     for _ in range(rng.poisson(place.length_mm / spacing)):
-        start = _free(place.length_mm, width, taken, rng)
+        start = _take_free_place(place.length_mm, width, taken, rng)
         if start is not None:
             yield Extinguisher(edge=place.edge, along_mm=start + width / 2)
 
 
-def _free(length: float, width: float, taken: list[_Span], rng: np.random.Generator) -> float | None:
-    """Take a free place of a width; None if a few tries find none."""
+def _take_free_place(
+    length: float, width: float, taken: list[_Span], rng: np.random.Generator
+) -> float | None:
+    """Occupy a free place of this width and return its start; None if a few tries find none."""
     room = length - width - 2 * _CLEAR_MM
     if room <= 0.0:
         return None

@@ -1,6 +1,7 @@
-"""The noise of cameras: deviates of pixels from a table, as drawing each is too slow.
+"""The noise of cameras: normal deviates from a table, because computing each one is too slow.
 
-`QUANTILES` is part of compiled functions in other files, whose kept code is renewed when those files change.
+`QUANTILES` is part of compiled functions in other files, whose cached code is renewed when those files
+change.
 """
 
 from __future__ import annotations
@@ -18,6 +19,6 @@ QUANTILES = 4096
 
 @lru_cache(maxsize=1)
 def quantiles() -> Floats:
-    """Return (4096,) quantiles of the normal distribution: a random one is a deviate. Read-only."""
+    """Return (4096,) quantiles of the normal distribution, read-only; a random one is a normal deviate."""
     parts = (np.arange(QUANTILES) + 0.5) / QUANTILES
     return np.array([NormalDist().inv_cdf(part) for part in parts.tolist()])

@@ -1,6 +1,6 @@
-"""Drawings of a building's signs: the plates of doors, the markers of elevators, posters.
+"""Drawings of signs: door plates, elevator markers, and the text of posters.
 
-Letters come from a real font, DejaVu Sans Bold, whose file matplotlib brings along.
+The font is DejaVu Sans Bold, which matplotlib includes.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from colony.nav.maps.signs import (
 from colony.sim.cameras.atlas import Picture
 from colony.sim.compiled import Floats2
 
-if TYPE_CHECKING:  # a process that draws no letters need not load the library
+if TYPE_CHECKING:  # loaded only by processes that draw letters
     from PIL.Image import Image
 
 TEXEL_MM = 2.0
 
 _BLACK, _WHITE = 0.05, 0.90
-_MARGIN_MM = 14.0  # free at either side of a plate's characters, which are narrower where there are many
-_FINE = 4  # letters are drawn so much larger, and reduced
+_MARGIN_MM = 14.0  # on either side of a plate's characters, which are squeezed if there are many
+_FINE = 4  # letters are drawn larger by this factor, and reduced
 
 
 def font_file() -> Path:
@@ -41,10 +41,10 @@ def font_file() -> Path:
     """
     found = find_spec("matplotlib")
     if found is None or found.origin is None:
-        raise FileNotFoundError("matplotlib, whose fonts plates are written in, is not installed")
+        raise FileNotFoundError("matplotlib, which provides the font of door plates, is not installed")
     path = Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans-Bold.ttf"
     if not path.is_file():
-        raise FileNotFoundError(f"{path}: no such font; expected it with matplotlib")
+        raise FileNotFoundError(f"{path}: font not found; expected it to be installed with matplotlib")
     return path
 
 
@@ -61,7 +61,7 @@ def plate(text: str) -> Picture:
 
 @lru_cache(maxsize=16)
 def marker(code: int) -> Picture:
-    """Draw the marker of an elevator: a separator, a bit and so on, the first bit leftmost."""
+    """Draw the marker of an elevator: bits between separators, the first bit leftmost."""
     stripes = [_BLACK]
     for bit in reversed(range(MARKER_BITS)):
         stripes += [_BLACK if code >> bit & 1 else _WHITE, _BLACK]
@@ -69,7 +69,7 @@ def marker(code: int) -> Picture:
 
 
 def write_lines(ink: Floats2, lines: tuple[str, ...], *, height_mm: float) -> None:
-    """Write lines of that character height, spread evenly over a picture of `TEXEL_MM` a texel."""
+    """Write lines of this character height, spread evenly over a picture with texels of `TEXEL_MM`."""
     high, wide = ink.shape
     for number, line in enumerate(lines):
         middle = (wide / 2, high * (number + 0.5) / len(lines))
@@ -77,7 +77,7 @@ def write_lines(ink: Floats2, lines: tuple[str, ...], *, height_mm: float) -> No
 
 
 def _write(ink: Floats2, text: str, *, height_mm: float, middle: tuple[float, float], room: int) -> None:
-    """Add how much of each texel is ink of the text, whose capitals are `height_mm` high; in place."""
+    """Write a text with capitals `height_mm` high into `ink`, the covered fraction of each texel."""
     if not text:
         return
     from PIL.Image import Resampling
@@ -95,7 +95,7 @@ def _write(ink: Floats2, text: str, *, height_mm: float, middle: tuple[float, fl
 
 
 def _letters(text: str, capital: int) -> Image:
-    """Draw a text, as large as its ink is; capitals are `capital` pixels high."""
+    """Draw a text, cropped to its ink; capitals are `capital` pixels high."""
     from PIL import Image, ImageDraw, ImageFont
 
     trial = ImageFont.truetype(str(font_file()), 1000)

@@ -12,12 +12,12 @@ from colony.sim.compiled import Floats
 from colony.sim.hazards.scenery import CeilingLight
 
 _CELL_MM = 500.0
-_AMBIENT, _POOL, _REACH_MM, _MOST = 0.90, 0.45, 2500.0, 1.50
+_AMBIENT, _POOL, _REACH_MM, _MAX_LEVEL = 0.90, 0.45, 2500.0, 1.50
 _AROUND_MM = 3.0 * _REACH_MM
 
 
 def lighting_of(bounds: tuple[float, float, float, float], lights: Iterable[CeilingLight]) -> Lighting:
-    """Return the light levels within bounds, least x and y and greatest x and y in mm, from the lights."""
+    """Return the light levels within bounds (least x and y, greatest x and y, in mm)."""
     x0, y0, x1, y1 = bounds
     columns, rows = (max(math.ceil(size / _CELL_MM) + 1, 1) for size in (x1 - x0, y1 - y0))
     levels = np.full((columns, rows), _AMBIENT)
@@ -29,7 +29,7 @@ def lighting_of(bounds: tuple[float, float, float, float], lights: Iterable[Ceil
         dx, dy = x[across] - light.x_mm, y[along] - light.y_mm
         squared = dx[:, None] ** 2 + dy[None, :] ** 2
         levels[across, along] += light.brightness * _POOL * np.exp(-squared / _REACH_MM**2)
-    return Lighting(levels=np.minimum(levels, _MOST), x=x0, y=y0, cell=_CELL_MM)
+    return Lighting(levels=np.minimum(levels, _MAX_LEVEL), x=x0, y=y0, cell=_CELL_MM)
 
 
 def _near(places: Floats, middle: float) -> slice:

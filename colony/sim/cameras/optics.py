@@ -1,7 +1,7 @@
-"""The effect of a lens and a sensor on a picture: blur, dark corners, the gain, noise.
+"""The effects of a lens and a sensor on a picture: blur, vignetting, gain and noise.
 
-Noise is counted, not drawn in order: it depends on the seed, the time of the image and the pixel, so that a
-band of rows rendered alone is the same as in the whole image.
+Noise is counter-based: it depends on the seed, the time of the image and the pixel, so that a band of rows
+rendered alone is the same as in the whole image.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.sim.cameras.grain import QUANTILES, quantiles
-from colony.sim.chance import PIXELS, SEEDS, chance, mixed
+from colony.sim.chance import PIXELS, SEEDS, chance, random_bits
 from colony.sim.compiled import Bytes2, Floats, Floats2, inlined
 
 GAINS = PIXELS + 1
-"""The stream of chance of the gain; those before it are in `colony.sim.chance`."""
+"""The random stream of the gain; the other streams are in `colony.sim.chance`."""
 
 _GAIN_MM = 4000.0
 
@@ -27,15 +27,15 @@ class Optics:
     """A lens and a sensor.
 
     Attributes:
-        rays: number of rays a column, spread over its width and over the exposure.
-        blur: the standard deviation of the lens's blur, as a part of the image's width.
-        vignetting: part by which the image is darker in its corners.
-        exposure_s: exposure time; what moves is smeared.
-        gain: by which part the gain that the camera chooses is off at most; it changes from place to place.
-        noise: the standard deviation of a pixel, in gray levels.
+        rays: number of rays per column, spread over its width and over the exposure.
+        blur: standard deviation of the lens's blur, as a fraction of the image's width.
+        vignetting: fraction by which the corners are darker.
+        exposure_s: exposure time, which causes motion blur.
+        gain: largest relative error of the camera's gain, which varies from place to place.
+        noise: standard deviation of a pixel, in gray levels.
 
     Raises:
-        ValueError: a number is not in its range.
+        ValueError: a number is out of range.
     """
 
     rays: int = 4
@@ -55,13 +55,13 @@ class Optics:
 
 
 PINHOLE = Optics(rays=1, blur=0.0, vignetting=0.0, exposure_s=0.0, gain=0.0, noise=0.0)
-"""A camera without errors: a ray for the middle of each pixel."""
+"""A camera without errors: one ray through the middle of each column."""
 
 
 class Sensor(NamedTuple):
-    """Optics as the renderer takes them.
+    """Optics in the renderer's form.
 
-    The blur's weights from the middle on, and the quantiles of the normal distribution.
+    They have the weights of the blur from its middle on, and quantiles of the normal distribution.
     """
 
     weights: Floats
@@ -73,7 +73,7 @@ class Sensor(NamedTuple):
 
 
 def sensor_of(optics: Optics, *, width: int, seed: int) -> Sensor:
-    """Return optics in front of an image so many pixels wide."""
+    """Return optics for an image `width` pixels wide."""
     sigma = optics.blur * width
     steps = np.arange(math.ceil(2.5 * sigma) + 1)
     weights = np.exp(-0.5 * (steps / sigma) ** 2) if sigma > 0.0 else np.ones(1)
@@ -89,7 +89,7 @@ def sensor_of(optics: Optics, *, width: int, seed: int) -> Sensor:
 
 @inlined
 def gain_at(x: float, y: float, sensor: Sensor) -> float:
-    """Return the camera's factor of gray levels at a place: smooth noise about 1."""
+    """Return the camera's gain at a place: smooth noise around 1."""
     east, north = math.floor(x / _GAIN_MM), math.floor(y / _GAIN_MM)
     across, along = x / _GAIN_MM - east, y / _GAIN_MM - north
     across, along = across * across * (3.0 - 2.0 * across), along * along * (3.0 - 2.0 * along)
@@ -106,7 +106,7 @@ def gain_at(x: float, y: float, sensor: Sensor) -> float:
 def blur_columns(picture: Floats2, blurred: Floats2, sensor: Sensor) -> None:
     """Blur along the rows of the image, which are the columns of `picture`, (columns, rows).
 
-    The columns at either end, as many as the blur reaches, are not set.
+    Columns at either end, within the reach of the blur, are not set.
     """
     reach = sensor.weights.shape[0] - 1
     for column in range(reach, picture.shape[0] - reach):
@@ -122,7 +122,7 @@ def blur_columns(picture: Floats2, blurred: Floats2, sensor: Sensor) -> None:
 def expose(
     picture: Floats2, t_ns: int, first: int, height: int, gain: float, sensor: Sensor, image: Bytes2
 ) -> None:
-    """Turn a picture, (columns, rows), with a margin as wide as the blur reaches on all sides, into an image.
+    """Convert a picture, (columns, rows), with a margin of the blur's reach on all sides, to an image.
 
     Args:
         picture: the picture, in gray levels.
@@ -131,7 +131,7 @@ def expose(
         height: number of rows of the whole image.
         gain: factor of the gray levels.
         sensor: the sensor.
-        image: (rows, width), gets the rows.
+        image: (rows, width), receives the rows.
     """
     reach = sensor.weights.shape[0] - 1
     middle, halfway = (image.shape[1] - 1) / 2.0, (height - 1) / 2.0
@@ -148,8 +148,8 @@ def expose(
             right = (column - middle) / (middle + 0.5)
             level *= gain * (1.0 - sensor.vignetting * (right * right + down * down) / 2.0)
             if sensor.noise > 0.0:
-                if column % 4 == 0:  # four pixels have sixteen bits each
-                    bits = mixed(sensor.seed, PIXELS, t_ns, (first + row) * 8192 + column)
+                if column % 4 == 0:  # sixteen bits for each of four pixels
+                    bits = random_bits(sensor.seed, PIXELS, t_ns, (first + row) * 8192 + column)
                 level += sensor.noise * sensor.quantiles[int(bits & np.uint64(QUANTILES - 1))] + 0.5
                 bits >>= np.uint64(16)
             image[row, column] = np.uint8(min(max(level, 0.0), 255.0))

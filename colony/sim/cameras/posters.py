@@ -1,7 +1,7 @@
-"""Posters and notices, as they hang in the corridors of a university.
+"""Posters and notices in the corridors of a university.
 
-The black ones are those that a finder of door plates may take for one: black with pale writing, as large as a
-plate or a little larger (thesis Table 6.3 has four false plates of this kind).
+A finder of door plates may mistake the black ones for plates: black with pale writing, of the size of a plate
+or slightly larger (thesis Table 6.3 has four false plates of this kind).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _BLACK = (
     ((480.0, 220.0), ("SENIOR DESIGN", "DAY 1994"), 0.80),
     ((360.0, 120.0), ("NO FOOD",), 0.85),
 )
-"""Size in mm, lines and the shade of the writing."""
+"""Size in mm, lines of text, and shade of the writing."""
 
 _COLORED = (
     ((420.0, 594.0), 0.32, 0.90),
@@ -41,7 +41,7 @@ POSTERS_MM = (*(size for size, _, _ in _BLACK), *(size for size, _, _ in _COLORE
 
 BLACK_KINDS = tuple(range(len(_BLACK)))
 OTHER_KINDS = tuple(range(len(_BLACK), len(_BLACK) + len(_COLORED) + _NOTICES))
-"""The numbers of the posters that are black, and of all others."""
+"""The numbers of the black posters, and of all others."""
 
 
 @lru_cache(maxsize=1)

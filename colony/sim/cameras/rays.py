@@ -1,4 +1,4 @@
-"""Rays from a camera that looks along the floor, and what they bring back: levels of gray in rows."""
+"""Rays of a level camera, and the gray levels of the pixels that they paint."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import NamedTuple
 from colony.sim.cameras.surfaces import Lighting
 from colony.sim.compiled import Floats, inlined
 
-_HALF_LIGHT_MM = 12_000.0  # what is as far away as this is half as bright
+_HALF_LIGHT_MM = 12_000.0  # distance at which brightness is halved
 
 
 class Lens(NamedTuple):
-    """A camera as the renderer takes it.
+    """A level camera in the renderer's form.
 
-    Focal length in pixels, heights in mm, yaw in radians, the hull of the robots that it sees, its rays a
-    column, and its exposure in seconds.
+    It has the focal length in pixels, heights in mm, the yaw in radians, the hull of other robots, the rays
+    per column, and the exposure in seconds.
     """
 
     focal: float
@@ -28,9 +28,9 @@ class Lens(NamedTuple):
 
 
 class Eye(NamedTuple):
-    """A camera at one moment: its place, its heading in radians, and the row of its optical axis.
+    """A camera at one moment: its place, the sine and cosine of its heading, and the row of its optical axis.
 
-    The row counts from the first one drawn.
+    The row is relative to the first row drawn.
     """
 
     x: float
@@ -41,10 +41,10 @@ class Eye(NamedTuple):
 
 
 class Ray(NamedTuple):
-    """A ray: a direction in the world's frame, for one mm of depth, and its start.
+    """A ray: its start, and its direction in the world's frame per mm of depth.
 
-    `right` is to the right of the optical axis. The ray stands for all that is up to `half` to either side of
-    it.
+    `right` is its offset to the right of the optical axis. The ray represents everything up to `half` to
+    either side.
     """
 
     x: float
@@ -58,7 +58,7 @@ class Ray(NamedTuple):
 
 @inlined
 def level_of(shade: float, distance: float) -> float:
-    """Return a shade as it appears from a distance, in gray levels."""
+    """Return the gray level of a shade at a distance."""
     return 255.0 * shade / (1.0 + distance / _HALF_LIGHT_MM)
 
 

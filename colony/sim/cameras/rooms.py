@@ -1,8 +1,8 @@
-"""The rooms behind the doors of a map, as far as they are seen through a door that stands open.
+"""The rooms behind the doors of a map, as far as they are visible through an open door.
 
-A map ends at its doors. Behind each there is a room here, three meters deep and a little wider than the door,
-or less where another wall of the map is in the way: rooms never reach into corridors. A wide door has two
-leaves.
+A map ends at its doors. The simulator adds a room behind each, three meters deep and slightly wider than the
+door, or smaller if another wall of the map is in the way, so that rooms never overlap corridors. A wide door
+has two leaves.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from colony.nav.maps.walls import free_distance
 
 DEPTH_MM = 3000.0
 
-_ASIDE_MM = 500.0  # so much of a room lies to either side of its door
-_BRICK_MM = 150.0  # between a room and what is behind its walls
-_TWO_LEAVES_MM = 1400.0  # a wider door has two
+_ASIDE_MM = 500.0  # largest extent of a room beside its door
+_BRICK_MM = 150.0  # thickness of the walls of rooms
+_TWO_LEAVES_MM = 1400.0  # wider doors have two leaves
 _BEHIND_MM = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Room:
-    """The room behind a door that leads from (x0_mm, y0_mm) to (x1_mm, y1_mm) with the room to its left.
+    """The room behind a door that runs from (x0_mm, y0_mm) to (x1_mm, y1_mm), with the room to its left.
 
-    `before_mm` and `after_mm` are how far it goes on beside the door, at its beginning and its end.
+    `before_mm` and `after_mm` are the extents of the room beyond the start and the end of the door.
     """
 
     x0_mm: float
@@ -66,10 +66,12 @@ def room_behind(walls: NDArray[np.float64], door: int) -> Room | None:
     )  # fmt: skip
 
 
-def opened(room: Room, angle_deg: float, hinge_first: bool) -> list[tuple[float, float, float, float]]:
-    """Return the segments in place of an open door: the walls of the room, then the leaf, or two.
+def open_door_segments(
+    room: Room, angle_deg: float, hinge_first: bool
+) -> list[tuple[float, float, float, float]]:
+    """Return the segments that replace an open door: the walls of the room, then one leaf or two.
 
-    `hinge_first` says whether a single leaf hangs where the door begins, or where it ends.
+    A single leaf hangs at the start of the door if `hinge_first` is True, else at its end.
     """
     width = math.hypot(room.x1_mm - room.x0_mm, room.y1_mm - room.y0_mm)
     ex, ey = (room.x1_mm - room.x0_mm) / width, (room.y1_mm - room.y0_mm) / width
@@ -81,7 +83,7 @@ def opened(room: Room, angle_deg: float, hinge_first: bool) -> list[tuple[float,
         (0.0, 0.0), (-room.before_mm, 0.0), (-room.before_mm, room.depth_mm),
         (width + room.after_mm, room.depth_mm), (width + room.after_mm, 0.0), (width, 0.0),
     ]  # fmt: skip
-    segments = [(*place(*one), *place(*other)) for one, other in pairwise(corners) if one != other]
+    segments = [(*place(*start), *place(*end)) for start, end in pairwise(corners) if start != end]
     leaf = _leaf_mm(width)
     across, deep = leaf * math.cos(math.radians(angle_deg)), leaf * math.sin(math.radians(angle_deg))
     if leaf < width or hinge_first:

@@ -1,8 +1,8 @@
 """The scene of a map's walls, with the doors, signs and furnishings of one run.
 
-Doors are in their frames with plates beside them; elevators have their markers; walls have posters and fire
-extinguishers. The material of a wall comes from the map's remark on it: painted brick, brick, glass brick,
-plaster, steel, glass, window, tile. A remark without a material stands for plaster.
+Doors have frames, and plates beside them; elevators have markers; walls have posters and fire extinguishers.
+The map's remark on a wall gives its material: painted brick, brick, glass brick, plaster, steel, glass,
+window, tile. The default is plaster.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import Walls, walls_of
 from colony.sim.cameras import textures
 from colony.sim.cameras.atlas import Atlas, Picture
-from colony.sim.cameras.fitting import fitted
+from colony.sim.cameras.fitting import scene_with_walls
 from colony.sim.cameras.lettering import marker, plate
 from colony.sim.cameras.lighting import lighting_of
 from colony.sim.cameras.posters import SIGN_MM, extinguisher_sign, posters
 from colony.sim.cameras.silhouettes import EXTINGUISHER_MM, extinguisher
-from colony.sim.cameras.surfaces import CEILING_MM, PEOPLE, Hung, Panel, Scene, atlas_with, scene
+from colony.sim.cameras.surfaces import CEILING_MM, PEOPLE, Panel, Scene, WallPicture, atlas_with, scene
 from colony.sim.hazards.premises import premises_of
 from colony.sim.hazards.scenery import Extinguisher, Poster, Scenery
 
@@ -33,12 +33,12 @@ _FRAME_MM, _FRAME_SHADE = 60.0, 0.30
 _DOOR_MM = 2100.0
 _LEAF_SHADES = {EdgeKind.DOOR: 0.48, EdgeKind.ELEVATOR: 0.62}
 _GAP_MM, _GAP_SHADE = 4.0, 0.12  # half the gap between the leaves of an elevator
-_SHELVES = 4  # floors whose pictures are kept: 10 to 40 MB each
+_CACHED_FLOORS = 4  # number of floors whose pictures are cached, 10 to 40 MB each
 _CYLINDER_BOTTOM_MM, _SIGN_BOTTOM_MM = 560.0, 1320.0
 
-_Made = Callable[[float], Picture]
+_Painter = Callable[[float], Picture]
 
-_COVERS: tuple[tuple[re.Pattern[str], _Made], ...] = tuple(
+_COVERS: tuple[tuple[re.Pattern[str], _Painter], ...] = tuple(
     (re.compile(words, re.IGNORECASE), made)
     for words, made in (
         (r"\bglass[ -]?(brick|block)s?\b", textures.glass_brick),
@@ -51,13 +51,13 @@ _COVERS: tuple[tuple[re.Pattern[str], _Made], ...] = tuple(
         (r"", textures.plaster),
     )
 )
-"""Patterns of the remarks on walls, and their materials: the first that fits."""
+"""Patterns of the remarks on walls with their materials; the first match applies."""
 
 
-class _Shelf(NamedTuple):
-    """The pictures of a floor, by number.
+class _PictureSet(NamedTuple):
+    """The pictures of a floor, and their numbers.
 
-    The cover of each wall, what hangs there, and the number of the first poster.
+    They are the covers of the walls, plates by text, markers by code, the first poster, and others.
     """
 
     atlas: Atlas
@@ -71,35 +71,38 @@ class _Shelf(NamedTuple):
 
 
 def scene_of(floor: Map, scenery: Scenery | None = None) -> Scene:
-    """Return the scene of a map in one run: with its posters, its lights, and its doors open or shut.
+    """Return the scene of a map in one run, with its posters, lights, and open doors.
 
-    Without a scenery all doors are shut, all lights are on, and nothing hangs there but plates and markers.
+    Without a scenery all doors are shut, all lights are on, and there are only plates and markers.
     """
-    walls, shelf = walls_of(floor), _shelf(floor)
+    walls, picture_set = walls_of(floor), _picture_set(floor)
     lights = premises_of(floor).lights if scenery is None else scenery.lights
     kinds = walls.kinds
     made = scene(
         walls.segments,
         _panels_of(walls),
-        covers=shelf.covers,
-        hung=[*_signs(floor, shelf), *(_furnishings(scenery, shelf) if scenery is not None else ())],
-        atlas=shelf.atlas,
+        covers=picture_set.covers,
+        wall_pictures=[
+            *_signs(floor, picture_set),
+            *(_furnishings(scenery, picture_set) if scenery is not None else ()),
+        ],
+        atlas=picture_set.atlas,
         lighting=lighting_of(walls.bounds, lights),
         doors=[edge for edge, kind in enumerate(kinds) if kind is EdgeKind.DOOR],
         elevators=[edge for edge, kind in enumerate(kinds) if kind is EdgeKind.ELEVATOR],
-        rooms=shelf.rooms,
+        rooms=picture_set.rooms,
     )
     if scenery is None:
         return made
     lengths = np.hypot(*(scenery.walls[:, 2:] - scenery.walls[:, :2]).T)
-    return fitted(made, scenery.walls[lengths > 0.0])
+    return scene_with_walls(made, scenery.walls[lengths > 0.0])
 
 
-@lru_cache(maxsize=_SHELVES)
-def _shelf(floor: Map) -> _Shelf:
-    """Return the pictures of a floor, and no others, as covers are large: 3 MB each.
+@lru_cache(maxsize=_CACHED_FLOORS)
+def _picture_set(floor: Map) -> _PictureSet:
+    """Return the pictures of a floor only, because covers are large (3 MB each).
 
-    They are cached, since experiments ask for the floors of a building again and again.
+    They are cached, because experiments use the same floors repeatedly.
     """
     walls = walls_of(floor)
     pictures: list[Picture] = []
@@ -108,29 +111,28 @@ def _shelf(floor: Map) -> _Shelf:
         pictures.extend(more)
         return PEOPLE + len(pictures) - len(more)
 
-    looks = [_cover(walls, edge) for edge in range(len(walls.kinds))]
-    covers = {made: put(made(CEILING_MM)) for made in dict.fromkeys(looks)}
+    materials = [_cover(walls, edge) for edge in range(len(walls.kinds))]
+    covers = {made: put(made(CEILING_MM)) for made in dict.fromkeys(materials)}
     texts = dict.fromkeys(sign.text for sign in plates_of(floor))
     codes = dict.fromkeys(sign.code for sign in markers_of(floor))
     plates = {text: put(plate(text)) for text in texts}
     markers = {code: put(marker(code)) for code in codes}
     first, cylinder, sign = put(*posters()), put(extinguisher()), put(extinguisher_sign())
     rooms = put(textures.shelves(CEILING_MM))
-    return _Shelf(
-        atlas=atlas_with(pictures), covers=tuple(covers[made] for made in looks),
+    return _PictureSet(
+        atlas=atlas_with(pictures), covers=tuple(covers[made] for made in materials),
         plates=plates, markers=markers, posters=first, cylinder=cylinder, sign=sign, rooms=rooms,
     )  # fmt: skip
 
 
-def _cover(walls: Walls, edge: int) -> _Made:
+def _cover(walls: Walls, edge: int) -> _Painter:
     """Return the painter of a wall's material.
 
-    The remark on a door describes its leaf, unless it is of glass as a whole: other doors hang in plain
-    walls.
+    The remark on a door describes its leaf, unless the door is of glass; other doors are in plain walls.
     """
     is_leaf = walls.kinds[edge] is EdgeKind.DOOR and not walls.glass[edge]
     attribute = "" if is_leaf else walls.attributes[edge]
-    return next(made for says, made in _COVERS if says.search(attribute))
+    return next(made for pattern, made in _COVERS if pattern.search(attribute))
 
 
 def _panels_of(walls: Walls) -> Iterator[Panel]:
@@ -154,37 +156,41 @@ def _panels(wall: int, kind: EdgeKind, is_glass: bool, length: float) -> Iterabl
         yield Panel(wall, middle - _GAP_MM, middle + _GAP_MM, 0.0, _DOOR_MM - _FRAME_MM, _GAP_SHADE)
 
 
-def _signs(floor: Map, shelf: _Shelf) -> Iterator[Hung]:
-    """Return the plates and markers; a marker's halves are on the two leaves, the gap between is shut."""
+def _signs(floor: Map, picture_set: _PictureSet) -> Iterator[WallPicture]:
+    """Yield the plates and markers; a marker extends over both leaves of an elevator's doors."""
     for sign in plates_of(floor):
-        yield _at_height(sign.edge, sign.start_mm, sign.end_mm, PLATE_HEIGHT_MM, shelf.plates[sign.text])
+        yield _at_height(
+            sign.edge, sign.start_mm, sign.end_mm, PLATE_HEIGHT_MM, picture_set.plates[sign.text]
+        )
     for mark in markers_of(floor):
-        yield _at_height(mark.edge, mark.start_mm, mark.end_mm, STRIPE_HEIGHT_MM, shelf.markers[mark.code])
+        yield _at_height(
+            mark.edge, mark.start_mm, mark.end_mm, STRIPE_HEIGHT_MM, picture_set.markers[mark.code]
+        )
 
 
-def _at_height(wall: int, start: float, end: float, height_mm: float, picture: int) -> Hung:
+def _at_height(wall: int, start: float, end: float, height_mm: float, picture: int) -> WallPicture:
     bottom, top = SIGN_HEIGHT_MM - height_mm / 2, SIGN_HEIGHT_MM + height_mm / 2
-    return Hung(wall, start, end, bottom, top, picture, start)
+    return WallPicture(wall, start, end, bottom, top, picture, start)
 
 
-def _furnishings(scenery: Scenery, shelf: _Shelf) -> Iterator[Hung]:
+def _furnishings(scenery: Scenery, picture_set: _PictureSet) -> Iterator[WallPicture]:
     for poster in scenery.posters:
-        yield _poster(poster, shelf)
-    for one in scenery.extinguishers:
-        yield from _extinguisher(one, shelf)
+        yield _poster(poster, picture_set)
+    for item in scenery.extinguishers:
+        yield from _extinguisher(item, picture_set)
 
 
-def _poster(poster: Poster, shelf: _Shelf) -> Hung:
+def _poster(poster: Poster, picture_set: _PictureSet) -> WallPicture:
     picture = posters()[poster.kind]
     start, bottom = poster.start_mm, poster.middle_mm - picture.height_mm / 2
     end, top = start + picture.width_mm, bottom + picture.height_mm
-    return Hung(poster.edge, start, end, bottom, top, shelf.posters + poster.kind, start)
+    return WallPicture(poster.edge, start, end, bottom, top, picture_set.posters + poster.kind, start)
 
 
-def _extinguisher(one: Extinguisher, shelf: _Shelf) -> Iterator[Hung]:
+def _extinguisher(item: Extinguisher, picture_set: _PictureSet) -> Iterator[WallPicture]:
     for (wide, high), bottom, picture in (
-        (EXTINGUISHER_MM, _CYLINDER_BOTTOM_MM, shelf.cylinder),
-        (SIGN_MM, _SIGN_BOTTOM_MM, shelf.sign),
+        (EXTINGUISHER_MM, _CYLINDER_BOTTOM_MM, picture_set.cylinder),
+        (SIGN_MM, _SIGN_BOTTOM_MM, picture_set.sign),
     ):
-        start = one.along_mm - wide / 2
-        yield Hung(one.edge, start, start + wide, bottom, bottom + high, picture, start)
+        start = item.along_mm - wide / 2
+        yield WallPicture(item.edge, start, start + wide, bottom, bottom + high, picture, start)

@@ -1,4 +1,4 @@
-"""People and fire extinguishers, as pictures that hide only what they are in front of."""
+"""Pictures of people and fire extinguishers, transparent around their outlines."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ EXTINGUISHER_MM = (190.0, 560.0)
 """Width and height of a fire extinguisher."""
 
 _TEXEL_MM = 5.0
-_SHADES = (0.28, 0.34)  # red, in shades of gray: the cylinder, and where it shines
+_SHADES = (0.28, 0.34)  # red in shades of gray: the cylinder, and its highlight
 
 
-class _Look(NamedTuple):
+class _PersonStyle(NamedTuple):
     height_mm: float
     coat: float
     legs: float
@@ -28,29 +28,29 @@ class _Look(NamedTuple):
     skirt: bool
 
 
-_LOOKS = (
-    _Look(1780.0, 0.16, 0.24, 0.62, 0.12, False),
-    _Look(1650.0, 0.55, 0.12, 0.68, 0.40, True),
-    _Look(1860.0, 0.82, 0.30, 0.45, 0.08, False),
-    _Look(1710.0, 0.36, 0.44, 0.58, 0.25, True),
+_PERSON_STYLES = (
+    _PersonStyle(1780.0, 0.16, 0.24, 0.62, 0.12, False),
+    _PersonStyle(1650.0, 0.55, 0.12, 0.68, 0.40, True),
+    _PersonStyle(1860.0, 0.82, 0.30, 0.45, 0.08, False),
+    _PersonStyle(1710.0, 0.36, 0.44, 0.58, 0.25, True),
 )
-LOOKS = len(_LOOKS)
-"""Number of different people; each has two pictures: legs together, and apart."""
+PERSON_STYLES = len(_PERSON_STYLES)
+"""Number of different people; each has two pictures, with legs together and apart."""
 
 _Mask = NDArray[np.bool_]
 
 
 @lru_cache(maxsize=1)
 def people() -> tuple[Picture, ...]:
-    """Return the pictures of people: number 2 * look + gait."""
-    return tuple(_person(look, stride) for look in _LOOKS for stride in (0.0, 1.0))
+    """Return the pictures of people, numbered 2 * style + gait."""
+    return tuple(_person(style, stride) for style in _PERSON_STYLES for stride in (0.0, 1.0))
 
 
-def _person(look: _Look, stride: float) -> Picture:
+def _person(style: _PersonStyle, stride: float) -> Picture:
     """Draw a person from the front: `stride` is 0 with the legs together, 1 with the legs apart."""
-    rows, columns = round(look.height_mm / _TEXEL_MM), round(PERSON_WIDTH_MM / _TEXEL_MM)
+    rows, columns = round(style.height_mm / _TEXEL_MM), round(PERSON_WIDTH_MM / _TEXEL_MM)
     aside = (np.arange(columns) + 0.5) * _TEXEL_MM - PERSON_WIDTH_MM / 2
-    x, y = np.meshgrid(aside, (rows - 0.5 - np.arange(rows)) * _TEXEL_MM / look.height_mm)
+    x, y = np.meshgrid(aside, (rows - 0.5 - np.arange(rows)) * _TEXEL_MM / style.height_mm)
     shades, cover = np.zeros_like(x), np.zeros(x.shape, dtype=np.bool_)
 
     def put(mask: _Mask, shade: float) -> None:
@@ -58,18 +58,18 @@ def _person(look: _Look, stride: float) -> Picture:
         cover[mask] = True
 
     legs = (y < 0.50) & (np.abs(np.abs(x) - 75.0 - 90.0 * stride * (0.5 - y)) < 62.0 + 30.0 * y)
-    put(legs & (y > 0.03), look.legs)
+    put(legs & (y > 0.03), style.legs)
     put((y <= 0.045) & legs, 0.08)  # shoes
-    hem = 0.28 if look.skirt else 0.42
-    put((y >= hem) & (y < 0.83) & (np.abs(x) < _torso(y)), look.coat)
+    hem = 0.28 if style.skirt else 0.42
+    put((y >= hem) & (y < 0.83) & (np.abs(x) < _torso(y)), style.coat)
     arms = (np.abs(np.abs(x) - 245.0 - 20.0 * stride * (0.8 - y)) < 45.0) & (y > 0.42) & (y < 0.80)
-    put(arms, look.coat * 0.85)
+    put(arms, style.coat * 0.85)
     hands = (np.abs(np.abs(x) - 250.0 - 8.0 * stride) < 38.0) & (y > 0.385) & (y <= 0.42)
-    put(hands, look.skin)
-    put((y >= 0.81) & (y < 0.88) & (np.abs(x) < 55.0), look.skin * 0.85)
+    put(hands, style.skin)
+    put((y >= 0.81) & (y < 0.88) & (np.abs(x) < 55.0), style.skin * 0.85)
     head = (x / 80.0) ** 2 + ((y - 0.93) / 0.07) ** 2 < 1.0
-    put(head, look.skin)
-    put(head & (y > 0.955 - 0.02 * np.abs(x) / 80.0), look.hair)
+    put(head, style.skin)
+    put(head & (y > 0.955 - 0.02 * np.abs(x) / 80.0), style.hair)
     return Picture(
         shades=np.clip(shades, 0.02, 1.0), cover=cover.astype(np.float64),
         width_mm=PERSON_WIDTH_MM, height_mm=rows * _TEXEL_MM,
@@ -77,7 +77,7 @@ def _person(look: _Look, stride: float) -> Picture:
 
 
 def _torso(y: Floats2) -> Floats2:
-    """Return half the width of a coat, by the part of the height: shoulders, waist, hem."""
+    """Return half the width of a coat at a fraction of the height: shoulders, waist, hem."""
     return np.interp(y, [0.28, 0.42, 0.62, 0.78, 0.81, 0.83], [215.0, 190.0, 165.0, 220.0, 190.0, 90.0])
 
 

@@ -1,4 +1,4 @@
-"""One picture of a building, without a robot that drives there."""
+"""Single images of a building, without a running simulation."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def snapshot(
         floor: the map.
         pose: pose of the robot.
         config: the camera.
-        scenery: the building in one run, its people where they begin; without one all doors are shut, and
-            there are no people.
+        scenery: the building in one run, with people at their initial places; without one all doors are shut,
+            and there are no people.
         seed: seed of the noise.
-        speed_mm_s: speed of the robot, which smears what is near.
+        speed_mm_s: speed of the robot, which blurs near objects.
 
     Raises:
-        ValueError: a number of the pose is not finite, or the lens would be in the ceiling.
+        ValueError: the pose is not finite, or the lens is not below the ceiling.
     """
     if not all(map(math.isfinite, pose)):
         raise ValueError(f"the pose is {tuple(pose)}; expected finite numbers")
@@ -57,14 +57,12 @@ def snapshots(
     hazards: int | None,
     speed_mm_s: float,
 ) -> dict[str, Bytes2]:
-    """Return the images of several cameras of this width and height.
-
-    These are the cameras along the floor, and `up`, the one that looks at the ceiling.
+    """Return the images of several level cameras, and of `up`, which looks at the ceiling.
 
     Args:
         floor: the map.
         pose: pose of the robot.
-        yaws: direction of each camera along the floor, in degrees counterclockwise from ahead.
+        yaws: direction of each level camera, in degrees counterclockwise from ahead.
         size: width and height of the images.
         hazards: the seed of the building's hazards; None for none.
         speed_mm_s: speed of the robot.

@@ -1,7 +1,7 @@
 """The materials of walls, as pictures that repeat to the sides and are as high as the wall.
 
-Shades only, from 0, black, to 1: painted blocks with their joints, bare bricks, glass bricks with the light
-behind them, plaster, steel, windows. Each is drawn from chance of its own, always the same.
+Shades are from 0 (black) to 1. The materials are painted blocks with joints, bare bricks, glass bricks with
+light behind them, plaster, tile, steel, glass and windows. Each is drawn from a fixed seed.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from colony.sim.compiled import Floats2
 TEXEL_MM = 5.0
 
 _PLASTER = 0.78
-_HEIGHTS = 2  # of walls for which each picture is kept, of 3 MB: all ceilings of a building are as high
+_HEIGHTS = 2  # number of wall heights for which pictures are cached, 3 MB each; a building has one height
 
 
 def _grid(width_mm: float, height_mm: float) -> tuple[Floats2, Floats2]:
-    """Return the middles of texels: from the left, and from the floor, in mm."""
+    """Return the middles of all texels, from the left and from the floor, in mm."""
     across = (np.arange(round(width_mm / TEXEL_MM)) + 0.5) * TEXEL_MM
     up = height_mm - (np.arange(round(height_mm / TEXEL_MM)) + 0.5) * TEXEL_MM
     made_across, made_up = np.meshgrid(across, up)
@@ -34,7 +34,7 @@ def _pattern(shades: Floats2, height_mm: float, darkest: float = 0.0) -> Picture
 
 
 def _cloud(shape: tuple[int, int], cells: tuple[int, int], rng: np.random.Generator) -> Floats2:
-    """Return smooth noise, standard deviation 1, repeating to the sides, so many lumps down and across."""
+    """Return smooth periodic noise of standard deviation 1, with this number of cells down and across."""
     spectrum = np.fft.rfft2(rng.standard_normal(shape))
     down, across = np.fft.fftfreq(shape[0]) * shape[0], np.fft.rfftfreq(shape[1]) * shape[1]
     spectrum *= np.exp(-((down[:, None] / cells[0]) ** 2) - (across[None, :] / cells[1]) ** 2)

@@ -1,11 +1,11 @@
-"""Hazards of a building with their rates, each with a switch and a random stream of its own.
+"""The hazards of a building and their rates, each with its own switch and random stream.
 
     scenery = draw(Hazards(), floor, seed=7)
     world = World(walls=scenery, poses=[floor.start], seed=7)
 
 The rates are those of docs/hazards.md; they were fixed before any program was tuned against them. Each hazard
-draws from a stream of its own, and for everything that it might befall in the order of the map, so that
-switching one off, or changing its rate, leaves the others as they are.
+draws from its own stream, for every candidate in the order of the map, so that switching one off, or changing
+its rate, does not change the others.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.nav.maps.stickrep.model import Map
-from colony.sim.cameras.furnishing import Spacings, furnished
-from colony.sim.cameras.rooms import opened
+from colony.sim.cameras.furnishing import Spacings, draw_furnishings
+from colony.sim.cameras.rooms import open_door_segments
 from colony.sim.compiled import Floats2
 from colony.sim.hazards.premises import Premises, premises_of
 from colony.sim.hazards.scenery import (
     NO_SLIP,
     CeilingLight,
+    CompassDisturbance,
     Extinguisher,
-    Iron,
     Joint,
     OpenDoor,
     Person,
@@ -38,20 +38,26 @@ from colony.sim.hazards.scenery import (
     Track,
 )
 
-_OFFSET_PART = 0.6  # people like to walk up to so much of the free half of a corridor aside of its middle
-_SUN_LEVEL = 45.0  # by how much the whole ceiling of a sunlit corridor is brighter, in gray levels
-_BAND_LEVEL = 60.0  # and what a window throws there, on top
+_OFFSET_PART = 0.6  # largest preferred offset of people, as a fraction of the half width
+_SUN_LEVEL = 45.0  # excess of the ceiling of a sunlit corridor, in gray levels
+_BAND_LEVEL = 60.0  # additional excess before a window
 _BAND_SPACING_MM = (4000.0, 8000.0)
 _BAND_MM = (800.0, 2500.0)
 
 
-_MOST = dict.fromkeys(("slip", "glass", "light_out", "light_dim", "dim_brightness", "sunlit"), 1.0)
-_MOST |= {"poster_on_door": 1.0, "open_door": 1.0, "cross_talk": 1.0, "door_deg": 90.0, "compass_deg": 180.0}
+_UPPER_LIMITS = dict.fromkeys(("slip", "glass", "light_out", "light_dim", "dim_brightness", "sunlit"), 1.0)
+_UPPER_LIMITS |= {
+    "poster_on_door": 1.0,
+    "open_door": 1.0,
+    "cross_talk": 1.0,
+    "door_deg": 90.0,
+    "compass_deg": 180.0,
+}
 """Upper limits of the numbers of `Hazards` that have one."""
 
 
 class Hazard(IntEnum):
-    """A kind of hazard. The number is that of its random stream, and never changes."""
+    """A kind of hazard; the value is the number of its random stream, and never changes."""
 
     SLIP = 0
     GLASS = 1
@@ -72,24 +78,26 @@ class Hazards:
     Attributes:
         on: the hazards that are switched on.
         slip: the probability that wheels slip when a robot's middle crosses a metal joint.
-        slip_turn_deg: the standard deviation of the turn that goes with it.
-        slip_loss_mm: range of the length that the wheels spin.
-        joint_spacing_mm: so much corridor has one joint, besides those between the wings.
-        glass: the probability that a glass door is not noticed by sonar and infrared in this run.
-        light_out, light_dim: the probabilities of a light; `dim_brightness` is that of a dim one.
-        sunlit: the probability that a corridor's ceiling is lit by the sun.
-        person_spacing_mm: so much corridor has one person in the mean.
-        walk_mm_s: range of people's walking speed.
-        open_door: the probability of a door; `door_deg` are the angles between which it stands open.
+        slip_turn_deg: the standard deviation of the robot's turn in a slip.
+        slip_loss_mm: the range of the length by which wheels spin.
+        joint_spacing_mm: length of corridor per joint, besides those between the wings.
+        glass: the probability that sonar and infrared do not detect a glass door in this run.
+        light_out, light_dim: the probabilities that a light is out or dim.
+        dim_brightness: the brightness of a dim light.
+        sunlit: the probability that the sun lights the ceiling of a corridor.
+        person_spacing_mm: mean length of corridor per person.
+        walk_mm_s: the range of people's walking speed.
+        open_door: the probability that a door is open.
+        door_deg: the range of the angle of an open door.
         cross_talk: the probability that a sonar reading is false.
-        encoder_scale: the standard deviation of a factor common to both wheels.
-        compass_deg: the compass is off by this much at most.
-        black_poster_spacing_mm, poster_spacing_mm, extinguisher_spacing_mm: so much wall has one black
-            poster, another one, and a fire extinguisher in the mean.
+        encoder_scale: the standard deviation of a scale factor common to both wheels.
+        compass_deg: the largest error of the compass.
+        black_poster_spacing_mm, poster_spacing_mm, extinguisher_spacing_mm: mean length of wall per black
+            poster, other poster, and fire extinguisher.
         poster_on_door: the probability that a black poster hangs on a door.
 
     Raises:
-        ValueError: a number is not finite or not in its range, or of two the first is the greater.
+        ValueError: a number is not finite or out of range, or a range is reversed.
     """
 
     on: frozenset[Hazard] = frozenset(Hazard)
@@ -122,7 +130,7 @@ class Hazards:
                 continue
             pair = isinstance(field.default, tuple)
             numbers = tuple(value) if pair else (value,)
-            most = _MOST.get(field.name, math.inf)
+            most = _UPPER_LIMITS.get(field.name, math.inf)
             sound = len(numbers) == 1 + pair and all(0.0 <= n <= most and math.isfinite(n) for n in numbers)
             if not sound or list(numbers) != sorted(numbers):
                 expected = "of at least 0" if most == math.inf else f"from 0 to {most:g}"
@@ -137,7 +145,7 @@ class Hazards:
 
     @staticmethod
     def none() -> Hazards:
-        """Return the hazards of a building in which nothing goes wrong."""
+        """Return hazards that are all switched off."""
         return Hazards(on=frozenset())
 
     def without(self, *hazards: Hazard) -> Hazards:
@@ -150,10 +158,10 @@ class Hazards:
 
 
 def draw(hazards: Hazards, floor: Map, seed: int) -> Scenery:
-    """Draw a floor's scenery in the run of a seed.
+    """Draw the scenery of a floor from a seed.
 
-    Floors with the same seed have the same draws: of each the same lights are out, counted in the order of
-    the map. So each floor of a building has a seed of its own.
+    Floors with the same seed have the same draws, such as lights with the same numbers out. Give each floor
+    of a building its own seed.
 
     Raises:
         ValueError: the seed is below 0.
@@ -177,7 +185,7 @@ def draw(hazards: Hazards, floor: Map, seed: int) -> Scenery:
         slip=_slip(hazards),
         cross_talk=hazards.cross_talk if Hazard.CROSS_TALK in hazards.on else 0.0,
         encoder_scale=_encoder_scale(hazards, seed),
-        iron=_iron(hazards, seed),
+        compass_disturbance=_compass_disturbance(hazards, seed),
         posters=posters,
         extinguishers=extinguishers,
     )
@@ -194,7 +202,7 @@ def _glass(hazards: Hazards, premises: Premises, seed: int) -> tuple[int, ...]:
 
 
 def _doors(hazards: Hazards, premises: Premises, seed: int) -> list[tuple[OpenDoor, bool]]:
-    """Draw the doors that stand open, and whether they hang where they begin."""
+    """Draw the open doors; the flag is True if a door's hinge is at its start."""
     drawn = _stream(seed, Hazard.DOORS).random((len(premises.walls), 3)).tolist()
     low, high = hazards.door_deg
     return [
@@ -207,12 +215,16 @@ def _doors(hazards: Hazards, premises: Premises, seed: int) -> list[tuple[OpenDo
 def _walls(
     premises: Premises, glass: tuple[int, ...], doors: list[tuple[OpenDoor, bool]]
 ) -> tuple[Floats2, NDArray[np.bool_]]:
-    """Return the solid segments, edge by edge, and which of them are silent."""
+    """Return the solid segments, edge by edge, and a mask of the silent ones."""
     standing_open = {door.edge: (door.angle_deg, hinge_first) for door, hinge_first in doors}
     rows: list[tuple[float, ...]] = []
     silent: list[bool] = []
     for edge, wall in enumerate(premises.walls.tolist()):
-        parts = opened(premises.rooms[edge], *standing_open[edge]) if edge in standing_open else [tuple(wall)]
+        parts = (
+            open_door_segments(premises.rooms[edge], *standing_open[edge])
+            if edge in standing_open
+            else [tuple(wall)]
+        )
         rows += parts
         silent += [edge in glass] * len(parts)
     walls, quiet = np.array(rows, dtype=np.float64).reshape(-1, 4), np.array(silent, dtype=np.bool_)
@@ -268,7 +280,7 @@ def _people(hazards: Hazards, premises: Premises, seed: int) -> Iterator[Person]
 
 
 def _joints(hazards: Hazards, premises: Premises, seed: int) -> tuple[Joint, ...]:
-    """Draw the joints between the wings, and every so many meters of all corridors, laid end to end."""
+    """Return the joints between the wings, and joints at equal spacing along all corridors, end to end."""
     phase = _stream(seed, Hazard.SLIP).random()
     if Hazard.SLIP not in hazards.on:
         return ()
@@ -305,9 +317,13 @@ def _furnishings(
         extinguisher_mm=hazards.extinguisher_spacing_mm,
         on_door=hazards.poster_on_door,
     )
-    return furnished(floor, spacings, lambda item: _stream(seed, Hazard.POSTERS, item))
+    return draw_furnishings(floor, spacings, lambda item: _stream(seed, Hazard.POSTERS, item))
 
 
-def _iron(hazards: Hazards, seed: int) -> Iron:
+def _compass_disturbance(hazards: Hazards, seed: int) -> CompassDisturbance:
     drawn = int(_stream(seed, Hazard.COMPASS).integers(2**62))
-    return Iron(seed=drawn, most_deg=hazards.compass_deg) if Hazard.COMPASS in hazards.on else Iron()
+    return (
+        CompassDisturbance(seed=drawn, max_deg=hazards.compass_deg)
+        if Hazard.COMPASS in hazards.on
+        else CompassDisturbance()
+    )

@@ -1,7 +1,7 @@
-"""The parts of a building that hazards may befall: doors and the rooms behind them, corridors, lights.
+"""The parts of a building that hazards may affect: doors and the rooms behind them, corridors, lights.
 
-Nothing here depends on chance. The old and the new wing differ in their corridors: where corridors of
-different widths meet, two wings do, and the floor has a joint.
+Nothing here is random. The wings differ in the width of their corridors: where corridors of different widths
+meet, two wings meet, and the floor has a joint.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from colony.nav.maps.walls import lights_of, walls_of
 from colony.sim.cameras.rooms import Room, room_behind
 from colony.sim.hazards.scenery import PERSON_RADIUS_MM, CeilingLight, Joint, Track
 
-_WING_MM = 300.0  # corridors whose widths differ by more belong to different wings
-_TURN_MM = 800.0  # before the wall at the end of a corridor people turn around
+_WING_MM = 300.0  # largest difference of corridor widths within a wing
+_TURN_MM = 800.0  # distance from the end of a corridor at which people turn around
 _LEAST_WALK_MM = 3000.0
-_LEAST_MOUTH_MM = 1000.0  # a mouth nearer to the end of a corridor is in the wall
+_LEAST_MOUTH_MM = 1000.0  # least distance of a joint from the end of a corridor
 _SHOULDER_MM = 60.0
 
 
@@ -33,12 +33,12 @@ class Premises:
 
     Attributes:
         walls: (n, 4) float64, the edges of the map in its order, in mm.
-        glass: the edges that are panes of glass.
-        rooms: by edge, what is behind the doors that can be opened.
-        lights: all of them, on.
+        glass: the edges that are glass.
+        rooms: the rooms behind the doors that can open, by edge.
+        lights: all lights, switched on.
         tracks: the corridors.
-        walks: for each corridor the part of it where people can walk, or None.
-        wing_joints: where corridors of different wings meet.
+        walks: the part of each corridor where people can walk; None if there is none.
+        wing_joints: the joints where corridors of different wings meet.
     """
 
     walls: NDArray[np.float64]
@@ -52,7 +52,7 @@ class Premises:
 
 @lru_cache(maxsize=16)
 def premises_of(floor: Map) -> Premises:
-    """Return a floor as hazards take it; cached, as experiments ask for the same floor often."""
+    """Return the premises of a floor; cached, because experiments use the same floors repeatedly."""
     walls, corridors = walls_of(floor), corridors_of(floor)
     tracks = tuple(_track(corridor) for corridor in corridors)
     rooms = {
@@ -93,7 +93,7 @@ def _distance(track: Track, x: float, y: float) -> float:
 
 
 def _walk(track: Track, walls: NDArray[np.float64]) -> Track | None:
-    """Return the part of a corridor that people walk: short of its ends, as wide as the walls leave it."""
+    """Return the part of a corridor where people walk: without its ends, as wide as the walls allow."""
     length = track.length_mm - 2 * _TURN_MM
     if length < _LEAST_WALK_MM:
         return None

@@ -1,7 +1,7 @@
-"""A building's state in one run: which doors are open, which lights are out, which people walk there.
+"""A building's state in one run: its open doors, its broken lights, its people.
 
-A scenery is plain data, shared by its users: the world takes from it what is solid and what is heard, the
-ceiling camera what shines. `colony.sim.hazards.hazards.draw` makes one.
+A scenery is plain data for the world, the sensors and the cameras. `colony.sim.hazards.hazards.draw` creates
+it.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ PERSON_RADIUS_MM = 250.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Track:
-    """The middle line of a corridor: from (x_mm, y_mm) over `length_mm` toward `heading_deg`.
+    """The middle line of a corridor: from (x_mm, y_mm), `length_mm` long, toward `heading_deg`.
 
-    It has `half_width_mm` free to either side.
+    The corridor is free for `half_width_mm` to either side.
     """
 
     x_mm: float
@@ -61,9 +61,9 @@ class Person:
 
     Attributes:
         track: the corridor.
-        along_mm: place on the track at the beginning.
-        offset_mm: preferred distance to the left of the middle line, as the track runs.
-        forward: True if the person begins along the track, False against it.
+        along_mm: initial place along the track.
+        offset_mm: preferred offset to the left of the middle line, in the direction of the track.
+        forward: True if the person first walks along the track, False against it.
         speed_mm_s: walking speed.
     """
 
@@ -76,7 +76,7 @@ class Person:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joint:
-    """A metal joint in the floor, across a corridor from one end to the other, in mm."""
+    """A metal joint in the floor across a corridor, by its ends in mm."""
 
     x0_mm: float
     y0_mm: float
@@ -88,8 +88,8 @@ class Joint:
 class Slip:
     """The slip of wheels on joints.
 
-    The probability of a slip on a crossing, the standard deviation of the robot's turn, and the range of the
-    length (mm) that the wheels spin without driving it.
+    It has the probability of a slip on a crossing, the standard deviation of the robot's turn, and the range
+    of the length in mm by which the wheels spin without moving the robot.
     """
 
     probability: float
@@ -103,9 +103,10 @@ NO_SLIP = Slip(probability=0.0, turn_deg=0.0, least_mm=0.0, most_mm=0.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CeilingLight:
-    """A lamp of 0.6 m along its corridor by 1.2 m across it.
+    """A ceiling light, 0.6 m long along its corridor and 1.2 m wide across it.
 
-    `heading_deg` is along the corridor; `brightness` is 1, less if it is dim, 0 if it is out.
+    `heading_deg` is the direction of the corridor; `brightness` is 1, less for a dim light, 0 for one that is
+    out.
     """
 
     x_mm: float
@@ -116,9 +117,9 @@ class CeilingLight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SunBand:
-    """A rectangle of ceiling on which the sun falls.
+    """A sunlit rectangle of the ceiling.
 
-    It has its middle, the heading of its length, and the excess of its brightness, in gray levels.
+    It has its middle, the heading of its length, and its excess brightness in gray levels.
     """
 
     x_mm: float
@@ -131,7 +132,7 @@ class SunBand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Poster:
-    """A sheet on edge number `edge` of the map.
+    """A poster on edge number `edge` of the map.
 
     It begins `start_mm` along the edge, and its middle is `middle_mm` above the floor. `kind` is its number
     in `colony.sim.cameras.posters`.
@@ -145,21 +146,21 @@ class Poster:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extinguisher:
-    """A fire extinguisher, and the sign above it, `along_mm` along edge number `edge` of the map."""
+    """A fire extinguisher with a sign above it, `along_mm` along edge number `edge` of the map."""
 
     edge: int
     along_mm: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Iron:
-    """The disturbance of a compass: a field drawn from `seed` that stays within `most_deg` to either side.
+class CompassDisturbance:
+    """The disturbance of a compass: a random field of at most `max_deg` in either direction.
 
-    Its values at the corners of a grid, `spacing_mm` apart, are independent; between them it is smooth.
+    Its values at the corners of a grid, `spacing_mm` apart, are drawn from `seed` and interpolated smoothly.
     """
 
     seed: int = 0
-    most_deg: float = 0.0
+    max_deg: float = 0.0
     spacing_mm: float = 3000.0
 
 
@@ -168,18 +169,18 @@ class Scenery:
     """A building in one run.
 
     Attributes:
-        seed: seed of the chance while a robot drives: slips, cross-talk, people.
-        walls: (n, 4) float64, read-only: x0, y0, x1, y1 in mm: all that is solid and stands still.
-        silent: (n,) bool, read-only: which of them neither sonar nor infrared notices.
-        doors: the doors that stand open.
+        seed: seed of the random events during a run: slips, cross-talk, people.
+        walls: (n, 4) float64, read-only: x0, y0, x1, y1 in mm of all solid, static segments.
+        silent: (n,) bool, read-only: True for walls that neither sonar nor infrared detects.
+        doors: the open doors.
         glass: the edges of the map that are silent.
-        lights, sun: on the ceiling.
-        people: the people who walk there.
-        joints, slip: of the floor.
+        lights, sun: the lights and the sunlit parts of the ceiling.
+        people: the people in the corridors.
+        joints, slip: the joints of the floor, and the slip of wheels on them.
         cross_talk: the probability that a sonar reading is false.
-        encoder_scale: what both wheels report of a millimeter, beyond their own errors.
-        iron: what disturbs the compass.
-        posters, extinguishers: on the walls and doors, for cameras to see.
+        encoder_scale: scale factor of both wheels, in addition to their own errors.
+        compass_disturbance: the disturbance of the compass.
+        posters, extinguishers: objects on walls and doors, visible to cameras.
     """
 
     seed: int
@@ -194,11 +195,11 @@ class Scenery:
     slip: Slip = NO_SLIP
     cross_talk: float = 0.0
     encoder_scale: float = 1.0
-    iron: Iron = Iron()
+    compass_disturbance: CompassDisturbance = CompassDisturbance()
     posters: tuple[Poster, ...] = ()
     extinguishers: tuple[Extinguisher, ...] = ()
 
 
-def bare(walls: NDArray[np.float64], *, seed: int = 0) -> Scenery:
-    """Return walls, (n, 4) in mm, and nothing else."""
+def bare_scenery(walls: NDArray[np.float64], *, seed: int = 0) -> Scenery:
+    """Return a scenery with walls, (n, 4) in mm, and nothing else."""
     return Scenery(seed=seed, walls=walls, silent=np.zeros(len(walls), dtype=np.bool_))

@@ -1,4 +1,4 @@
-"""The plant as a process that is started by another one: `python -m colony.sim.plant.child SPEC`."""
+"""The plant as a child process: `python -m colony.sim.plant.child SPEC`."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Literal
 import msgspec
 
 from colony.files import read_file
-from colony.runtime.assembly.processes.ending import (
-    Ending,
-    drop_what_cannot_be_printed,
-    give_up,
-    give_up_without,
-    on_death_of_parent,
+from colony.runtime.assembly.processes.shutdown import (
+    Shutdown,
+    exit_on_exhaustion,
+    exit_with,
+    make_printing_safe,
+    on_parent_exit,
     on_signals,
 )
 from colony.runtime.assembly.processes.spec import SPEC_BYTES
@@ -27,32 +27,32 @@ if TYPE_CHECKING:
     from colony.sim.cameras.ceiling import CeilingCameraConfig
 
 SIMULATOR = "Simulator"
-"""Its name among the processes of a robot."""
+"""Name of the plant among the processes of a robot."""
 
-Look = float | Literal["up"]
-"""Direction of a camera: so many degrees counterclockwise from ahead, or at the ceiling."""
+ViewDirection = float | Literal["up"]
+"""Direction of a camera: degrees counterclockwise from ahead, or "up" at the ceiling."""
 
 
 class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
     """The specification of a plant: one robot in the building of a map, with the direction of each camera.
 
-    `start` is the robot's first pose, x and y in mm and its heading in degrees, None for the map's; `hazards`
-    is the seed of the hazards (docs/hazards.md), None for none; `folder` is the robot's, `logical_ns` as in
-    `colony.sim.plant.process.PlantOptions`.
+    `folder` is the robot's folder. `start` is the initial pose, x and y in mm and the heading in degrees,
+    None for that of the map; `hazards` is the seed of the hazards (docs/hazards.md), None for none;
+    `logical_ns` is as in `colony.sim.plant.process.PlantOptions`.
     """
 
     robot: str
     folder: str
     map: str
     seed: int
-    cameras: dict[str, Look] = {}
+    cameras: dict[str, ViewDirection] = {}
     start: tuple[float, float, float] | None = None
     hazards: int | None = None
     logical_ns: int | None = None
 
     @property
     def socket(self) -> Path:
-        """Path of the socket to which drivers attach."""
+        """The path of the socket to which drivers attach."""
         return plant_socket(Path(self.folder))
 
 
@@ -62,30 +62,30 @@ def plant_socket(folder: Path) -> Path:
 
 
 class NoRoomError(Exception):
-    """The robot cannot start where the map says; the message is one line that begins with the file."""
+    """The robot cannot start at its place on the map; the message is one line that begins with the file."""
 
 
 def serve(
     spec: PlantSpec,
-    ending: Ending,
+    shutdown: Shutdown,
     *,
     ready: Callable[[], None] = lambda: None,
-    tell: Callable[[str], None] = lambda text: None,
+    report: Callable[[str], None] = lambda text: None,
 ) -> None:
-    """Simulate until it is time to end; `ready` is called when drivers can attach.
+    """Simulate until shutdown; `ready` is called when drivers can attach.
 
-    `tell` is called with a message for what takes long until then.
+    `report` is called with a message if the simulator is being compiled.
 
     Raises:
-        LiveError: a plant of the robot runs already, or the folder cannot be used.
-        DiagnosticError: the map is bad.
-        NoRoomError: the robot has no room in it.
+        LiveError: a plant of the robot is already running, or the folder cannot be used.
+        DiagnosticError: the map is invalid.
+        NoRoomError: the robot has no room at its start.
     """
     with RobotDirectory(Path(spec.folder), spec.robot).claim(SIMULATOR):
         from colony.nav.maps.stickrep.reader import load_map
-        from colony.sim.compiling import told_when_compiling
+        from colony.sim.compiling import announcing_compilation
 
-        with told_when_compiling(tell):
+        with announcing_compilation(report):
             from colony.sim.hazards.hazards import Hazards
             from colony.sim.plant.process import PlantOptions, serve_plant
 
@@ -95,39 +95,43 @@ def serve(
             path=spec.socket,
             building=building,
             robots={spec.robot: spec.start or (start.x_mm, start.y_mm, start.heading_deg)},
-            cameras={name: _camera(look) for name, look in spec.cameras.items()},
+            cameras={name: _camera(direction) for name, direction in spec.cameras.items()},
             hazards=Hazards.none() if spec.hazards is None else Hazards(),
             hazards_seed=spec.hazards or 0,
             seed=spec.seed,
             logical_ns=spec.logical_ns,
         )
         try:
-            serve_plant(options, stop=lambda: bool(ending), ready=ready)
+            serve_plant(options, stop=lambda: bool(shutdown), ready=ready)
         except ValueError as problem:
             raise NoRoomError(f"{spec.map}: error: the robot cannot start there: {problem}") from None
 
 
-def _camera(look: Look) -> CameraConfig | CeilingCameraConfig:
+def _camera(direction: ViewDirection) -> CameraConfig | CeilingCameraConfig:
     from colony.sim.cameras.camera import CameraConfig
     from colony.sim.cameras.ceiling import CeilingCameraConfig
 
-    return CeilingCameraConfig() if look == "up" else CameraConfig(yaw_deg=look)
+    return CeilingCameraConfig() if direction == "up" else CameraConfig(yaw_deg=direction)
 
 
 def main() -> None:
     """Run the process."""
     from colony.text.diagnostics import DiagnosticError
 
-    drop_what_cannot_be_printed()
-    ending = Ending()
-    with on_signals(ending):
-        on_death_of_parent(ending)
+    make_printing_safe()
+    shutdown = Shutdown()
+    with on_signals(shutdown):
+        on_parent_exit(shutdown)
         try:
-            serve(msgspec.json.decode(read_file(sys.argv[1], SPEC_BYTES), type=PlantSpec), ending, tell=print)
+            serve(
+                msgspec.json.decode(read_file(sys.argv[1], SPEC_BYTES), type=PlantSpec),
+                shutdown,
+                report=print,
+            )
         except (LiveError, NoRoomError, DiagnosticError) as problem:
-            give_up(str(problem))
+            exit_with(str(problem))
         except Exception as problem:
-            give_up_without(problem)
+            exit_on_exhaustion(problem)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The control of a plant from outside the robots: their true state, and moves to other places."""
+"""Control of a plant from outside the robots: reading their true state, and moving them."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from colony.sim.plant.protocol import (
 
 
 class PlantControl:
-    """A connection to the plant that asks and waits for each answer. Not for several threads.
+    """A control connection to the plant, with blocking calls. Not thread-safe.
 
-    `began_ns` is when the plant began: another time is another plant, which counts from 0 again.
+    `began_ns` is the start time of the plant, which distinguishes it from a restarted one.
 
     Raises, here and in each method:
-        OSError: the plant does not answer, within `timeout_s`.
-        PlantProtocolError: what it answers makes no sense.
-        ValueError: it refuses, in its words.
+        OSError: the plant does not answer within `timeout_s`.
+        PlantProtocolError: the answer is invalid.
+        ValueError: the plant refuses; the message is its reason.
     """
 
     def __init__(self, path: Path, *, timeout_s: float = 5.0) -> None:
@@ -54,7 +54,7 @@ class PlantControl:
         return answer
 
     def place(self, robot: str, x: float, y: float, heading: float) -> None:
-        """Carry a robot there; its odometry does not notice."""
+        """Move a robot to another place, unnoticed by its odometry."""
         self._ask(Place(robot=robot, x=x, y=y, heading=heading))
 
     def advance(self, dt_ns: int) -> None:

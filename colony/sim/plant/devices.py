@@ -1,7 +1,7 @@
-"""The hardware of simulated robots without any program.
+"""The hardware of simulated robots.
 
-It runs in its own time, reports readings, and stops a base whose commands have ceased. No I/O, and no clock:
-times are arguments. `colony.sim.plant.process` connects it to sockets.
+It runs in steps, reports readings, and stops a base that no longer gets commands. It has neither I/O nor a
+clock: times are arguments. `colony.sim.plant.process` connects it to sockets.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from colony.sim.plant.protocol import Rings, Truth
 from colony.sim.world.world import MAX_STEP_S, World
 
 STEP_NS = 20_000_000
-"""Nanoseconds of one step of the simulation: as long as from one report of a base or a ring to the next."""
+"""Step of the simulation in nanoseconds: the period of the reports of a base or a ring."""
 
 WATCHDOG_NS = 500_000_000
 
-MOST_BEHIND_NS = 1_000_000_000
-"""Largest delay that the plant catches up.
+MAX_LAG_NS = 1_000_000_000
+"""Largest lag in nanoseconds that the plant makes up for.
 
-If it is behind by more (its process was stopped, say), it skips the time, in which nothing moves.
+Beyond it (for example, after the process was stopped) the time is skipped, and nothing moves in it.
 """
 
 
-Eye = Camera | CeilingCamera
-"""A camera of a robot: along the floor, or at the ceiling."""
+RobotCamera = Camera | CeilingCamera
+"""A camera of a robot: level, or toward the ceiling."""
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class _Command:
-    """`at_ns` is when a base was commanded last; None while it stands."""
+    """The time `at_ns` of a base's last command; None while it stands."""
 
     at_ns: int | None = None
 
@@ -51,17 +51,17 @@ class Devices:
         cameras: cameras of each robot, by name.
         now_ns: the present.
         step_ns: step of the simulation.
-        watchdog_ns: after so much time without a command a base stops; None: never.
+        watchdog_ns: time without a command after which a base stops; None for never.
 
     Raises:
-        ValueError: there are not as many names as robots, two are the same, or steps have no length.
+        ValueError: the names are not one distinct name per robot, or the step is out of range.
     """
 
     def __init__(
         self,
         world: World,
         names: tuple[str, ...],
-        cameras: Mapping[str, Eye],
+        cameras: Mapping[str, RobotCamera],
         *,
         now_ns: int,
         step_ns: int = STEP_NS,
@@ -69,8 +69,8 @@ class Devices:
     ) -> None:
         if len(set(names)) != len(world) or len(names) != len(world):
             raise ValueError(f"{len(world)} robots, named {', '.join(names)}; expected a name for each")
-        if not 0 < step_ns <= MOST_BEHIND_NS:
-            raise ValueError(f"steps of {step_ns} ns; expected above 0, up to {MOST_BEHIND_NS}")
+        if not 0 < step_ns <= MAX_LAG_NS:
+            raise ValueError(f"steps of {step_ns} ns; expected above 0, up to {MAX_LAG_NS}")
         self._world = world
         self._robots = {name: number for number, name in enumerate(names)}
         self._cameras = cameras
@@ -84,13 +84,13 @@ class Devices:
         """Return the number of a robot.
 
         Raises:
-            ValueError: there is none of this name.
+            ValueError: there is no robot of this name.
         """
         try:
             return self._robots[robot]
         except KeyError:
             known = ", ".join(self._robots)
-            raise ValueError(f"there is no robot `{robot}` here; there is {known}") from None
+            raise ValueError(f"no robot `{robot}`; the robots are {known}") from None
 
     def check_camera(self, camera: str) -> None:
         """Check that the robots have a camera of this name.
@@ -105,29 +105,29 @@ class Devices:
     # --- time ----------------------------------------------------------------------------------------
 
     def advance(self, now_ns: int) -> None:
-        """Let whole steps pass up to the present."""
+        """Simulate whole steps up to the present."""
         behind = now_ns - self.reached_ns
-        if behind > MOST_BEHIND_NS:
+        if behind > MAX_LAG_NS:
             skipped = behind // self.step_ns * self.step_ns
             self._skipped_ns += skipped
             self.reached_ns += skipped
         while self.reached_ns + self.step_ns <= now_ns:
-            self._guard()
+            self._stop_expired()
             self._world.advance(self.step_ns / 1e9)
             self.reached_ns += self.step_ns
 
     def pass_time(self, dt_ns: int) -> None:
-        """Let so much time pass, in logical time.
+        """Simulate `dt_ns` of logical time.
 
         Raises:
-            ValueError: it is not above 0, or too long.
+            ValueError: the time is not above 0, or too long.
         """
         if not 0 < dt_ns <= MAX_STEP_S * 1e9:
             raise ValueError(f"cannot advance by {dt_ns} ns; expected above 0, up to {MAX_STEP_S:g} s")
         self._world.advance(dt_ns / 1e9)
         self.reached_ns += dt_ns
 
-    def _guard(self) -> None:
+    def _stop_expired(self) -> None:
         """Stop the bases whose watchdogs have expired."""
         for robot, command in enumerate(self._commands):
             if command.at_ns is not None and not self._in_time(command.at_ns):
@@ -142,13 +142,13 @@ class Devices:
         """Set the speeds of a base.
 
         Raises:
-            ValueError: one is not finite.
+            ValueError: a speed is not finite.
         """
         self._world.command(robot, velocity, turn)
         self._commands[robot].at_ns = self.reached_ns
 
     def halt(self, robot: int) -> None:
-        """Let a base stand still, as fast as it can brake."""
+        """Stop a base as fast as it can brake."""
         self._world.command(robot, 0.0, 0.0)
         self._commands[robot].at_ns = None
 
@@ -158,17 +158,17 @@ class Devices:
         return at_ns is not None and self._in_time(at_ns)
 
     def place(self, robot: int, x: float, y: float, heading: float) -> None:
-        """Carry a robot there; `ValueError` if it has no room, or a number is not finite."""
+        """Move a robot; raise `ValueError` if it has no room there, or a number is not finite."""
         self._world.place(robot, (x, y, heading))
 
     # --- readings ------------------------------------------------------------------------------------
 
     def base(self, robot: int) -> BaseState:
-        """Return what a base reports."""
+        """Return the reading of a base."""
         return base_state(self._world, robot, self.reached_ns)
 
     def proximity(self, robot: int) -> Rings:
-        """Return what the rings of a robot report."""
+        """Return the reading of a robot's rings."""
         return Rings(
             t_ns=self.reached_ns,
             sonar=tuple(self._world.sonar(robot).tolist()),
@@ -176,17 +176,17 @@ class Devices:
         )
 
     def image(self, robot: int, camera: str) -> Image:
-        """Return what a camera of a robot reports."""
+        """Return the image of a robot's camera."""
         return image_of(self._pixels(robot, self._cameras[camera]), self.reached_ns)
 
-    def _pixels(self, robot: int, eye: Eye) -> Bytes2:
-        match eye:
+    def _pixels(self, robot: int, camera: RobotCamera) -> Bytes2:
+        match camera:
             case Camera():
-                return eye.see(self._world, robot, self.reached_ns)
+                return camera.see(self._world, robot, self.reached_ns)
             case CeilingCamera():
-                return eye.image(self._world.true_pose(robot), self.reached_ns)
+                return camera.image(self._world.true_pose(robot), self.reached_ns)
             case _:
-                assert_never(eye)
+                assert_never(camera)
 
     def truth(self, robot: int) -> Truth:
         """Return the true state of a robot."""

@@ -1,12 +1,10 @@
 """Drivers of devices in another process, the plant (`colony.sim.plant.process`).
 
-Each keeps a connection in a thread of its own, which takes the device's reports and reconnects, with growing
-delays, when the plant or the connection dies. A reader of a driver gets the newest report at once, and None
-when it is older than `FRESH_NS`: a robot without hardware reads "no value", and does not go on with old
-readings.
+Each driver has a connection and a thread, which receives the device's reports and reconnects, with growing
+delays, when the plant or the connection dies. A driver returns the latest report immediately, or None if it
+is older than `MAX_READING_AGE_NS`: without hardware a robot reads "no value" rather than old readings.
 
-Commands are sent once, when they are given, and never repeated here: the device stops by itself when they
-cease to come.
+A driver sends each command once and never repeats it: the device stops by itself without commands.
 """
 
 from __future__ import annotations
@@ -50,24 +48,24 @@ from colony.sim.plant.protocol import (
     read_from_plant,
 )
 
-FRESH_NS = 500_000_000
-"""Largest age of a reading; images included."""
+MAX_READING_AGE_NS = 500_000_000
+"""Largest age of a reading or an image in nanoseconds."""
 
 _SHORTEST_PAUSE_S = 0.02
 _LONGEST_PAUSE_S = 0.1
-_ANSWER_S = 1.0
+_REPLY_TIMEOUT_S = 1.0
 _CHUNK = 262144
 
 R = TypeVar("R", bound=Reading)
 
 
-class _Cable(Generic[R]):
-    """One connection to the plant, and the newest reading. Mutable: both; used by two threads.
+class _DeviceConnection(Generic[R]):
+    """A connection to the plant, and the latest reading. Mutable: both; used by two threads.
 
     Args:
         path: path of the plant's socket.
-        attach: what to attach to.
-        kind: what comes from it.
+        attach: the request that attaches it to a device.
+        kind: the class of the device's readings.
     """
 
     def __init__(self, path: Path, attach: Attach, kind: type[R]) -> None:
@@ -82,20 +80,20 @@ class _Cable(Generic[R]):
         self._number = 0
         self._problem = "not connected yet"
         self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._keep, name=type(attach).__name__, daemon=True)
+        self._thread = threading.Thread(target=self._run, name=type(attach).__name__, daemon=True)
         self._thread.start()
 
     @property
     def problem(self) -> str | None:
-        """Reason why there is no connection; None while there is one."""
+        """The reason why there is no connection; None while there is one."""
         return None if self._attached else self._problem
 
     def newest(self) -> R | None:
-        """Return the newest reading, however old; in logical time ask for one now."""
+        """Return the latest reading, however old; in logical time request a new one."""
         return self.ask(lambda number: Sense(number=number)) if self._logical else self._newest
 
-    def tell(self, message: ToPlant) -> bool:
-        """Send, unless there is no connection; never waits."""
+    def send(self, message: ToPlant) -> bool:
+        """Send a message without blocking; return False if there is no connection."""
         with self._guard:
             sock = self._sock
             if sock is None or not self._attached:
@@ -106,31 +104,31 @@ class _Cable(Generic[R]):
                     return True
             except OSError:
                 pass
-            _hang_up(sock)  # the device is stuck, or what was sent in part makes no sense
+            _hang_up(sock)  # the device is stuck, or the message was sent only in part
             return False
 
     def ask(self, question: Callable[[int], ToPlant]) -> R | None:
-        """Send a numbered message and wait for the reading that answers it; None where none comes."""
+        """Send a numbered message and wait for the reading that answers it; return None without an answer."""
         with self._guard:
             self._number += 1
             number = self._number
-        if not self.tell(question(number)):
+        if not self.send(question(number)):
             return None
         with self._guard:
             self._guard.wait_for(
                 lambda: not self._attached or (self._newest is not None and self._newest.number == number),
-                _ANSWER_S,
+                _REPLY_TIMEOUT_S,
             )
             newest = self._newest
         return newest if newest is not None and newest.number == number else None
 
     @property
     def logical(self) -> bool:
-        """True if the device's time passes by commands only."""
+        """True if the device's time advances only by commands."""
         return self._logical
 
     def close(self) -> None:
-        """Close the connection; the device notices. Idempotent."""
+        """Close the connection. Idempotent."""
         self._closed.set()
         with self._guard:
             if self._sock is not None:
@@ -139,12 +137,12 @@ class _Cable(Generic[R]):
 
     # --- the thread ----------------------------------------------------------------------------------
 
-    def _keep(self) -> None:
+    def _run(self) -> None:
         pause_s = _SHORTEST_PAUSE_S
         while not self._closed.is_set():
             try:
                 with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as sock:
-                    sock.settimeout(_ANSWER_S)
+                    sock.settimeout(_REPLY_TIMEOUT_S)
                     sock.connect(os.fspath(self._path))
                     sock.sendall(pack(self._attach))
                     sock.settimeout(None)
@@ -159,13 +157,13 @@ class _Cable(Generic[R]):
             self._closed.wait(pause_s)
 
     def _adopt(self, sock: socket.socket) -> bool:
-        """Make a connection the one that `close` ends, unless it was called already."""
+        """Register a connection for `close`; return False if that was called already."""
         with self._guard:
             self._sock = None if self._closed.is_set() else sock
             return self._sock is not None
 
     def _receive(self, sock: socket.socket) -> None:
-        """Take what comes until the connection ends."""
+        """Receive messages until the connection ends."""
         unpacker = Unpacker(LARGEST_FROM_PLANT)
         while data := sock.recv(_CHUNK):
             for payload in unpacker.feed(data):
@@ -185,7 +183,7 @@ class _Cable(Generic[R]):
 
 
 def _hang_up(sock: socket.socket) -> None:
-    """End a connection that the other thread may be waiting on; it closes the socket."""
+    """Shut a connection down; the other thread, which may be waiting on it, closes the socket."""
     with contextlib.suppress(OSError):
         sock.shutdown(socket.SHUT_RDWR)
 
@@ -196,35 +194,35 @@ class _Remote(Generic[R]):
     def __init__(
         self, path: Path, attach: Attach, kind: type[R], base_ns: int, clock: Callable[[], int]
     ) -> None:
-        self._cable = _Cable(path, attach, kind)
+        self._connection = _DeviceConnection(path, attach, kind)
         self._base_ns = base_ns
         self._clock = clock
         self._ahead_ns: int | None = None
 
     @property
     def problem(self) -> str | None:
-        """Reason why there is no connection to the device; None while there is one."""
-        return self._cable.problem
+        """The reason why there is no connection to the device; None while there is one."""
+        return self._connection.problem
 
     def close(self) -> None:
-        """Give the device up: no more readings, no more commands."""
-        self._cable.close()
+        """Close the connection to the device."""
+        self._connection.close()
 
     def _newest(self) -> tuple[R, int] | None:
-        """Return the newest reading that is fresh, and when it was taken in the robot's time."""
-        reading = self._cable.newest()
+        """Return the latest reading, if it is fresh, and its time in the robot's time."""
+        reading = self._connection.newest()
         if reading is None:
             return None
         now_ns, t_ns = self._clock(), reading.taken.t_ns
-        if self._cable.logical:
+        if self._connection.logical:
             return reading, self._logical_ns(t_ns, now_ns) - self._base_ns
-        return None if now_ns - t_ns > FRESH_NS else (reading, t_ns - self._base_ns)
+        return None if now_ns - t_ns > MAX_READING_AGE_NS else (reading, t_ns - self._base_ns)
 
     def _logical_ns(self, t_ns: int, now_ns: int) -> int:
-        """Return the time of a reading where time is logical.
+        """Return the time of a reading in logical time.
 
-        It goes as the plant's does, frame by frame, and is never behind the clock. So it is not behind the
-        Clock's ticks either, which begin with the clock and go by frames.
+        It advances with the plant's time, frame by frame, and is never behind the clock. It is therefore not
+        behind the Clock's ticks either, which start with the clock and advance by frames.
         """
         ahead_ns = now_ns - t_ns if self._ahead_ns is None else max(self._ahead_ns, now_ns - t_ns)
         self._ahead_ns = ahead_ns
@@ -236,10 +234,10 @@ class RemoteBase(_Remote[BaseReading]):
 
     Args:
         path: path of the plant's socket.
-        robot: its name.
-        base_ns: begin of the robot's time, on the plant's clock.
-        clock: the plant's clock, the machine's monotonic one.
-        config: what the robot is like; the plant's is not asked.
+        robot: name of the robot.
+        base_ns: start of the robot's time, on the plant's clock.
+        clock: the plant's clock, which is the machine's monotonic one.
+        config: the parameters of the robot; they are not requested from the plant.
     """
 
     register_bits: int | None = None
@@ -257,18 +255,18 @@ class RemoteBase(_Remote[BaseReading]):
         self.limits = limits_of(config or RobotConfig())
 
     def drive(self, velocity: float, turn: float) -> None:
-        """Command the speeds of the base; in logical time, wait for the frame to pass."""
-        if self._cable.logical:
-            self._cable.ask(lambda number: DriveBase(velocity=velocity, turn=turn, number=number))
+        """Command the speeds of the base; in logical time, wait for the end of the frame."""
+        if self._connection.logical:
+            self._connection.ask(lambda number: DriveBase(velocity=velocity, turn=turn, number=number))
         else:
-            self._cable.tell(DriveBase(velocity=velocity, turn=turn))
+            self._connection.send(DriveBase(velocity=velocity, turn=turn))
 
     def stop(self) -> None:
         """Command the base to stop."""
-        self._cable.tell(Halt())
+        self._connection.send(Halt())
 
     def state(self) -> BaseState | None:
-        """Return the newest state of the base, or None if there is none."""
+        """Return the latest state of the base, or None if there is none."""
         found = self._newest()
         return None if found is None else replace(found[0].taken, t_ns=found[1])
 
@@ -282,12 +280,12 @@ class RemoteProximity(_Remote[ProximityReading]):
         super().__init__(path, AttachProximity(robot=robot), ProximityReading, base_ns, clock)
 
     def sonar(self) -> Sample | None:
-        """Return the newest sonar readings, or None if there are none."""
+        """Return the latest sonar readings, or None if there are none."""
         found = self._newest()
         return None if found is None else Sample(found[0].taken.sonar, found[1])
 
     def infrared(self) -> Sample | None:
-        """Return the newest infrared readings, or None if there are none."""
+        """Return the latest infrared readings, or None if there are none."""
         found = self._newest()
         return None if found is None else Sample(found[0].taken.infrared, found[1])
 
@@ -307,6 +305,6 @@ class RemoteCamera(_Remote[CameraReading]):
         super().__init__(path, AttachCamera(robot=robot, camera=camera), CameraReading, base_ns, clock)
 
     def grab(self) -> Image | None:
-        """Return the newest image, or None if there is none."""
+        """Return the latest image, or None if there is none."""
         found = self._newest()
         return None if found is None else msgspec.structs.replace(found[0].taken, t_ns=found[1])

@@ -1,6 +1,6 @@
-"""The ports of a plant: what a connection is attached to, and the messages allowed there. No I/O.
+"""The ports of a plant, to which connections attach, and the messages that each allows. No I/O.
 
-A message that its connection must not send raises `ValueError`; its text goes back to the sender.
+A message that is not allowed raises `ValueError`, whose text is returned to the sender.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from colony.sim.plant.protocol import (
 )
 
 
-def attached(message: ToPlant, devices: Devices) -> Attach:
-    """Check the first message of a connection: it attaches the connection to a device or to the control.
+def checked_attachment(message: ToPlant, devices: Devices) -> Attach:
+    """Check the first message of a connection, which must attach it to a device or to the control.
 
     Raises:
-        ValueError: it does not, or the plant has no such robot or camera.
+        ValueError: the message does not attach, or the plant has no such robot or camera.
     """
     match message:
         case AttachCamera(robot=robot, camera=camera):
@@ -50,7 +50,7 @@ def attached(message: ToPlant, devices: Devices) -> Attach:
 
 
 def reading(port: Device, devices: Devices, number: int = 0) -> Reading:
-    """Return what the device at this port reads, with the number of the message that asked for it."""
+    """Return the reading of the device at this port, with the number of the request."""
     match port:
         case AttachBase():
             return BaseReading(taken=devices.base(devices.number(port.robot)), number=number)
@@ -62,12 +62,12 @@ def reading(port: Device, devices: Devices, number: int = 0) -> Reading:
 
 
 def answer(port: Attach, message: ToPlant, devices: Devices, logical_ns: int | None) -> FromPlant | None:
-    """Do what a message asks for, and return the answer if it has one.
+    """Handle a message, and return the answer if there is one.
 
-    An error at the control is reported, and the connection stays open.
+    An error on a control connection is reported, and the connection stays open.
 
     Args:
-        port: what the connection is attached to.
+        port: the port to which the connection is attached.
         message: the message.
         devices: the devices.
         logical_ns: the logical time that passes with each command; None in real time.
@@ -109,4 +109,4 @@ def _control(message: ToPlant, devices: Devices, logical_ns: int | None) -> From
 
 
 def _misplaced(message: ToPlant) -> ValueError:
-    return ValueError(f"{type(message).__name__} does not belong here")
+    return ValueError(f"{type(message).__name__} is not allowed on this connection")

@@ -1,14 +1,14 @@
-"""The simulator as a process of its own, like a robot's hardware.
+"""The simulator as a separate process, like a robot's hardware.
 
     serve_plant(options, stop=stopped.is_set, ready=started.set)
 
-It is a building with robots in it, which runs in real time behind a unix socket, with or without clients. One
-thread does everything: it lets time pass in small steps, reports sensor readings to the attached drivers, and
-takes commands. A reader that is too slow misses readings; it never holds up the others. A message that cannot
-be read is answered by a refusal and the end of its connection.
+It is a building with robots, which runs in real time behind a unix socket, with or without clients. A single
+thread simulates small steps, sends sensor readings to the attached drivers, and takes commands. A slow reader
+misses readings but never delays others. An invalid message is answered by a refusal, which ends its
+connection.
 
-In logical time there is one robot, and its time passes by a frame with each command to its base, as fast as
-the commands come; where none is sent, as with `idle hold`, it stands still.
+In logical time there is one robot, whose time advances by one frame with each command to its base. Without
+commands, as with `idle hold`, time stands still.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from colony.sim.cameras.ceiling import CeilingCamera, CeilingCameraConfig
 from colony.sim.cameras.scene import scene_of
 from colony.sim.config import RobotConfig
 from colony.sim.hazards.hazards import Hazards, draw
-from colony.sim.plant.devices import STEP_NS, WATCHDOG_NS, Devices, Eye
-from colony.sim.plant.ports import answer, attached, reading
+from colony.sim.plant.devices import STEP_NS, WATCHDOG_NS, Devices, RobotCamera
+from colony.sim.plant.ports import answer, checked_attachment, reading
 from colony.sim.plant.protocol import (
     LARGEST_TO_PLANT,
     Attach,
@@ -49,20 +49,20 @@ from colony.sim.plant.protocol import (
 from colony.sim.world.world import World
 
 REPORT_NS = 20_000_000
-"""Time between two reports of a base or a ring."""
+"""Nanoseconds between two reports of a base or a ring."""
 
 IMAGE_NS = 100_000_000
-"""Time between two images of a camera."""
+"""Nanoseconds between two images of a camera."""
 
 _CONNECTIONS = 1000
 _IDLE_S = 0.1
 _CHUNK = 65536
 _UNREAD = 65536
-"""Bytes of unread answers at which the plant stops reading from a client until it takes them."""
+"""Number of unread bytes at which the plant stops reading from a client until it receives them."""
 
 
 class PlantInUseError(Exception):
-    """Another process serves this socket already."""
+    """Another process is serving this socket."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,17 +70,17 @@ class PlantOptions:
     """The options of a plant.
 
     Attributes:
-        path: path of the socket, in a folder of the owner alone, which is created if it is missing.
-        building: the walls, and what they look like.
-        robots: each robot's first pose, by name: x, y in mm, heading in degrees counterclockwise from north.
+        path: path of the socket, in a private folder, which is created if it is missing.
+        building: the map of the building.
+        robots: initial poses by name: x, y in mm, heading in degrees counterclockwise from north.
         cameras: cameras of each robot, by name.
         hazards: hazards of the building; none by default.
         hazards_seed: seed of the hazards.
         config: the parameters of the robots.
         seed: seed of the simulated errors.
         step_ns: step of the simulation.
-        watchdog_ns: after so much time without a command a base stops.
-        logical_ns: None for real time; else the logical time that passes with each command.
+        watchdog_ns: time without a command after which a base stops.
+        logical_ns: logical time that passes with each command; None for real time.
     """
 
     path: Path
@@ -108,9 +108,9 @@ def serve_plant(
     `stop` is polled.
 
     Raises:
-        ValueError: the options make no sense: a robot has no room, or logical time with several robots.
-        PlantInUseError: another process serves this socket.
-        OSError: the socket cannot be made.
+        ValueError: a robot has no room, or there are several robots in logical time.
+        PlantInUseError: another process is serving this socket.
+        OSError: the socket cannot be created.
     """
     devices = _devices(options, clock)
     with _listening(options.path) as listener, selectors.DefaultSelector() as selector:
@@ -118,7 +118,7 @@ def serve_plant(
         ready()
         try:
             while not stop():
-                server.turn()
+                server.step()
         finally:
             server.close()
 
@@ -134,7 +134,7 @@ def _devices(options: PlantOptions, clock: Callable[[], int]) -> Devices:
         seed=options.seed,
     )
     scene, radius = scene_of(options.building, scenery), options.config.radius_mm
-    cameras: dict[str, Eye] = {
+    cameras: dict[str, RobotCamera] = {
         name: CeilingCamera(scenery, config)
         if isinstance(config, CeilingCameraConfig)
         else Camera(scene, config, robot_radius_mm=radius, seed=options.seed)
@@ -148,7 +148,7 @@ def _devices(options: PlantOptions, clock: Callable[[], int]) -> Devices:
         step_ns=options.step_ns,
         watchdog_ns=options.watchdog_ns if options.logical_ns is None else None,
     )
-    for name in cameras:  # what is slow the first time shall not be when it counts
+    for name in cameras:  # warm up, so that the first real images and readings are not slow
         devices.image(0, name)
     world.sonar(0)
     return devices
@@ -156,11 +156,11 @@ def _devices(options: PlantOptions, clock: Callable[[], int]) -> Devices:
 
 @contextmanager
 def _listening(path: Path) -> Iterator[socket.socket]:
-    """Open a socket at `path`, in place of one that a killed process left behind."""
+    """Listen at `path`, replacing the socket of a killed process."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     found = path.parent.stat()
     if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
-        raise PermissionError(f"{path.parent} is open to others, who could drive the robots")
+        raise PermissionError(f"{path.parent} is open to other users, who could drive the robots")
     lock = os.open(path.with_name(path.name + ".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
         try:
@@ -188,7 +188,7 @@ class _Connection:
 
 
 class _Server:
-    """Mutable: the connections."""
+    """The server of the devices. Mutable: the connections."""
 
     def __init__(
         self,
@@ -208,8 +208,8 @@ class _Server:
         self._connections: set[_Connection] = set()
         selector.register(listener, selectors.EVENT_READ, None)
 
-    def turn(self) -> None:
-        """Let time pass and report; then wait for the next step, or for a message."""
+    def step(self) -> None:
+        """Advance the simulation and report; then wait for the next step, or for a message."""
         wait_s = _IDLE_S
         if self._logical_ns is None:
             self._devices.advance(self._clock())
@@ -230,7 +230,7 @@ class _Server:
     def _accept(self) -> None:
         try:
             sock, _ = self._listener.accept()
-        except OSError:  # it is gone already, or this process has no more descriptors
+        except OSError:  # the client has gone, or this process has no more descriptors
             return
         if len(self._connections) >= _CONNECTIONS:
             sock.close()
@@ -275,9 +275,9 @@ class _Server:
         message = read_to_plant(payload)
         reply: FromPlant | None
         if connection.port is None:
-            port = attached(message, self._devices)
+            port = checked_attachment(message, self._devices)
             if isinstance(port, AttachBase):
-                self._make_room(port)
+                self._displace_idle_driver(port)
             connection.port, connection.due_ns = port, self._devices.reached_ns
             reply = Attached(logical=self._logical_ns is not None, began_ns=self._began_ns)
         else:
@@ -285,18 +285,18 @@ class _Server:
         if reply is not None:
             self._send(connection, pack(reply))
 
-    def _make_room(self, port: AttachBase) -> None:
-        """Make room for a base's new connection: a driver in command keeps its own, an idle one loses it."""
+    def _displace_idle_driver(self, port: AttachBase) -> None:
+        """Displace the idle driver of a base for a new one; refuse if the present driver is in command."""
         for other in tuple(self._connections):
             if other.port == port:
                 if self._devices.driven(self._devices.number(port.robot)):
-                    raise ValueError("the base has a cable already, by which it is driven")
+                    raise ValueError("another driver is in command of the base")
                 self._drop(other)
 
     # --- sending -------------------------------------------------------------------------------------
 
     def _report(self) -> None:
-        """Give a reading to each whose time has come, unless the one before is still on its way."""
+        """Send the readings that are due, unless the previous one is still being sent."""
         now_ns = self._devices.reached_ns
         for connection in tuple(self._connections):
             port = connection.port

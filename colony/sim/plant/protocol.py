@@ -1,17 +1,17 @@
 """The protocol between the simulated devices and their drivers, over unix stream sockets.
 
-Each message is four bytes of length, most significant first, one byte of version, then msgpack. A connection
-begins with what it is attached to, and is that device's cable from then on: readings come by themselves,
-commands go the other way. A control connection asks and is answered instead.
+A message is four bytes of length, most significant first, one byte of version, then msgpack. The first
+message attaches a connection to a device. From then on the plant sends readings by itself, and the driver
+sends commands. On a control connection the plant only answers requests.
 
     driver   -> plant    AttachBase, AttachProximity, AttachCamera
-    plant    -> driver   Attached, then BaseReading, ProximityReading, CameraReading again and again
+    plant    -> driver   Attached, then BaseReading, ProximityReading, CameraReading periodically
     driver   -> plant    DriveBase, Halt; Sense, in logical time
     anyone   -> plant    AttachControl, then AskTruth, Place, Advance, each answered by Truth, Done or Refusal
 
-Times are those of the machine's monotonic clock in nanoseconds. In logical time, which stands still but for
-commands, nothing comes by itself: `DriveBase` lets a frame pass, and `DriveBase` and `Sense` are answered by
-a reading with the same `number`.
+Times are those of the machine's monotonic clock in nanoseconds. Logical time advances only by commands, and
+the plant sends nothing by itself: `DriveBase` advances time by a frame, and `DriveBase` and `Sense` are
+answered by a reading with the same `number`.
 """
 
 from __future__ import annotations
@@ -38,37 +38,37 @@ Taken = TypeVar("Taken")
 
 
 class _Message(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=True):
-    """A message: in bytes, an array that begins with the message's name."""
+    """A message, encoded as an array that begins with the message's name."""
 
 
 # --- to the plant --------------------------------------------------------------------------------
 
 
 class AttachBase(_Message, frozen=True, kw_only=True):
-    """A request for a robot's base; a driver in command keeps it, an idle one loses it to the next."""
+    """A request to attach to a robot's base, which a driver in command keeps and an idle one loses."""
 
     robot: str
 
 
 class AttachProximity(_Message, frozen=True, kw_only=True):
-    """This is a cable of a robot's sonars and infrared detectors."""
+    """A request to attach to a robot's sonars and infrared detectors."""
 
     robot: str
 
 
 class AttachCamera(_Message, frozen=True, kw_only=True):
-    """This is a cable of one of a robot's cameras."""
+    """A request to attach to a robot's camera."""
 
     robot: str
     camera: str
 
 
 class AttachControl(_Message, frozen=True, kw_only=True):
-    """This connection stands outside the robots."""
+    """A request for a control connection, which is not a part of a robot."""
 
 
 class DriveBase(_Message, frozen=True, kw_only=True):
-    """Go at `velocity` mm/s, turning `turn` deg/s; it holds for as long as the watchdog waits."""
+    """A command to drive at `velocity` mm/s and turn at `turn` deg/s, valid until the watchdog expires."""
 
     velocity: float
     turn: float
@@ -76,11 +76,11 @@ class DriveBase(_Message, frozen=True, kw_only=True):
 
 
 class Halt(_Message, frozen=True, kw_only=True):
-    """Stand still."""
+    """A command to stop."""
 
 
 class Sense(_Message, frozen=True, kw_only=True):
-    """Give a reading now."""
+    """A request for a reading."""
 
     number: int
 
@@ -92,7 +92,7 @@ class AskTruth(_Message, frozen=True, kw_only=True):
 
 
 class Place(_Message, frozen=True, kw_only=True):
-    """Carry a robot there; its odometry does not notice."""
+    """A request to move a robot to another place, unnoticed by its odometry."""
 
     robot: str
     x: float
@@ -101,7 +101,7 @@ class Place(_Message, frozen=True, kw_only=True):
 
 
 class Advance(_Message, frozen=True, kw_only=True):
-    """A request to let logical time pass."""
+    """A request to advance logical time."""
 
     dt_ns: int
 
@@ -110,10 +110,10 @@ class Advance(_Message, frozen=True, kw_only=True):
 
 
 class Attached(_Message, frozen=True, kw_only=True):
-    """The answer that the device is there.
+    """The confirmation of an attachment.
 
-    `logical`: its time passes by commands only. `began_ns` is when the plant began; it distinguishes a
-    process from another one started in its place.
+    `logical` is True if time advances only by commands. `began_ns` is the start time of the plant, which
+    distinguishes a process from its replacement.
     """
 
     logical: bool
@@ -121,13 +121,13 @@ class Attached(_Message, frozen=True, kw_only=True):
 
 
 class Refusal(_Message, frozen=True, kw_only=True):
-    """The answer that a request is refused, and why. On a device's connection it ends it."""
+    """The refusal of a request, with the reason; it ends the connection of a device."""
 
     message: str
 
 
 class Done(_Message, frozen=True, kw_only=True):
-    """The answer that a request is done."""
+    """The confirmation that a request is done."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +140,7 @@ class Rings:
 
 
 class _Reading(_Message, Generic[Taken], frozen=True, kw_only=True):
-    """A reading of a device; `number` is that of the message that asked for it."""
+    """A reading of a device; `number` is that of the request."""
 
     taken: Taken
     number: int = 0
@@ -159,11 +159,11 @@ class CameraReading(_Reading[Image], frozen=True, kw_only=True):
 
 
 class Truth(_Message, frozen=True, kw_only=True):
-    """The true state of a robot at `t_ns`, whatever it believes.
+    """The true state of a robot at `t_ns`.
 
-    Position in mm, heading in degrees, speeds in mm/s and deg/s, the way driven so far in mm. `bumps` counts
-    its collisions. `driven`: its base has a connection, and was commanded within the watchdog's time.
-    `skipped_ns` is the time that the plant was too late to simulate.
+    It has the position in mm, the heading in degrees, speeds in mm/s and deg/s, and the distance driven so
+    far in mm. `bumps` is the number of collisions. `driven` is True if the base got a command within the
+    watchdog's time. `skipped_ns` is the time that the plant skipped because of lag.
     """
 
     t_ns: int
@@ -186,7 +186,7 @@ FromPlant = Attached | Refusal | Done | Reading | Truth
 
 
 class PlantProtocolError(ValueError):
-    """These bytes are not the protocol; what comes after them cannot be read either."""
+    """Bytes violate the protocol; the bytes after them cannot be read either."""
 
 
 _encoder = msgspec.msgpack.Encoder()
@@ -204,7 +204,7 @@ def read_to_plant(payload: bytes) -> ToPlant:
     """Read the message in a payload.
 
     Raises:
-        PlantProtocolError: there is none.
+        PlantProtocolError: the payload is not a message.
     """
     return _read(payload, _to_plant)
 
@@ -224,17 +224,17 @@ def _read(payload: bytes, decoder: msgspec.msgpack.Decoder[M]) -> M:
 
 
 class Unpacker:
-    """Cuts what a stream gives into payloads. Mutable: what has come of the next one."""
+    """A splitter of a byte stream into payloads. Mutable: the incomplete payload."""
 
     def __init__(self, largest: int) -> None:
         self._largest = largest
         self._rest = bytearray()
 
     def feed(self, data: bytes) -> Iterator[bytes]:
-        """Return every payload that is complete.
+        """Yield every complete payload.
 
         Raises:
-            PlantProtocolError: one claims to be empty or larger than allowed.
+            PlantProtocolError: the length of a payload is 0 or larger than allowed.
         """
         self._rest += data
         while len(self._rest) >= _LENGTH:

@@ -1,4 +1,4 @@
-"""Servers of a simulated robot: `python -m colony.sim.plant.servers SPEC` is one whose hardware is the plant.
+"""A server of a simulated robot, whose hardware is the plant: `python -m colony.sim.plant.servers SPEC`.
 
 The plant itself is `colony.sim.plant.child`.
 """
@@ -14,19 +14,23 @@ from colony.sim.plant.drivers import RemoteBase, RemoteCamera, RemoteProximity
 
 
 class PlantDevices:
-    """Drivers of what is in the plant."""
+    """Drivers of the devices in the plant."""
 
-    def base(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> RemoteBase:
+    def base(self, device: Device, robot: str, base_ns: int, resources: ExitStack) -> RemoteBase:
         """Open the base of a robot."""
-        return holds.enter_context(closing(RemoteBase(Path(device.plant), robot, base_ns=base_ns)))
+        return resources.enter_context(closing(RemoteBase(Path(device.plant), robot, base_ns=base_ns)))
 
-    def proximity(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> RemoteProximity:
+    def proximity(self, device: Device, robot: str, base_ns: int, resources: ExitStack) -> RemoteProximity:
         """Open the proximity sensors of a robot."""
-        return holds.enter_context(closing(RemoteProximity(Path(device.plant), robot, base_ns=base_ns)))
+        return resources.enter_context(closing(RemoteProximity(Path(device.plant), robot, base_ns=base_ns)))
 
-    def camera(self, device: Device, robot: str, camera: str, base_ns: int, holds: ExitStack) -> RemoteCamera:
+    def camera(
+        self, device: Device, robot: str, camera: str, base_ns: int, resources: ExitStack
+    ) -> RemoteCamera:
         """Open a camera of a robot."""
-        return holds.enter_context(closing(RemoteCamera(Path(device.plant), robot, camera, base_ns=base_ns)))
+        return resources.enter_context(
+            closing(RemoteCamera(Path(device.plant), robot, camera, base_ns=base_ns))
+        )
 
 
 if __name__ == "__main__":

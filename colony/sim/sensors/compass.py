@@ -1,28 +1,39 @@
-"""A compass in a building full of iron (thesis Figure 6.2).
+"""The compass, disturbed by iron in the building (thesis Figure 6.2).
 
-The disturbance is noise on a grid: each corner of a grid has a value of its own, and between corners the
-values blend smoothly, so that it stays within its bounds and has no steps (Perlin 1985).
+The disturbance is gridded noise: each corner of a grid has a random value, with smooth interpolation in
+between, so that the disturbance is bounded and continuous (Perlin 1985).
 """
 
 from __future__ import annotations
 
 import math
 
-from colony.sim.hazards.scenery import Iron
+from colony.sim.hazards.scenery import CompassDisturbance
 
 _MASK = 2**64 - 1
 
 
-def disturbance_deg(iron: Iron, x_mm: float, y_mm: float) -> float:
-    """Return the error of a compass at a place, in degrees, within `iron.most_deg` to either side."""
-    if iron.most_deg == 0.0:
+def disturbance_deg(field: CompassDisturbance, x_mm: float, y_mm: float) -> float:
+    """Return the error of a compass at a place, in degrees, at most `field.max_deg`."""
+    if field.max_deg == 0.0:
         return 0.0
-    column, row = math.floor(x_mm / iron.spacing_mm), math.floor(y_mm / iron.spacing_mm)
-    east = _smooth(x_mm / iron.spacing_mm - column)
-    north = _smooth(y_mm / iron.spacing_mm - row)
-    south_side = _blend(_corner(iron.seed, column, row), _corner(iron.seed, column + 1, row), east)
-    north_side = _blend(_corner(iron.seed, column, row + 1), _corner(iron.seed, column + 1, row + 1), east)
-    return iron.most_deg * _blend(south_side, north_side, north)
+    column, row = (
+        math.floor(x_mm / field.spacing_mm),
+        math.floor(y_mm / field.spacing_mm),
+    )
+    east = _smooth(x_mm / field.spacing_mm - column)
+    north = _smooth(y_mm / field.spacing_mm - row)
+    south_side = _blend(
+        _corner(field.seed, column, row),
+        _corner(field.seed, column + 1, row),
+        east,
+    )
+    north_side = _blend(
+        _corner(field.seed, column, row + 1),
+        _corner(field.seed, column + 1, row + 1),
+        east,
+    )
+    return field.max_deg * _blend(south_side, north_side, north)
 
 
 def _corner(seed: int, column: int, row: int) -> float:
@@ -37,5 +48,5 @@ def _smooth(part: float) -> float:
     return part * part * (3.0 - 2.0 * part)
 
 
-def _blend(one: float, other: float, part: float) -> float:
-    return one + part * (other - one)
+def _blend(start: float, end: float, part: float) -> float:
+    return start + part * (end - start)

@@ -1,20 +1,18 @@
 """The 24 sonars and infrared detectors of each robot.
 
-A transducer hears in a cone. The cone is filled with rays, evenly, two of them on its edges; each ray ends at
-the first thing that it meets, and whether that thing is *heard* is a second question:
+The beam of a transducer is a cone of evenly spaced rays, two of them on its edges. Each ray ends at the first
+obstacle. The obstacle may return an echo or not:
 
-- A wall is a mirror for ultrasound. Met within the critical angle to its normal it is heard, beyond that it
-  sends the sound away: the ray is silent, but still hides what is behind.
-- A corner of two walls at right angles sends the sound back where it came from, by two bounces: it is
-  heard from everywhere in front of it.
-- Another robot is heard from everywhere, and so is a person.
+- A wall is a mirror for ultrasound. Within the critical angle to its normal it returns an echo; beyond, it
+  reflects the sound away, but still hides everything behind it.
+- A corner of two walls at right angles is a retroreflector: it returns an echo in all directions in front.
+- Another robot or a person returns an echo in all directions.
 
-The reading is the nearest thing heard by a ray of the cone, and the full range where there is none. Rays are
-exact (they start at the transducer), so that a wall straight ahead of a transducer is read exactly; a wall
-whose nearest point lies between two rays is read too far by less than 0.04 %, and something thin and far away
-may be missed between two of them.
+The reading is the nearest echo of the cone's rays, or the full range without an echo. Rays start at the
+transducer, so that a wall straight ahead is read exactly. A wall whose nearest point lies between two rays is
+read too far by less than 0.04 %, and thin, distant objects between two rays may be missed.
 
-Everything happens in the robot's frame: u ahead, v to the left, so that the rays are a constant table.
+Computations use the robot's frame: u ahead, v to the left, so that the rays are a constant table.
 """
 
 from __future__ import annotations
@@ -30,23 +28,23 @@ from colony.sim.config import AHEAD, CHANNELS, SPACING_DEG, RobotConfig
 from colony.sim.world.people import Crowd
 
 RAY_STEP_DEG = 3.0
-"""The angle between neighboring rays of a cone at most; the axis is always one."""
+"""Largest angle between neighboring rays of a cone; one ray is always on the axis."""
 
-_RETRO_COSINE = math.sin(math.radians(10.0))  # corners count as right angles up to ten degrees
+_RETRO_COSINE = math.sin(math.radians(10.0))  # tolerance of right angles: ten degrees
 _NOTHING = -1
 _HULL = -2  # of a robot or a person
 _LEAST_FALSE_MM = 300.0
-_EDGE = 1e-9  # rays meet walls up to this part beyond their ends: no leak where two walls meet
+_EDGE = 1e-9  # fraction by which walls extend beyond their ends, so that rays do not leak between them
 
 
 class Fan(NamedTuple):
-    """The rays of a robot in its frame, u ahead and v to the left, and room to cast them.
+    """The rays of a robot in its frame, u ahead and v to the left, with work space.
 
     Attributes:
         origin_u, origin_v: (24,), the transducers in mm.
         ray_u, ray_v: (24, rays), unit vectors; the middle one is the axis.
-        depth: (24, rays), how far each ray goes, in mm.
-        target: (24, rays), what stops it: the number of a wall, a hull, or nothing.
+        depth: (24, rays), the length of each ray in mm.
+        target: (24, rays), the obstacle of each ray: the number of a wall, a hull, or nothing.
         deepest: (24,), the greatest depth of each cone.
     """
 
@@ -59,8 +57,8 @@ class Fan(NamedTuple):
     deepest: Floats
 
 
-class Ears(NamedTuple):
-    """The hearing and sight of a robot, as in `RobotConfig`, with values computed from its angles."""
+class ProximityModel(NamedTuple):
+    """The model of a robot's sonars and infrared detectors, from its `RobotConfig`."""
 
     radius: float
     full_range: float
@@ -73,8 +71,8 @@ class Ears(NamedTuple):
     infrared_range: float
 
 
-class Talk(NamedTuple):
-    """The probability that a reading is false, and the seed of that."""
+class CrossTalk(NamedTuple):
+    """Cross-talk of sonars: the probability that a reading is false, and the seed."""
 
     probability: float
     seed: int
@@ -103,9 +101,9 @@ def fan_of(config: RobotConfig) -> Fan:
     )
 
 
-def ears_of(config: RobotConfig) -> Ears:
-    """Return the hearing and sight of a robot."""
-    return Ears(
+def proximity_model(config: RobotConfig) -> ProximityModel:
+    """Return the model of a robot's sonars and infrared detectors."""
+    return ProximityModel(
         radius=config.radius_mm,
         full_range=config.sonar_range_mm,
         least=config.sonar_least_mm,
@@ -119,13 +117,13 @@ def ears_of(config: RobotConfig) -> Ears:
 
 
 def wall_table(walls: Floats2) -> Floats2:
-    """Return walls as the compiled functions take them.
+    """Return walls in the form of the compiled functions.
 
     Args:
-        walls: (n, 4), x0, y0, x1, y1 in mm; none without length.
+        walls: (n, 4), x0, y0, x1, y1 in mm; none of length 0.
 
     Returns:
-        (n, 7): the same, the unit vector from the first end to the second, and the length.
+        (n, 7): the walls, the unit vectors from the first end to the second, and the lengths.
     """
     along = walls[:, 2:] - walls[:, :2]
     lengths = np.hypot(along[:, 0], along[:, 1])[:, None]
@@ -133,10 +131,10 @@ def wall_table(walls: Floats2) -> Floats2:
 
 
 def corner_reflectors(walls: Floats2) -> Bools2:
-    """Return which ends of walls are corners that send sound back, seen from which side.
+    """Return a mask of the ends of walls that are retroreflecting corners, by side.
 
     Args:
-        walls: (n, 7), as `wall_table` gives them.
+        walls: (n, 7), from `wall_table`.
 
     Returns:
         (n, 4) bool: start seen from the left of the wall, end from the left, start from the right, end from
@@ -158,9 +156,9 @@ def corner_reflectors(walls: Floats2) -> Bools2:
 
 @inlined
 def _cones(low: float, high: float, half_beam: float) -> tuple[int, int]:
-    """Return the first transducer whose cone meets the bearings from low to high (rad), and their count.
+    """Return the first transducer whose cone covers bearings from low to high (rad), and the number of these.
 
-    What is in the cone of a transducer is, seen from the robot's center, even closer to its axis.
+    An object in the cone of a transducer is even closer to its axis as seen from the robot's center.
     """
     spacing = 2.0 * math.pi / CHANNELS
     first = math.ceil((low - half_beam) / spacing - 1e-6)
@@ -180,7 +178,7 @@ def _cast_at_wall(
     half_beam: float,
     fan: Fan,
 ) -> None:
-    """Let one wall, its ends and their bearings in the robot's frame, stop the rays that reach it first."""
+    """Shorten the rays that meet a wall, given by its ends and their bearings in the robot's frame."""
     low, high = min(start, end), max(start, end)
     if high - low > math.pi:
         low, high = high, low + 2.0 * math.pi
@@ -189,10 +187,10 @@ def _cast_at_wall(
     for _ in range(count):
         au, av = u0 - fan.origin_u[channel], v0 - fan.origin_v[channel]
         height = au * ev - av * eu
-        side = 1.0 if height >= 0.0 else -1.0  # which end is to the left does not matter
+        side = 1.0 if height >= 0.0 else -1.0  # independent of the order of the ends
         height *= side
         seu, sev, sau, sav = side * eu, side * ev, side * au, side * av
-        for ray in range(fan.ray_u.shape[1]):  # without branches, so that the compiler makes vectors of it
+        for ray in range(fan.ray_u.shape[1]):  # without branches, so that the compiler vectorizes it
             du, dv = fan.ray_u[channel, ray], fan.ray_v[channel, ray]
             across = du * sev - dv * seu
             along = sau * dv - sav * du
@@ -206,7 +204,7 @@ def _cast_at_wall(
 
 @inlined
 def _cast_at_hull(u: float, v: float, radius: float, half_beam: float, fan: Fan) -> None:
-    """Let a robot or a person at (u, v) stop the rays that reach it first."""
+    """Shorten the rays that meet a robot or a person at (u, v)."""
     # The arc sine of up to one half (hulls do not overlap) is less than pi / 3 times as much.
     bearing, half_width = math.atan2(v, u), math.pi / 3.0 * radius / math.sqrt(u * u + v * v)
     channel, count = _cones(bearing - half_width, bearing + half_width, half_beam)
@@ -226,60 +224,62 @@ def _cast_at_hull(u: float, v: float, radius: float, half_beam: float, fan: Fan)
 
 
 @inlined
-def _meet_walls(x: float, y: float, sine: float, cosine: float, walls: Floats2, ears: Ears, fan: Fan) -> None:
-    """Find how far the rays of a robot go, at most the full range, and which wall stops them."""
+def _meet_walls(
+    x: float, y: float, sine: float, cosine: float, walls: Floats2, model: ProximityModel, fan: Fan
+) -> None:
+    """Set the depths of a robot's rays, at most the full range, and the walls that they meet."""
     for channel in range(CHANNELS):
         for ray in range(fan.ray_u.shape[1]):
-            fan.depth[channel, ray] = ears.full_range
+            fan.depth[channel, ray] = model.full_range
             fan.target[channel, ray] = _NOTHING
     last_x = last_y = math.nan
     last_bearing = 0.0
-    farthest = (ears.full_range + fan.origin_u[AHEAD]) ** 2
+    farthest = (model.full_range + fan.origin_u[AHEAD]) ** 2
     for wall in range(walls.shape[0]):
         x0, y0, x1, y1 = walls[wall, 0] - x, walls[wall, 1] - y, walls[wall, 2] - x, walls[wall, 3] - y
         part = min(max(-(x0 * walls[wall, 4] + y0 * walls[wall, 5]), 0.0), walls[wall, 6])
         if (x0 + part * walls[wall, 4]) ** 2 + (y0 + part * walls[wall, 5]) ** 2 < farthest:
             u0, v0 = y0 * cosine - x0 * sine, -x0 * cosine - y0 * sine
             u1, v1 = y1 * cosine - x1 * sine, -x1 * cosine - y1 * sine
-            # Walls usually go on where the last one ended.
+            # Walls usually start at the end of the previous one.
             start = last_bearing if x0 == last_x and y0 == last_y else math.atan2(v0, u0)
             last_x, last_y, last_bearing = x1, y1, math.atan2(v1, u1)
-            _cast_at_wall(wall, u0, v0, u1, v1, start, last_bearing, ears.half_beam_rad, fan)
+            _cast_at_wall(wall, u0, v0, u1, v1, start, last_bearing, model.half_beam_rad, fan)
 
 
 @inlined
 def _meet_hulls(
-    robot: int, poses: Floats2, sine: float, cosine: float, crowd: Crowd, ears: Ears, fan: Fan
+    robot: int, poses: Floats2, sine: float, cosine: float, crowd: Crowd, model: ProximityModel, fan: Fan
 ) -> None:
-    """Stop the rays of a robot where they meet another robot, or a person."""
+    """Shorten the rays of a robot that meet another robot or a person."""
     for channel in range(CHANNELS):
         fan.deepest[channel] = fan.depth[channel].max()
     robots = poses.shape[0]
     for other in range(robots + crowd.places.shape[0]):
         hull = poses[other] if other < robots else crowd.places[other - robots]
-        radius = ears.radius if other < robots else crowd.radius
+        radius = model.radius if other < robots else crowd.radius
         dx, dy = hull[0] - poses[robot, 0], hull[1] - poses[robot, 1]
-        if other != robot and dx * dx + dy * dy < (ears.full_range + fan.origin_u[AHEAD] + radius) ** 2:
+        if other != robot and dx * dx + dy * dy < (model.full_range + fan.origin_u[AHEAD] + radius) ** 2:
             u, v = dy * cosine - dx * sine, -dx * cosine - dy * sine
-            _cast_at_hull(u, v, radius, ears.half_beam_rad, fan)
+            _cast_at_hull(u, v, radius, model.half_beam_rad, fan)
 
 
 @inlined
 def _wall_echo(
     x: float, y: float, dx: float, dy: float, reach: float, wall: int, walls: Floats2, reflectors: Bools2,
-    ears: Ears,
+    model: ProximityModel,
 ) -> float:  # fmt: skip
-    """Return the distance at which a ray from (x, y) hears a wall that it meets after `reach`, or infinity.
+    """Return the distance of a wall's echo on a ray from (x, y) that meets it after `reach`, or infinity.
 
-    All in the world's frame; (dx, dy) is the ray's direction.
+    Coordinates are in the world's frame; (dx, dy) is the ray's direction.
     """
     wx, wy = walls[wall, 4], walls[wall, 5]
     cosine = abs(dx * wy - dy * wx)
     echo = math.inf
-    if cosine >= ears.cos_critical:
+    if cosine >= model.cos_critical:
         echo = reach
-    else:  # a corner is heard by the ray that passes closest to it: less than half a step away
-        near = reach * ears.tan_half_step
+    else:  # only the ray closest to a corner, less than half a step away, gets its echo
+        near = reach * model.tan_half_step
         sx, sy = x - walls[wall, 0], y - walls[wall, 1]
         from_start = sx * wx + sy * wy + reach * (dx * wx + dy * wy)
         seen_from = 0 if wx * sy - wy * sx > 0.0 else 2
@@ -293,12 +293,12 @@ def _wall_echo(
 @inlined
 def _nearest_echo(
     channel: int, x: float, y: float, sine: float, cosine: float, walls: Floats2, reflectors: Bools2,
-    ears: Ears, fan: Fan,
+    model: ProximityModel, fan: Fan,
 ) -> float:  # fmt: skip
-    """Return the nearest thing that a transducer of a robot at (x, y) hears, at most the full range."""
+    """Return the nearest echo at a transducer of a robot at (x, y), at most the full range."""
     u, v = fan.origin_u[channel], fan.origin_v[channel]
     from_x, from_y = x - u * sine - v * cosine, y + u * cosine - v * sine
-    nearest = ears.full_range
+    nearest = model.full_range
     for ray in range(fan.ray_u.shape[1]):
         reach, met = fan.depth[channel, ray], fan.target[channel, ray]
         if reach < nearest and met == _HULL:
@@ -306,52 +306,56 @@ def _nearest_echo(
         elif reach < nearest:
             u, v = fan.ray_u[channel, ray], fan.ray_v[channel, ray]
             dx, dy = -u * sine - v * cosine, u * cosine - v * sine
-            nearest = min(nearest, _wall_echo(from_x, from_y, dx, dy, reach, met, walls, reflectors, ears))
+            nearest = min(nearest, _wall_echo(from_x, from_y, dx, dy, reach, met, walls, reflectors, model))
     return nearest
 
 
 @inlined
-def _talked_over(talk: Talk, step: int, channel: int, reading: float) -> float:
-    """Return a reading, or the sound of another transducer in its place."""
-    if chance(talk.seed, CROSS_TALK, step, channel) < talk.probability and reading > _LEAST_FALSE_MM:
-        part = chance(talk.seed, CROSS_TALK, step, channel + CHANNELS)
+def _with_cross_talk(cross_talk: CrossTalk, step: int, channel: int, reading: float) -> float:
+    """Return a reading, or instead a false one from another transducer."""
+    if (
+        chance(cross_talk.seed, CROSS_TALK, step, channel) < cross_talk.probability
+        and reading > _LEAST_FALSE_MM
+    ):
+        part = chance(cross_talk.seed, CROSS_TALK, step, channel + CHANNELS)
         reading = _LEAST_FALSE_MM + part * (reading - _LEAST_FALSE_MM)
     return reading
 
 
 @compiled
 def sense(
-    poses: Floats2, walls: Floats2, reflectors: Bools2, crowd: Crowd, ears: Ears, talk: Talk, step: int,
+    poses: Floats2, walls: Floats2, reflectors: Bools2, crowd: Crowd, model: ProximityModel, cross_talk:
+        CrossTalk, step: int,
     fan: Fan, noise: Floats2, at: int, sonar: Floats2, infrared: Bools2,
 ) -> None:  # fmt: skip
-    """Cast the rays of all robots and listen to what they meet.
+    """Cast the rays of all robots, and compute their readings.
 
     Args:
         poses: (robots, 3), x and y in mm, heading in degrees.
-        walls: as `wall_table` gives them, without those that are silent.
-        reflectors: as `corner_reflectors` gives them, likewise.
+        walls: the walls from `wall_table`, without silent ones.
+        reflectors: the mask from `corner_reflectors`, likewise.
         crowd: the people.
-        ears: the hearing and sight of the robots.
-        talk: the cross-talk.
-        step: the number of steps so far; each has cross-talk of its own.
+        model: the model of the sonars and infrared detectors.
+        cross_talk: the cross-talk.
+        step: the number of steps so far; the cross-talk of each is independent.
         fan: the rays, and work space.
-        noise: (robots, k), standard normal; those of the 24 transducers begin at column `at`.
-        at: that column.
-        sonar: (robots, 24), gets the readings in mm.
-        infrared: (robots, 24), gets True where there is something on the axis, heard or not.
+        noise: (robots, k), standard normal numbers, for the transducers from column `at` on.
+        at: the first column for the transducers.
+        sonar: (robots, 24), receives the readings in mm.
+        infrared: (robots, 24), receives True if there is an obstacle on the axis, with an echo or not.
     """
     for robot in range(poses.shape[0]):
         x, y, heading = poses[robot, 0], poses[robot, 1], math.radians(poses[robot, 2])
         sine, cosine = math.sin(heading), math.cos(heading)
-        _meet_walls(x, y, sine, cosine, walls, ears, fan)
+        _meet_walls(x, y, sine, cosine, walls, model, fan)
         if poses.shape[0] + crowd.places.shape[0] > 1:
-            _meet_hulls(robot, poses, sine, cosine, crowd, ears, fan)
+            _meet_hulls(robot, poses, sine, cosine, crowd, model, fan)
         for channel in range(CHANNELS):
-            reading = _nearest_echo(channel, x, y, sine, cosine, walls, reflectors, ears, fan)
-            if reading < ears.full_range:
-                reading += noise[robot, at + channel] * (ears.noise_mm + ears.noise_part * reading)
-                reading = min(max(reading, ears.least), ears.full_range)
-            if talk.probability > 0.0:
-                reading = _talked_over(talk, step, channel + 2 * CHANNELS * robot, reading)
+            reading = _nearest_echo(channel, x, y, sine, cosine, walls, reflectors, model, fan)
+            if reading < model.full_range:
+                reading += noise[robot, at + channel] * (model.noise_mm + model.noise_part * reading)
+                reading = min(max(reading, model.least), model.full_range)
+            if cross_talk.probability > 0.0:
+                reading = _with_cross_talk(cross_talk, step, channel + 2 * CHANNELS * robot, reading)
             sonar[robot, channel] = reading
-            infrared[robot, channel] = fan.depth[channel, fan.ray_u.shape[1] // 2] <= ears.infrared_range
+            infrared[robot, channel] = fan.depth[channel, fan.ray_u.shape[1] // 2] <= model.infrared_range

@@ -1,13 +1,13 @@
 """The motion of the robots' bases: two wheels, limited acceleration, a round hull stopped by obstacles.
 
-A step is cut into slices of twenty milliseconds at most. In each slice the speeds move toward the command, as
-far as the acceleration allows, and the robot drives an exact arc. Where the arc's end would be inside a wall
-or another robot, the base goes as far as it can and its wheels stall; it may still turn, and drive away. What
-a robot drives in a slice is much shorter than its hull, so nothing is jumped over. Within a step the robots
-move one after the other.
+A step is divided into slices of at most twenty milliseconds. In each slice the speeds approach the commands
+within the acceleration limits, and the robot drives an exact arc. If the arc would end inside a wall or
+another robot, the base goes as far as possible and its wheels stall; it can still turn and drive away. The
+distance per slice is much shorter than the hull, so robots never jump over obstacles. Within a step the
+robots move one after the other.
 
-Odometry integrates what the wheels report, with the same arcs: each wheel has a scale error of its own and
-miscounts at random as it rolls, with a variance that grows with the distance.
+Odometry integrates the wheels' reports with the same arcs. Each wheel has its own scale error, and random
+errors whose variance grows with the distance.
 
 Positions are in mm, headings in degrees counterclockwise from north, speeds in mm/s and degrees/s.
 """
@@ -23,24 +23,24 @@ from colony.sim.compiled import Bools2, Floats, Floats2, Ints, compiled, inlined
 from colony.sim.world.people import Crowd
 
 SLICE_S = 0.02
-"""The longest time over which speeds are taken as constant."""
+"""Largest time in seconds over which speeds are considered constant."""
 
-_SKIN_MM = 1.0  # nearer than this to the hull counts as touching it
+_SKIN_MM = 1.0  # distance from the hull that counts as contact
 _BISECTIONS = 40
 
 
 class Bases(NamedTuple):
-    """The state of all robots, one row each, and room to work in.
+    """The state of all robots, one row each, with work space.
 
     Attributes:
         poses, odometry: (robots, 3), x, y, heading.
         speeds, commands: (robots, 2), ahead and turning.
-        scales: (robots, 2), what the left and the right wheel report of a millimeter.
-        distances: (robots,), the way driven so far.
+        scales: (robots, 2), scale factors of the left and the right wheel.
+        distances: (robots,), distances driven so far.
         contacts: (robots, 2), front and rear bumper.
-        bumps: (robots,), how often a robot ran into something so far.
-        impacts: (robots,), how fast it was when it did, at most.
-        wall_room, robot_room, person_room: (walls,), (robots,), (people,), numbers of what is near.
+        bumps: (robots,), number of collisions so far.
+        impacts: (robots,), largest speed in a collision so far.
+        wall_buffer, robot_buffer, person_buffer: (walls,), (robots,), (people,), numbers of what is near.
     """
 
     poses: Floats2
@@ -52,13 +52,13 @@ class Bases(NamedTuple):
     contacts: Bools2
     bumps: Ints
     impacts: Floats
-    wall_room: Ints
-    robot_room: Ints
-    person_room: Ints
+    wall_buffer: Ints
+    robot_buffer: Ints
+    person_buffer: Ints
 
 
 def bases_at(poses: Floats2, scales: Floats2) -> Bases:
-    """Return bases that stand at `poses`, (robots, 3), with such odometry, and an empty work space."""
+    """Return bases that stand at `poses`, (robots, 3), with the same odometry, and empty work space."""
     count = len(poses)
     return Bases(
         poses=poses,
@@ -70,14 +70,14 @@ def bases_at(poses: Floats2, scales: Floats2) -> Bases:
         contacts=np.zeros((count, 2), dtype=np.bool_),
         bumps=np.zeros(count, dtype=np.int64),
         impacts=np.zeros(count),
-        wall_room=np.empty(0, dtype=np.int64),
-        robot_room=np.empty(count, dtype=np.int64),
-        person_room=np.empty(0, dtype=np.int64),
+        wall_buffer=np.empty(0, dtype=np.int64),
+        robot_buffer=np.empty(count, dtype=np.int64),
+        person_buffer=np.empty(0, dtype=np.int64),
     )
 
 
-class Near(NamedTuple):
-    """Numbers of walls, robots and people in the work space of `Bases`."""
+class NearCounts(NamedTuple):
+    """The numbers of nearby walls, robots and people in the work space of `Bases`."""
 
     walls: int
     robots: int
@@ -85,7 +85,7 @@ class Near(NamedTuple):
 
 
 class Drivetrain(NamedTuple):
-    """The parameters of a drive, as in `RobotConfig`; `slip` is a deviation per root of a millimeter."""
+    """The parameters of a drive, as in `RobotConfig`; `slip` is in mm per square root of a millimeter."""
 
     radius: float
     wheel_base: float
@@ -110,9 +110,9 @@ def _wall_distance(walls: Floats2, wall: int, x: float, y: float) -> float:
 
 
 @inlined
-def _approach(speed: float, wanted: float, most: float) -> float:
-    """Return `speed`, changed toward `wanted` by `most` at most."""
-    return speed + min(max(wanted - speed, -most), most)
+def _approach(speed: float, wanted: float, limit: float) -> float:
+    """Return `speed`, changed toward `wanted` by at most `limit`."""
+    return speed + min(max(wanted - speed, -limit), limit)
 
 
 @inlined
@@ -128,9 +128,9 @@ def _arc(heading: float, distance: float, turn: float) -> tuple[float, float]:
 def _free_of_wall(
     x: float, y: float, dx: float, dy: float, walls: Floats2, wall: int, radius: float
 ) -> float:
-    """Return the part of the way (dx, dy) that a hull at (x, y) can go before it touches a wall; 1 is all.
+    """Return the fraction of (dx, dy) that a hull at (x, y) can move before it touches a wall.
 
-    If the hull is in the wall already, only what comes nearer to it is stopped.
+    If the hull is already in the wall, only motion toward the wall is stopped.
     """
     before = _wall_distance(walls, wall, x, y)
     after = _wall_distance(walls, wall, x + dx, y + dy)
@@ -148,7 +148,7 @@ def _free_of_wall(
 
 @inlined
 def _free_of_hull(ox: float, oy: float, dx: float, dy: float, apart: float) -> float:
-    """Return the part of the way (dx, dy) that a hull can go before it touches one at the offset (ox, oy)."""
+    """Return the fraction of the displacement (dx, dy) free of another hull at the offset (ox, oy)."""
     before, after = math.hypot(ox, oy), math.hypot(ox - dx, oy - dy)
     free = 1.0
     if after < apart and after < before:
@@ -163,68 +163,72 @@ def _free_of_hull(ox: float, oy: float, dx: float, dy: float, apart: float) -> f
 
 
 @inlined
-def _gather(robot: int, bases: Bases, walls: Floats2, crowd: Crowd, reach: float, radius: float) -> Near:
-    """Put all that a robot may touch within `reach` into the work space, and return the counts."""
+def _gather(
+    robot: int, bases: Bases, walls: Floats2, crowd: Crowd, reach: float, radius: float
+) -> NearCounts:
+    """Collect everything that a robot may touch within `reach` in the work space; return the counts."""
     x, y = bases.poses[robot, 0], bases.poses[robot, 1]
-    most = (radius + reach + _SKIN_MM) ** 2
+    limit = (radius + reach + _SKIN_MM) ** 2
     wall_count = 0
     for wall in range(walls.shape[0]):
         dx, dy = _wall_vector(walls, wall, x, y)
-        if dx * dx + dy * dy < most:
-            bases.wall_room[wall_count] = wall
+        if dx * dx + dy * dy < limit:
+            bases.wall_buffer[wall_count] = wall
             wall_count += 1
-    most = (2.0 * radius + reach + _SKIN_MM) ** 2
+    limit = (2.0 * radius + reach + _SKIN_MM) ** 2
     robot_count = 0
     for other in range(bases.poses.shape[0]):
         dx, dy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
-        if dx * dx + dy * dy < most and other != robot:
-            bases.robot_room[robot_count] = other
+        if dx * dx + dy * dy < limit and other != robot:
+            bases.robot_buffer[robot_count] = other
             robot_count += 1
-    most = (radius + crowd.radius + reach + _SKIN_MM) ** 2
+    limit = (radius + crowd.radius + reach + _SKIN_MM) ** 2
     person_count = 0
     for person in range(crowd.places.shape[0]):
         dx, dy = crowd.places[person, 0] - x, crowd.places[person, 1] - y
-        if dx * dx + dy * dy < most:
-            bases.person_room[person_count] = person
+        if dx * dx + dy * dy < limit:
+            bases.person_buffer[person_count] = person
             person_count += 1
-    return Near(wall_count, robot_count, person_count)
+    return NearCounts(wall_count, robot_count, person_count)
 
 
 @inlined
-def _half(heading: float, dx: float, dy: float) -> int:
+def _hull_half(heading: float, dx: float, dy: float) -> int:
     """Return the half of the hull in the direction (dx, dy): 0 the front, 1 the rear."""
     angle = math.radians(heading)
     return 0 if dy * math.cos(angle) - dx * math.sin(angle) >= 0.0 else 1
 
 
 @inlined
-def _feel(robot: int, bases: Bases, walls: Floats2, crowd: Crowd, near: Near, radius: float) -> None:
-    """Set the front and rear bumper of a robot: what touches the hull presses the half that it touches.
+def _update_bumpers(
+    robot: int, bases: Bases, walls: Floats2, crowd: Crowd, near: NearCounts, radius: float
+) -> None:
+    """Set the front and rear bumper of a robot; a contact presses the bumper of its half of the hull.
 
-    Where nothing was touched before, that is a bump.
+    A first contact counts as a bump.
     """
     before = bases.contacts[robot, 0] or bases.contacts[robot, 1]
     bases.contacts[robot, 0] = bases.contacts[robot, 1] = False
     x, y, heading = bases.poses[robot, 0], bases.poses[robot, 1], bases.poses[robot, 2]
-    for wall in bases.wall_room[: near.walls]:
+    for wall in bases.wall_buffer[: near.walls]:
         dx, dy = _wall_vector(walls, wall, x, y)
         if math.hypot(dx, dy) < radius + _SKIN_MM:
-            bases.contacts[robot, _half(heading, dx, dy)] = True
-    for other in bases.robot_room[: near.robots]:
+            bases.contacts[robot, _hull_half(heading, dx, dy)] = True
+    for other in bases.robot_buffer[: near.robots]:
         dx, dy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
         if math.hypot(dx, dy) < 2.0 * radius + _SKIN_MM:
-            bases.contacts[robot, _half(heading, dx, dy)] = True
-    for person in bases.person_room[: near.people]:
+            bases.contacts[robot, _hull_half(heading, dx, dy)] = True
+    for person in bases.person_buffer[: near.people]:
         dx, dy = crowd.places[person, 0] - x, crowd.places[person, 1] - y
         if math.hypot(dx, dy) < radius + crowd.radius + _SKIN_MM:
-            bases.contacts[robot, _half(heading, dx, dy)] = True
+            bases.contacts[robot, _hull_half(heading, dx, dy)] = True
     if (bases.contacts[robot, 0] or bases.contacts[robot, 1]) and not before:
         bases.bumps[robot] += 1
         bases.impacts[robot] = max(bases.impacts[robot], abs(bases.speeds[robot, 0]))
 
 
 @inlined
-def _count(
+def _update_odometry(
     robot: int,
     bases: Bases,
     drive: Drivetrain,
@@ -233,7 +237,7 @@ def _count(
     left_noise: float,
     right_noise: float,
 ) -> None:
-    """Move a robot's odometry by what its wheels report of a drive."""
+    """Update a robot's odometry with its wheels' reports of a motion."""
     half_difference = math.radians(turn) * drive.wheel_base / 2.0
     left, right = distance - half_difference, distance + half_difference
     left = left * bases.scales[robot, 0] + drive.slip * math.sqrt(abs(left)) * left_noise
@@ -246,17 +250,17 @@ def _count(
 
 
 @inlined
-def _free(robot: int, bases: Bases, radius: float, walls: Floats2, crowd: Crowd, near: Near,
+def _free(robot: int, bases: Bases, radius: float, walls: Floats2, crowd: Crowd, near: NearCounts,
           dx: float, dy: float) -> float:  # fmt: skip
-    """Return the part of the way (dx, dy) that a robot can go before it touches what is near; 1 is all."""
+    """Return the fraction of the displacement (dx, dy) that a robot can move before it touches anything."""
     x, y = bases.poses[robot, 0], bases.poses[robot, 1]
     free = 1.0
-    for wall in bases.wall_room[: near.walls]:
+    for wall in bases.wall_buffer[: near.walls]:
         free = min(free, _free_of_wall(x, y, dx, dy, walls, wall, radius))
-    for other in bases.robot_room[: near.robots]:
+    for other in bases.robot_buffer[: near.robots]:
         ox, oy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
         free = min(free, _free_of_hull(ox, oy, dx, dy, 2.0 * radius))
-    for person in bases.person_room[: near.people]:
+    for person in bases.person_buffer[: near.people]:
         ox, oy = crowd.places[person, 0] - x, crowd.places[person, 1] - y
         free = min(free, _free_of_hull(ox, oy, dx, dy, radius + crowd.radius))
     return free
@@ -264,7 +268,7 @@ def _free(robot: int, bases: Bases, radius: float, walls: Floats2, crowd: Crowd,
 
 @inlined
 def _slice(
-    robot: int, bases: Bases, drive: Drivetrain, walls: Floats2, crowd: Crowd, near: Near, dt: float,
+    robot: int, bases: Bases, drive: Drivetrain, walls: Floats2, crowd: Crowd, near: NearCounts, dt: float,
     left_noise: float, right_noise: float,
 ) -> None:  # fmt: skip
     """Move one robot for `dt` seconds."""
@@ -282,9 +286,9 @@ def _slice(
     poses[robot, 0], poses[robot, 1] = x + free * dx, y + free * dy
     poses[robot, 2] = (heading + turn) % 360.0
     bases.distances[robot] += abs(way)
-    _count(robot, bases, drive, way, turn, left_noise, right_noise)
+    _update_odometry(robot, bases, drive, way, turn, left_noise, right_noise)
     if near.walls + near.robots + near.people > 0:
-        _feel(robot, bases, walls, crowd, near, drive.radius)
+        _update_bumpers(robot, bases, walls, crowd, near, drive.radius)
 
 
 @compiled
@@ -297,10 +301,10 @@ def move(
     Args:
         bases: the bases; changed.
         drive: the parameters of their drive.
-        walls: as `wall_table` gives them.
-        crowd: people, who stand still meanwhile.
-        noise: (robots, k), standard normal; those of the wheels begin at column `at`, two a slice.
-        at: that column.
+        walls: the walls, from `wall_table`.
+        crowd: the people, who stand still meanwhile.
+        noise: (robots, k), standard normal numbers, for the wheels from column `at` on, two per slice.
+        at: the first column for the wheels.
         slices: number of slices.
         time_s: the time in seconds.
     """
@@ -310,6 +314,6 @@ def move(
         for part in range(slices):
             left, right = noise[robot, at + 2 * part], noise[robot, at + 2 * part + 1]
             _slice(robot, bases, drive, walls, crowd, near, time_s / slices, left, right)
-    for robot in range(bases.poses.shape[0]):  # those that moved later may touch those that moved before
+    for robot in range(bases.poses.shape[0]):  # robots that moved later may touch robots that moved before
         near = _gather(robot, bases, walls, crowd, 0.0, drive.radius)
-        _feel(robot, bases, walls, crowd, near, drive.radius)
+        _update_bumpers(robot, bases, walls, crowd, near, drive.radius)

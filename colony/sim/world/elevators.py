@@ -5,10 +5,10 @@
     elevators.open("acs.elev.L")          # a person presses the button
     elevators.advance(0.05)               # after each step of the world
 
-An elevator's edge is a pair of doors that slide apart, and a cabin 2 m wide and 1.8 m deep lies behind it.
-Until it is opened for the first time it is the shut door that a map has. Doors do not close on a robot: if
-one stands between them they open again, as doors with a light barrier do. The operator presses the buttons
-(thesis section 5.4.6): `colony/sim/world/operator.py`.
+An elevator's edge is a pair of sliding doors, with a cabin 2 m wide and 1.8 m deep behind them. Until the
+doors are first opened they are the edge on the map. Doors do not close on a robot: if one stands between them
+they open again, like doors with a light barrier. The operator presses the buttons (thesis section 5.4.6):
+`colony/sim/world/operator.py`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from colony.sim.world.world import World
 
 CABIN_WIDTH_MM, CABIN_DEPTH_MM = 2000.0, 1800.0
 SLIDE_S = 2.5
-"""Seconds that doors take to open or close."""
+"""Time in seconds for doors to open or close."""
 
 _BARRIER_MM = 30.0
 
@@ -45,12 +45,12 @@ class Cabin:
 
     @property
     def width_mm(self) -> float:
-        """Width of the doors."""
+        """The width of the doors in mm."""
         return math.hypot(self.x1_mm - self.x0_mm, self.y1_mm - self.y0_mm)
 
     @property
     def heading_deg(self) -> float:
-        """The way into the cabin."""
+        """The direction into the cabin, in degrees."""
         return math.degrees(math.atan2(self.y1_mm - self.y0_mm, self.x1_mm - self.x0_mm)) % 360.0
 
     def inside(self, x_mm: float, y_mm: float) -> tuple[float, float]:
@@ -60,7 +60,7 @@ class Cabin:
         return dx * ex + dy * ey, dy * ex - dx * ey
 
     def at(self, along_mm: float, deep_mm: float) -> tuple[float, float]:
-        """Return the place so far from the middle of the doors: `inside` the other way around."""
+        """Return the place at these distances from the middle of the doors; the inverse of `inside`."""
         ex, ey = self._along
         x, y = (self.x0_mm + self.x1_mm) / 2, (self.y0_mm + self.y1_mm) / 2
         return x + along_mm * ex - deep_mm * ey, y + along_mm * ey + deep_mm * ex
@@ -69,21 +69,21 @@ class Cabin:
     def _along(self) -> tuple[float, float]:
         return (self.x1_mm - self.x0_mm) / self.width_mm, (self.y1_mm - self.y0_mm) / self.width_mm
 
-    def holds(self, x_mm: float, y_mm: float, radius_mm: float) -> bool:
-        """Return True if something round at this place is inside, behind the doors."""
+    def contains(self, x_mm: float, y_mm: float, radius_mm: float) -> bool:
+        """Return True if a round object at this place is completely inside the cabin."""
         along, deep = self.inside(x_mm, y_mm)
         aside = abs(along) <= CABIN_WIDTH_MM / 2 - radius_mm
         return aside and radius_mm <= deep <= CABIN_DEPTH_MM - radius_mm
 
     def walls(self, opening: float) -> list[tuple[float, float, float, float]]:
-        """Return the walls of the cabin, and its doors: `opening` is 0 if they are shut, 1 if open."""
+        """Return the walls of the cabin and the leaves of its doors; `opening` is from 0 (shut) to 1."""
         half, side = self.width_mm / 2, max(CABIN_WIDTH_MM, self.width_mm) / 2
         corners = [(-half, 0.0), (-side, 0.0), (-side, CABIN_DEPTH_MM)]
         corners += [(-along, deep) for along, deep in reversed(corners)]
         gap = half * opening
         leaves = [((-half, 0.0), (-gap, 0.0)), ((gap, 0.0), (half, 0.0))]
         lines = [*pairwise(corners), *leaves]
-        return [(*self.at(*one), *self.at(*other)) for one, other in lines if one != other]
+        return [(*self.at(*start), *self.at(*end)) for start, end in lines if start != end]
 
 
 def cabin_of(floor: Map, node: str) -> Cabin:
@@ -103,24 +103,24 @@ def cabin_of(floor: Map, node: str) -> Cabin:
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class _Doors:
-    """The doors of a cabin. Mutable: how far they are open, and whether they are to be open."""
+    """The doors of a cabin. Mutable: their opening, from 0 to 1, and its target."""
 
     cabin: Cabin
     opening: float = 0.0
-    to_open: bool = False
+    should_open: bool = False
 
     @property
     def target(self) -> float:
-        return 1.0 if self.to_open else 0.0
+        return 1.0 if self.should_open else 0.0
 
 
 class Elevators:
-    """The elevators of the floor on which a world's robots are. Mutable: the doors, the floor, and the world.
+    """The elevators of the floor with a world's robots. Mutable: the doors, the floor, and the world.
 
     Args:
         world: the robots, on `floor`.
         building: the building, with its elevators.
-        sceneries: each floor, by the name of its map.
+        sceneries: the sceneries of the floors, by the names of their maps.
         floor: the name of the map on which the robots are.
 
     Raises:
@@ -130,7 +130,7 @@ class Elevators:
     def __init__(
         self, world: World, building: Building, sceneries: Mapping[str, Scenery], floor: str
     ) -> None:
-        missing = [one.name for one in building.maps if one.name not in sceneries]
+        missing = [m.name for m in building.maps if m.name not in sceneries]
         if missing or floor not in sceneries:
             found = ", ".join(missing) or floor
             raise ValueError(f"floors without scenery: {found}; expected one for each map")
@@ -141,16 +141,16 @@ class Elevators:
         self._doors: dict[str, _Doors] = {}
 
     def open(self, node: str) -> None:
-        """Let the doors of the elevator at a node of this floor slide open.
+        """Open the doors of the elevator at a node of this floor.
 
         Raises:
             ValueError: no elevator begins there.
         """
-        self._at(node).to_open = True
+        self._at(node).should_open = True
 
     def close(self, node: str) -> None:
-        """Let them slide shut."""
-        self._at(node).to_open = False
+        """Close the doors of the elevator at a node of this floor."""
+        self._at(node).should_open = False
 
     def cabin(self, node: str) -> Cabin:
         """Return the elevator at a node of this floor.
@@ -161,15 +161,15 @@ class Elevators:
         return self._at(node).cabin
 
     def opening(self, node: str) -> float:
-        """Return how far the doors are open: from 0, shut, to 1."""
+        """Return the opening of the doors, from 0 (shut) to 1."""
         return self._doors[node].opening if node in self._doors else 0.0
 
     def advance(self, dt_s: float) -> None:
-        """Let the doors slide for so many seconds; to be called after each step of the world."""
+        """Move the doors for `dt_s` seconds; call this after each step of the world."""
         moved = False
         for doors in self._doors.values():
-            if not doors.to_open and doors.opening > 0.0 and self._stands_between(doors.cabin):
-                doors.to_open = True
+            if not doors.should_open and doors.opening > 0.0 and self._stands_between(doors.cabin):
+                doors.should_open = True
             step = dt_s / SLIDE_S
             opening = doors.opening + min(max(doors.target - doors.opening, -step), step)
             moved |= opening != doors.opening
@@ -178,21 +178,21 @@ class Elevators:
             self._world.rebuild(*self._walls())
 
     def ride(self, node: str, floor: str) -> str:
-        """Take the robots in a cabin to another floor, by the name of its map; gives the node of its doors.
+        """Take the robots in a cabin to another floor, by its map's name; return the node of the doors.
 
-        The doors are shut there, too.
+        The doors there are shut as well.
 
         Raises:
             ValueError: the elevator does not lead there, its doors are not shut, or a robot is not inside.
         """
         doors = self._at(node)
-        there = self._landing(node, floor)
+        landing = self._landing(node, floor)
         if doors.opening > 0.0:
-            raise ValueError(f"the doors at `{node}` are open; expected them shut before the ride")
-        other = cabin_of(self._building.map_named(floor), there)
-        poses = [self._carried(doors.cabin, other, robot) for robot in range(len(self._world))]
+            raise ValueError(f"the doors at `{node}` are open; close them before the ride")
+        other = cabin_of(self._building.map_named(floor), landing)
+        poses = [self._pose_after_ride(doors.cabin, other, robot) for robot in range(len(self._world))]
         before = self.floor, self._doors
-        self.floor, self._doors = floor, {there: _Doors(cabin=other)}
+        self.floor, self._doors = floor, {landing: _Doors(cabin=other)}
         try:
             walls, silent = self._walls()
             scenery = replace(self._sceneries[floor], walls=walls, silent=silent)
@@ -200,7 +200,7 @@ class Elevators:
         except ValueError:
             self.floor, self._doors = before
             raise
-        return there
+        return landing
 
     def _at(self, node: str) -> _Doors:
         if node not in self._doors:
@@ -210,7 +210,7 @@ class Elevators:
     def _landing(self, node: str, floor: str) -> str:
         here = Landing(self.floor, node)
         for ride in self._building.rides:
-            for one, other in ((ride.one, ride.other), (ride.other, ride.one)):
+            for one, other in ((ride.first, ride.second), (ride.second, ride.first)):
                 if one == here and other.map == floor:
                     return other.node
         raise ValueError(f"the elevator at `{node}` of `{self.floor}` does not lead to `{floor}`")
@@ -224,17 +224,17 @@ class Elevators:
                 return True
         return False
 
-    def _carried(self, here: Cabin, there: Cabin, robot: int) -> tuple[float, float, float]:
-        """Return the pose of a robot after the ride: at the same place of the cabin."""
+    def _pose_after_ride(self, here: Cabin, there: Cabin, robot: int) -> tuple[float, float, float]:
+        """Return the pose of a robot after the ride, at the same place in the cabin."""
         pose, radius = self._world.true_pose(robot), self._world.config.radius_mm
         along, deep = here.inside(pose.x_mm, pose.y_mm)
-        if not here.holds(pose.x_mm, pose.y_mm, radius):
+        if not here.contains(pose.x_mm, pose.y_mm, radius):
             place = f"{deep:.0f} mm behind its doors and {along:.0f} mm aside"
             raise ValueError(f"robot {robot} is not in the cabin: {place}")
         return *there.at(along, deep), pose.heading_deg + there.heading_deg - here.heading_deg
 
     def _walls(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return the walls of this floor, with the cabins of used doors in place of their edges."""
+        """Return the walls of this floor, with cabins in place of the edges of used doors."""
         scenery = self._sceneries[self.floor]
         walls, silent = scenery.walls, scenery.silent
         for doors in self._doors.values():

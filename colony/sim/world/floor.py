@@ -1,9 +1,8 @@
 """Metal joints in the floor, on which wheels slip.
 
-When the middle of a robot crosses a joint its wheels may slip: they spin for a few centimeters, which the
-odometry counts and the robot does not drive, and the robot is turned, which the odometry does not notice.
-Whether and how much is drawn for each crossing by itself: the third crossing of a run is the same whenever it
-happens.
+When the middle of a robot crosses a joint its wheels may slip. They spin for a few centimeters, which the
+odometry counts although the robot does not move, and the robot turns, unnoticed by the odometry. Each
+crossing has its own random numbers: the third crossing of a run is the same whenever it happens.
 """
 
 from __future__ import annotations
@@ -20,11 +19,11 @@ from colony.sim.hazards.scenery import Joint, Slip
 
 
 class Floor(NamedTuple):
-    """Joints as the compiled functions take them.
+    """Joints in the form of the compiled functions.
 
     Attributes:
         joints: (n, 4), x0, y0, x1, y1 in mm.
-        crossings: (robots,), joints crossed by each robot so far, on this floor and those before it.
+        crossings: (robots,), number of joints crossed by each robot so far, on all floors.
         probability, turn_deg, least_mm, most_mm: as in `Slip`.
         seed: seed of the slips.
     """
@@ -39,7 +38,7 @@ class Floor(NamedTuple):
 
 
 def floor_of(joints: Sequence[Joint], slip: Slip, *, crossings: Ints, seed: int) -> Floor:
-    """Return a floor; `crossings`, (robots,), are counted on there."""
+    """Return a floor, which continues to count `crossings`, (robots,)."""
     ends = [(j.x0_mm, j.y0_mm, j.x1_mm, j.y1_mm) for j in joints]
     return Floor(
         joints=np.array(ends, dtype=np.float64).reshape(-1, 4),
@@ -54,7 +53,7 @@ def floor_of(joints: Sequence[Joint], slip: Slip, *, crossings: Ints, seed: int)
 
 @inlined
 def _crosses(floor: Floor, x0: float, y0: float, x1: float, y1: float) -> bool:
-    """Return True if the way from (x0, y0) to (x1, y1) crosses a joint."""
+    """Return True if the segment from (x0, y0) to (x1, y1) crosses a joint."""
     found = False
     for joint in range(floor.joints.shape[0]):
         jx, jy = floor.joints[joint, 0], floor.joints[joint, 1]
@@ -69,7 +68,7 @@ def _crosses(floor: Floor, x0: float, y0: float, x1: float, y1: float) -> bool:
 
 @inlined
 def _slip(robot: int, floor: Floor, poses: Floats2, odometry: Floats2, ahead: float) -> None:
-    """Let a robot slip that crosses a joint, driving forward (`ahead` is 1) or backward (-1)."""
+    """Draw and apply the slip of a robot on a joint, driving forward (`ahead` is 1) or backward (-1)."""
     event = floor.crossings[robot] + 1_000_000 * robot
     floor.crossings[robot] += 1
     if chance(floor.seed, SLIPS, event, 0) < floor.probability:
@@ -83,7 +82,7 @@ def _slip(robot: int, floor: Floor, poses: Floats2, odometry: Floats2, ahead: fl
 
 @compiled
 def slip(floor: Floor, before: Floats2, poses: Floats2, speeds: Floats2, odometry: Floats2) -> None:
-    """Let the wheels slip of robots that came from `before` to `poses`, both (robots, 3), in a short time.
+    """Apply wheel slip to robots that moved from `before` to `poses`, both (robots, 3), in a short time.
 
     Args:
         floor: the floor; changed.

@@ -1,4 +1,4 @@
-"""Checks of where walls and robots are put: shapes, finite numbers, and room for every robot."""
+"""Checks of walls and poses: shapes, finite numbers, and room for every robot."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-MOST_ROBOTS = 10_000
+MAX_ROBOTS = 10_000
 
 
 def check_room(poses: NDArray[np.float64], walls: NDArray[np.float64], radius: float) -> None:
-    """Refuse robots that begin inside a wall or another robot."""
+    """Refuse robots that overlap a wall or another robot."""
     for i, (x, y, _) in enumerate(poses):
         start, along = walls[:, :2] - (x, y), walls[:, 4:6]
         part = np.clip(-(start * along).sum(axis=1), 0.0, walls[:, 6])
@@ -25,7 +25,7 @@ def check_room(poses: NDArray[np.float64], walls: NDArray[np.float64], radius: f
 
 
 def checked_walls(walls: ArrayLike) -> NDArray[np.float64]:
-    """Return a copy of the walls, without walls of no length."""
+    """Return a copy of the walls, without walls of length 0."""
     checked = np.array(walls, dtype=np.float64, order="C")
     if checked.size == 0:
         return np.empty((0, 4))
@@ -37,11 +37,11 @@ def checked_walls(walls: ArrayLike) -> NDArray[np.float64]:
 
 
 def checked_poses(poses: Sequence[tuple[float, float, float]]) -> NDArray[np.float64]:
-    """Return a copy of the poses, headings in [0, 360)."""
+    """Return a copy of the poses, with headings in [0, 360)."""
     checked = np.array(poses, dtype=np.float64)
-    if checked.ndim != 2 or checked.shape[1] != 3 or len(checked) > MOST_ROBOTS:
+    if checked.ndim != 2 or checked.shape[1] != 3 or len(checked) > MAX_ROBOTS:
         raise ValueError(
-            f"the poses have the shape {checked.shape}; expected (n, 3), n from 1 to {MOST_ROBOTS}"
+            f"the poses have the shape {checked.shape}; expected (n, 3), n from 1 to {MAX_ROBOTS}"
         )
     if not np.isfinite(checked).all():
         raise ValueError("a pose is not finite")

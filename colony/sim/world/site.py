@@ -1,11 +1,11 @@
-"""The site of a plan: its floors as they are in one run, a robot on one of them, the elevators between.
+"""The site of a plan: its floors in one run, a robot on one of them, and the elevators between them.
 
     site = Site(building, plan, Hazards(), seed=7)
     plant = Plant(site.world, clock, [site.elevators.advance])
     loop = Loop(behavior, simulated_drivers(plant), scripts, clock=clock, advance=plant.catch_up)
 
-Hazards are drawn independently for each floor, from a seed of its own. Cameras ask for the floor on which the
-robot is at the moment.
+Hazards are drawn independently for each floor, from its own seed. Cameras follow the robot from floor to
+floor.
 """
 
 from __future__ import annotations
@@ -24,21 +24,20 @@ from colony.sim.hazards.scenery import Scenery
 from colony.sim.world.elevators import Elevators
 from colony.sim.world.world import World
 
-_Eye = TypeVar("_Eye")
+_Camera = TypeVar("_Camera")
 
 
 class Site:
-    """The floors of a plan, and the robot at its beginning. Mutable: the world, the elevators.
+    """The floors of a plan, with the robot at its start. Mutable: the world, the elevators.
 
-    `building` has only those floors, the one first on which the plan begins.
+    `building` has only the floors of the plan, the first one first.
 
     Args:
-        building: the building; its first floor is drawn from `seed`, and each other one from that plus its
-            number.
-        plan: the plan; the site has only the floors through which it leads.
+        building: the building; the seed of each floor is `seed` plus its number.
+        plan: the plan.
         hazards: the hazards of the floors.
-        seed: seed of the floors.
-        noise_seed: seed of the robot's own errors; by default that of the floors.
+        seed: seed of the hazards of the first floor.
+        noise_seed: seed of the robot's own errors; by default `seed`.
         config: the parameters of the robot.
     """
 
@@ -69,21 +68,21 @@ class Site:
 
     @property
     def floor(self) -> str:
-        """The name of the map of the floor on which the robot really is."""
+        """The name of the map of the floor with the robot."""
         return self.elevators.floor
 
-    def eyes(self, made: Callable[[Map, Scenery], _Eye]) -> Callable[[], _Eye]:
-        """Return a function that gives the camera of the robot's present floor; made when first wanted."""
-        kept: dict[str, _Eye] = {}
+    def camera_per_floor(self, made: Callable[[Map, Scenery], _Camera]) -> Callable[[], _Camera]:
+        """Return a function that returns the camera of the robot's present floor, created on first use."""
+        kept: dict[str, _Camera] = {}
 
-        def here() -> _Eye:
+        def present_camera() -> _Camera:
             if self.floor not in kept:
                 kept[self.floor] = made(self.maps[self.floor], self.sceneries[self.floor])
             return kept[self.floor]
 
-        return here
+        return present_camera
 
     @cached_property
     def ceiling(self) -> Callable[[], CeilingCamera]:
-        """The camera that looks up, as `eyes` gives it."""
-        return self.eyes(lambda _, scenery: CeilingCamera(scenery))
+        """A function that returns the camera that looks up on the robot's present floor."""
+        return self.camera_per_floor(lambda _, scenery: CeilingCamera(scenery))

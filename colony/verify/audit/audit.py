@@ -1,4 +1,4 @@
-"""Comparison of a recorded run to its program: the reference interpreter evaluates every frame again.
+"""Comparison of a recorded run with its program: the reference interpreter evaluates every frame again.
 
 In each frame an actuator must have been sent what the interpreter decides, bit for bit. Where a client was
 late, lost or refused it may also have been sent its idle command, and with `on_loss degrade` the command that
@@ -10,8 +10,8 @@ the next restart the memory is unknown, and nothing is compared.
 Modules in Python are not run: their answers are recorded, and the interpreter takes them as they are. Where
 an answer is missing, memory is unknown from there to the next restart.
 
-Damaged parts of a recording are never judged. After one the interpreter continues from the memory in the
-recording's next keyframe.
+Damaged parts of a recording are never compared. After them the interpreter continues from the memory in the
+next keyframe of the recording.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class RecordedTick(Protocol):
         ...
 
 
-class Remembered(Protocol):
+class RecordedMemory(Protocol):
     """The memory before a frame."""
 
     @property
@@ -99,7 +99,7 @@ class Recorded(Protocol):
 
     @property
     def skipped(self) -> int:
-        """The number of frames before this one that could not be observed."""
+        """The number of frames directly before this one that could not be observed."""
         ...
 
     @property
@@ -113,7 +113,7 @@ class Recorded(Protocol):
         ...
 
     @property
-    def keyframe(self) -> Remembered | None:
+    def keyframe(self) -> RecordedMemory | None:
         """The memory before this frame, None if not recorded."""
         ...
 
@@ -144,10 +144,10 @@ class Recording(Protocol):
 def audit_recording(
     program: Program, recording: Recording, progress: Callable[[], None] = lambda: None
 ) -> AuditReport:
-    """Hold a recording against the reference interpreter; `progress` is called after each frame.
+    """Compare a recording with the reference interpreter; `progress` is called after each frame.
 
     Raises:
-        DiagnosticError: what is recorded is none of the program's.
+        DiagnosticError: the recording is of another program.
     """
     auditor = Auditor(program)
     for recorded in recording.frames(program):
@@ -159,17 +159,17 @@ def audit_recording(
 
 
 def audit(program: Program, frames: Iterable[Recorded]) -> AuditReport:
-    """Hold a run against the reference interpreter; `frames` from the first one on."""
+    """Compare a run with the reference interpreter; `frames` must begin with the first one."""
     auditor = Auditor(program)
     for recorded in frames:
         auditor.take(recorded)
     return auditor.report()
 
 
-# --- how -------------------------------------------------------------------------------------------
+# --- the audit in progress ---------------------------------------------------------------------------
 
 
-_COUNTED = (
+_COUNTERS = (
     *("frames", "compared", "idled", "unheard", "late", "lost", "refused", "violations", "outside", "holds"),
     *("restarts", "unknown", "differing", "forgotten", "resumed", "undecided"),
 )
@@ -193,17 +193,17 @@ class Auditor:
         self._contracts: dict[str, ContractCount] = {}
         self._first: Difference | None = None
         self._damaged: list[DamagedSpan] = []
-        self._resuming = Resuming(program, answered=True)
+        self._resuming = Resuming(program, answers_given=True)
 
     def _begin(self) -> None:
         """Set all memory to its initial values."""
-        self._interpreter = Interpreter(self._program, answered=True)
+        self._interpreter = Interpreter(self._program, answers_given=True)
         degrades = any(a.on_loss == "degrade" for a in self._program.robot.actuators)
-        self._degraded = Interpreter(self._program, answered=True) if degrades else None
+        self._degraded = Interpreter(self._program, answers_given=True) if degrades else None
         self._memory_unknown = False
 
-    def _resume(self, keyframe: Remembered) -> None:
-        """Go on from the memory that was recorded, if it is known and of this program."""
+    def _resume(self, keyframe: RecordedMemory) -> None:
+        """Continue from the recorded memory, if it is known and belongs to this program."""
         if keyframe.memory is None:
             return
         try:
@@ -259,7 +259,7 @@ class Auditor:
     def report(self) -> AuditReport:
         """Return the report on the frames so far."""
         return AuditReport(
-            **{name: self._counts[name] for name in _COUNTED},
+            **{name: self._counts[name] for name in _COUNTERS},
             first_ns=self._first_ns,
             last_ns=self._previous.frame.t_ns if self._previous else 0,
             first=self._first,
@@ -270,11 +270,11 @@ class Auditor:
         )
 
     def _sequence(self, recorded: Recorded, begins: bool) -> Iterator[Difference]:
-        """Yield faults in the sequence of frames: memory must have seen every frame since its start."""
+        """Yield faults in the sequence of frames: memory needs every frame since the epoch began."""
         tick, before = recorded.tick, self._previous
         if before is None:
             if not begins and not recorded.memory_unknown and not recorded.damaged:
-                message = f"the recording begins with frame {tick.k}, but memory with frame {tick.start}"
+                message = f"the recording begins with frame {tick.k}, but its epoch with frame {tick.start}"
                 yield self._difference(recorded, message)
             return
         gap = tick.k - before.tick.k - 1
@@ -283,13 +283,13 @@ class Auditor:
             message = f"frame {tick.k} follows frame {before.tick.k}{missing}"
             yield self._difference(recorded, message)
         if tick.start != before.tick.start and not (begins or recorded.memory_unknown or recorded.damaged):
-            yield self._difference(recorded, f"memory began anew with frame {tick.start}, which is missing")
+            yield self._difference(recorded, f"a new epoch began with frame {tick.start}, which is missing")
         if recorded.frame.t_ns <= before.frame.t_ns:
-            message = f"time must rise: {recorded.frame.t_ns} ns follow {before.frame.t_ns} ns"
+            message = f"time must rise: {recorded.frame.t_ns} ns follows {before.frame.t_ns} ns"
             yield self._difference(recorded, message)
 
     def _decisions(self, recorded: Recorded) -> Iterator[Difference]:
-        """Step, and compare every verdict and the contracts."""
+        """Decide the frame, and yield the differences of verdicts and broken contracts."""
         heard = self._interpreter.step(recorded.frame, answers=recorded.answers)
         due: dict[str, tuple[Decision, Interpreter]] = {
             d.actuator: (d, self._interpreter) for d in heard.decisions
@@ -301,7 +301,7 @@ class Auditor:
                     due[decision.actuator] = decision, self._degraded
         for name, (decision, interpreter) in due.items():
             if self._degraded is None and self._actuators[name].on_loss == "degrade":
-                self._counts["undecided"] += 1  # what a lost client changed in memory is damaged
+                self._counts["undecided"] += 1  # the memory without the lost clients is not known
                 continue
             yield from self._compare(recorded, name, decision, interpreter)
         self._count_breaches(recorded.frame.t_ns, heard)
@@ -311,7 +311,7 @@ class Auditor:
             and self._undisturbed(recorded)
         ):
             found, right = (", ".join(names) or "none" for names in (recorded.breaches, heard.breaches))
-            message = f"contracts broken: {found} recorded, {right} by the interpreter"
+            message = f"broken contracts: recorded {found}; in the interpreter {right}"
             yield self._difference(recorded, message)
 
     def _compare(
@@ -324,9 +324,9 @@ class Auditor:
         if verdict.outside is not None or verdict.hold is not None:
             return
         self._counts["compared"] += 1
-        strangers = [client for client, _ in verdict.fates if client not in self._clients[name]]
-        if strangers:
-            message: str | None = f"`{strangers[0]}` is no client of `{name}` in this program"
+        unknown = [client for client, _ in verdict.fates if client not in self._clients[name]]
+        if unknown:
+            message: str | None = f"`{unknown[0]}` is not a client of `{name}` in this program"
         else:
             message = objection(actuator, verdict, due, interpreter)
         if message is None:

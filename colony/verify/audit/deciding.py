@@ -1,4 +1,4 @@
-"""Repeated decisions of recorded frames, by any executor and beyond damage, as far as memory is known."""
+"""Replay of recorded frames by any executor, also beyond damage, as far as the memory is known."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from colony.compile.pipeline import compile_program
 from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Executor, Outcome
 from colony.ir.program import Program
-from colony.verify.audit.audit import Recorded, Remembered
+from colony.verify.audit.audit import Recorded, RecordedMemory
 from colony.verify.audit.resuming import Resuming
 from colony.verify.reference.interpreter import Interpreter
 
@@ -18,10 +18,11 @@ Backend = Literal["network", "clients", "python"]
 class Decider:
     """Decides frames, and resumes after damage where possible.
 
-    Mutable: the executor, what was damaged, and how many frames were not decided.
+    Mutable: the executor, the damaged parts, and the number of frames that were not decided.
 
     Args:
-        backend: the reference interpreter, the client list, or the generated Python.
+        program: the program of the recording.
+        backend: what decides: the reference interpreter, the client list, or the generated Python.
     """
 
     def __init__(self, program: Program, backend: Backend) -> None:
@@ -33,7 +34,7 @@ class Decider:
         self.undecided = 0
 
     def step(self, recorded: Recorded) -> Outcome | None:
-        """Decide a frame; None where memory is not known."""
+        """Decide a frame; return None where the memory is not known."""
         if recorded.damaged:
             self._executor = None
             self._note(f"to {recorded.frame.t_ns / 1e9:.10g} s")
@@ -50,7 +51,7 @@ class Decider:
         return self._executor.step(recorded.frame)
 
     def end(self, *, damaged: bool) -> None:
-        """Note whether what comes after the last frame is damaged."""
+        """Note, if `damaged`, that the recording is damaged after the last frame."""
         if damaged:
             self._note("to its end")
 
@@ -64,7 +65,7 @@ class Decider:
 
         return load(generate(compiled))
 
-    def _resumed(self, keyframe: Remembered) -> Executor | None:
+    def _resumed(self, keyframe: RecordedMemory) -> Executor | None:
         if self._backend != "network" or keyframe.memory is None:
             return None
         try:

@@ -8,12 +8,12 @@ from typing import Any, Literal
 from colony.ir.frame import Decision
 
 Part = Literal["wins", "active", "inactive", "silent"]
-"""A client's part by the interpreter. "active": its predicate holds, but it does not win."""
+"""What a client does according to the interpreter. "active": its predicate holds, but it does not win."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClientAccount:
-    """A client in the frame that differs: what was recorded of it, if anything was, and what is right."""
+    """A client in the frame that differs: its recorded fate, if any, and its part by the interpreter."""
 
     client: str
     fate: str | None
@@ -22,9 +22,9 @@ class ClientAccount:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """A frame that was not as the interpreter says; frame `index` of the recording.
+    """A frame that differs from the interpreter's; frame `index` of the recording.
 
-    `actuator` is None, and so are the decisions, where it is not about an actuator. `missing` are sensors
+    `actuator` and the decisions are None where the difference concerns no actuator. `missing` are the sensors
     without a value in the frame.
     """
 
@@ -64,10 +64,10 @@ class AuditReport:
     `compared` counts decisions (one per actuator and frame), `idled` those among them that were idle because
     a client was late, lost or refused; `unheard` those without a record. `late`, `lost`, `refused`,
     `violations`, `outside`, `holds` and `differing` count frames in which that occurred. `unknown` counts
-    frames that were not compared because a frame before them, and so memory, is not known. After each of
-    `damaged` the interpreter continued from the memory that the recording holds; `forgotten` counts the
-    frames up to that memory, which were not compared. `undecided` counts decisions of actuators with `on_loss
-    degrade` after it, of which it is not known what lost clients had changed.
+    frames that were not compared because a frame before them, and so the memory, is not known. After each
+    span of `damaged` the interpreter continued from the next memory in the recording; `forgotten` counts the
+    frames up to it, which were not compared. `undecided` counts later decisions of actuators with `on_loss
+    degrade`, which depend on memory without lost clients that is not in the recording.
     """
 
     frames: int

@@ -1,4 +1,4 @@
-"""The reference interpreter, going on from memory that was recorded."""
+"""The reference interpreter, resumed from recorded memory."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from colony.verify.reference.interpreter import Interpreter
 
 
 class Resuming:
-    """A maker of interpreters that resume from recorded memory. Mutable: the clients that check it.
+    """A factory of interpreters that resume from recorded memory. Mutable: the clients that validate it.
 
-    `answered` is as for `Interpreter`.
+    `answers_given` is as for `Interpreter`.
     """
 
-    def __init__(self, program: Program, *, answered: bool = False) -> None:
-        self._program, self._answered = program, answered
+    def __init__(self, program: Program, *, answers_given: bool = False) -> None:
+        self._program, self._answers_given = program, answers_given
         self._clients: ProgramExecutor | None = None
 
     def interpreter(self, memory: ProgramMemory) -> Interpreter:
         """Return an interpreter that has this memory.
 
         Raises:
-            ValueError: it is not the memory of the program, or the interpreter is to run modules in Python,
-                which have memory of their own.
+            ValueError: the memory is not that of the program, or the interpreter is to run modules in Python,
+                whose memory is not recorded.
             DiagnosticError: a module in Python cannot be imported or built.
         """
         self._clients = self._clients or ProgramExecutor(
-            compile_program(self._program).compiled, simplified=False, answered=self._answered
+            compile_program(self._program).compiled, simplified=False, answers_given=self._answers_given
         )
         self._clients.resume(memory)
-        interpreter = Interpreter(self._program, answered=self._answered)
+        interpreter = Interpreter(self._program, answers_given=self._answers_given)
         interpreter.resume(memory)
         return interpreter

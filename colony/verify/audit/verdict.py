@@ -1,4 +1,4 @@
-"""Comparison of one verdict to one decision of the reference interpreter."""
+"""Comparison of a verdict with a decision of the reference interpreter."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class RecordedVerdict(Protocol):
 
 
 EXCUSES = frozenset({"late", "lost", "refused"})
-"""Fates of a client with which an actuator may have been idle instead."""
+"""Fates of a client that excuse an idle command where the interpreter commands."""
 
 _COMMANDED = frozenset({"won", "overruled", "overridden", "locked out", "stopped"})
 _GATED = frozenset({"suppressed", "inhibited"})
@@ -60,26 +60,28 @@ _NOT_ACTIVE = frozenset({"inactive", "silent"})
 
 
 def objection(
-    actuator: Actuator, verdict: RecordedVerdict, due: Decision, interpreter: Interpreter
+    actuator: Actuator, verdict: RecordedVerdict, expected: Decision, interpreter: Interpreter
 ) -> str | None:
     """Return what is wrong with a verdict of the network, or None.
 
-    `due` is the interpreter's decision; `interpreter` has decided the same frame.
+    `expected` is the interpreter's decision; `interpreter` has decided the same frame.
     """
     if verdict.violation:
         return "two clients commanded in one frame"
-    if not same_decision(verdict, due):
+    if not same_decision(verdict, expected):
         if not is_excused(verdict):
-            return "something else was sent than the interpreter decides"
+            return "the command sent is not the interpreter's"
         if not is_idle(actuator, verdict):
-            return "a client was missed, and neither the interpreter's command nor the idle command was sent"
-    return next((text for text in (_fate(*one, due, interpreter) for one in verdict.fates) if text), None)
+            return "a client was missing, and neither the interpreter's command nor the idle command was sent"
+    return next(
+        (text for text in (_fate(*one, expected, interpreter) for one in verdict.fates) if text), None
+    )
 
 
-def same_decision(verdict: RecordedVerdict, due: Decision) -> bool:
+def same_decision(verdict: RecordedVerdict, expected: Decision) -> bool:
     """Return True if winner, values and fault are the same, values bit for bit."""
-    same = (verdict.by, verdict.fault) == (due.by, due.fault)
-    return same and same_values(verdict.values, due.values)
+    same = (verdict.by, verdict.fault) == (expected.by, expected.fault)
+    return same and same_values(verdict.values, expected.values)
 
 
 def same_values(one: Sequence[ScalarValue] | None, other: Sequence[ScalarValue] | None) -> bool:
@@ -106,17 +108,17 @@ def is_idle(actuator: Actuator, verdict: RecordedVerdict) -> bool:
     return verdict.by is None and verdict.fault is None and same_values(verdict.values, idle)
 
 
-def _fate(client: str, fate: str, due: Decision, interpreter: Interpreter) -> str | None:
+def _fate(client: str, fate: str, expected: Decision, interpreter: Interpreter) -> str | None:
     """Return what is wrong with the recorded fate of a client, or None."""
-    wins = client == due.by
+    wins = client == expected.by
     if fate in _COMMANDED and not wins:
-        return f"`{client}` commanded, but does not get through by the interpreter"
+        return f"`{client}` commanded, but in the interpreter it does not get through"
     if (fate in _GATED or fate in _NOT_ACTIVE) and wins:
-        return f"`{client}` was {fate}, but gets through by the interpreter"
+        return f"`{client}` was {fate}, but in the interpreter it gets through"
     if fate in _GATED and not interpreter.is_active(client):
-        return f"`{client}` was {fate}, but is not active by the interpreter"
+        return f"`{client}` was {fate}, but in the interpreter it is not active"
     if fate in _NOT_ACTIVE and interpreter.is_active(client):
-        return f"`{client}` was {fate}, but is active by the interpreter"
+        return f"`{client}` was {fate}, but in the interpreter it is active"
     if fate == "inactive" and interpreter.is_silent(client):
-        return f"`{client}` was inactive, but by the interpreter it reads something missing"
+        return f"`{client}` was inactive, but in the interpreter it is silent: it reads something missing"
     return None

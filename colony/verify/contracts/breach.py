@@ -1,4 +1,4 @@
-"""A contract that a drawn trace breaks, as the prover would refute it."""
+"""Refutation of a contract by a randomly drawn trace that breaks it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from colony.verify.testing.examples import facts_of_breach
 
 
 def refutation(program: Program, breach: Breach) -> Refuted:
-    """Return a breach as a refutation: readings that cannot be count as missing, the trace begins at 0.
+    """Return a breach as a refutation that begins at time 0; faulty readings become missing.
 
-    Modules in Python are run for real.
+    Modules in Python are called.
     """
     first = breach.trace[0].t_ns
     frames = tuple(frame._replace(t_ns=frame.t_ns - first) for frame in breach.trace)

@@ -1,7 +1,7 @@
-"""Guesses at what is always true of memory: templates, filled with the cells and constants of a program.
+"""Candidate invariants of memory: templates, filled with the cells and constants of a program.
 
-None of them need be true: `houdini.py` keeps those that are. There are few of each kind, linear in the number
-of cells, besides pairs of cells, of which there are at most `_MOST_PAIRS`.
+A candidate may be false: `houdini.py` keeps those that are invariants. Their number is linear in the number
+of cells, except for pairs of cells, of which there are at most `_MAX_PAIRS`.
 """
 
 from __future__ import annotations
@@ -20,34 +20,34 @@ from colony.verify.symbolic.cones import Cone
 from colony.verify.symbolic.substitution import Substitution
 from colony.verify.symbolic.system import Cell, Claim, System
 
-_MOST_PAIRS = 300
-_MOST_BOUNDS = 16
+_MAX_PAIRS = 300
+_MAX_BOUNDS = 16
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A condition that may hold before every frame; `text` describes it to people."""
+    """A condition that may hold before every frame; `text` describes it."""
 
     text: str
     holds: z3.BoolRef
 
 
 def candidates(cone: Cone, claims: tuple[Claim, ...]) -> tuple[Candidate, ...]:
-    """Return all guesses for a cone that are true of the initial memory, each once.
+    """Return the distinct candidates for a cone that hold in the initial memory.
 
     Bounds come from the constants that the cells' own formulas and those of `claims` mention.
     """
     system = cone.system
     flags = [c for c in cone.cells if z3.is_bool(c.old)]
     numbers = [c for c in cone.cells if z3.is_arith(c.old) and str(c.old) != str(system.last)]
-    said = _numerals([f for c in claims for f in (c.speaks, c.holds)])
+    mentioned = _numerals([f for c in claims for f in (c.speaks, c.holds)])
     at_first = Substitution([c.old for c in cone.cells], [c.initial for c in cone.cells])
     found: dict[int, Candidate] = {}
     for candidate in (
         *_unchanged(system, cone.cells),
         *_phases(system, cone),
-        *_stamps(system, flags, numbers),
-        *_bounds(numbers, said),
+        *_timestamps(system, flags, numbers),
+        *_bounds(numbers, mentioned),
         *_pairs_of_flags(system, cone, flags),
         *_pairs_of_numbers(numbers),
     ):
@@ -57,7 +57,7 @@ def candidates(cone: Cone, claims: tuple[Claim, ...]) -> tuple[Candidate, ...]:
 
 
 def _unchanged(system: System, cells: tuple[Cell, ...]) -> Iterator[Candidate]:
-    """Yield the guesses that a cell never leaves its initial value, or not before the first frame."""
+    """Yield the guesses that a cell keeps its initial value, or keeps it until the first frame."""
     for cell in cells:
         if str(cell.old) == str(system.begun):
             continue
@@ -69,7 +69,7 @@ def _unchanged(system: System, cells: tuple[Cell, ...]) -> Iterator[Candidate]:
 
 
 def _phases(system: System, cone: Cone) -> Iterator[Candidate]:
-    """Yield the guesses that a machine, or a state of an enum, is at one of its members."""
+    """Yield the guesses that a machine or an enum state has one of its members as its value."""
     for name, members in _enumerated(system.program):
         if name not in system.states:
             continue
@@ -101,8 +101,8 @@ def number(x: float) -> z3.RatNumRef:
     return z3.Q(exact.numerator, exact.denominator)
 
 
-def _stamps(system: System, flags: list[Cell], numbers: list[Cell]) -> Iterator[Candidate]:
-    """Yield the guesses that a remembered time is no later than the last frame, and flags need a frame."""
+def _timestamps(system: System, flags: list[Cell], numbers: list[Cell]) -> Iterator[Candidate]:
+    """Yield the guesses that a stored time is at most that of the last frame, and a flag implies a frame."""
     for flag in flags:
         if str(flag.old) != str(system.begun):
             yield Candidate(f"{flag.name} needs a frame before", z3.Implies(flag.old, system.begun))
@@ -116,15 +116,15 @@ def _stamps(system: System, flags: list[Cell], numbers: list[Cell]) -> Iterator[
 
 
 def _stem(cell: Cell) -> str:
-    """Return the prefix that the names of one memory's cells share."""
+    """Return the prefix that the cells of one memory function share in their names."""
     return cell.name.rpartition(" ")[0] or cell.name
 
 
-def _bounds(numbers: list[Cell], said: list[Fraction]) -> Iterator[Candidate]:
-    """Yield the guesses that a number is bounded by a constant that its formula, or a contract, mentions."""
+def _bounds(numbers: list[Cell], mentioned: list[Fraction]) -> Iterator[Candidate]:
+    """Yield the guesses that a number is bounded by a constant in its formula or in a contract."""
     for cell in numbers:
-        values = dict.fromkeys((*_numerals([cell.next, cell.initial]), *said))
-        for value in list(values)[:_MOST_BOUNDS]:
+        values = dict.fromkeys((*_numerals([cell.next, cell.initial]), *mentioned))
+        for value in list(values)[:_MAX_BOUNDS]:
             bound = _constant(value, cell.old.sort())
             if bound is not None:
                 yield Candidate(f"{cell.name} <= {float(value):g}", cell.old <= bound)
@@ -157,7 +157,7 @@ def _numerals(formulas: list[z3.ExprRef]) -> list[Fraction]:
 
 
 def _literals(system: System, cone: Cone, flags: list[Cell]) -> list[Candidate]:
-    """Return the flags, bool states among them, and the phases of machines."""
+    """Return the flags, including bool states, and the phases of machines."""
     literals = [Candidate(f.name, f.old) for f in flags if str(f.old) != str(system.begun)]
     for name, members in _enumerated(system.program):
         value = parts(system.states[name])[0] if name in system.states else None
@@ -167,11 +167,11 @@ def _literals(system: System, cone: Cone, flags: list[Cell]) -> list[Candidate]:
 
 
 def _pairs_of_flags(system: System, cone: Cone, flags: list[Cell]) -> Iterator[Candidate]:
-    """Yield the claims that of two flags or phases one implies the other, or that they exclude each other."""
+    """Yield the guesses that one flag or phase implies another, excludes it, or holds where it does not."""
     literals = _literals(system, cone, flags)
     made = 0
     for a, b in combinations(literals, 2):
-        if made >= _MOST_PAIRS:
+        if made >= _MAX_PAIRS:
             return
         made += 4
         yield Candidate(f"not ({a.text} and {b.text})", z3.Not(z3.And(a.holds, b.holds)))
@@ -184,7 +184,7 @@ def _pairs_of_numbers(numbers: list[Cell]) -> Iterator[Candidate]:
     """Yield the guesses that two numbers are equal, or in order."""
     made = 0
     for a, b in permutations(numbers, 2):
-        if made >= _MOST_PAIRS:
+        if made >= _MAX_PAIRS:
             return
         if a.old.sort() == b.old.sort():
             made += 1

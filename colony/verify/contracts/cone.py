@@ -1,44 +1,45 @@
-"""The cone of influence of a contract: a proof within it is a proof.
+"""The cone of influence of a contract: what is proved of the cone holds for the whole system.
 
-What lies outside of it cannot make the contract true or false: definitions give each auxiliary constant a
-value whatever the rest is, and sensors are independent of each other.
+Nothing outside the cone can make the contract true or false: definitions give each auxiliary constant a value
+whatever the others are, and sensors are independent of each other.
 """
 
 from __future__ import annotations
 
 import z3
 
-from colony.verify.symbolic.cones import Cone, cone
+from colony.verify.symbolic import cones
+from colony.verify.symbolic.cones import Cone
 from colony.verify.symbolic.system import Claim, Number, Scalar, System
 
 
 def cone_of(system: System, claim: Claim) -> Cone:
     """Return the cone of a contract; time is in every cone."""
-    return cone(system, [claim.speaks, claim.holds, system.now, system.begun, system.last])
+    return cones.cone(system, [claim.speaks, claim.holds, system.now, system.begun, system.last])
 
 
-def covers(one: Cone, other: Cone) -> bool:
-    """Return True if `other` depends on nothing besides what `one` depends on."""
-    return _constants(other) <= _constants(one)
+def covers(cone: Cone, part: Cone) -> bool:
+    """Return True if `part` depends on nothing outside `cone`."""
+    return _constants(part) <= _constants(cone)
 
 
-def key_of(one: Cone) -> frozenset[int]:
+def key_of(cone: Cone) -> frozenset[int]:
     """Return a key that identifies a cone within its system."""
-    return _constants(one)
+    return _constants(cone)
 
 
-def _constants(one: Cone) -> frozenset[int]:
-    return frozenset(c.get_id() for c in (*one.constants, *(cell.old for cell in one.cells)))
+def _constants(cone: Cone) -> frozenset[int]:
+    return frozenset(c.get_id() for c in (*cone.constants, *(cell.old for cell in cone.cells)))
 
 
-def within(one: Cone, term: z3.ExprRef) -> bool:
+def within(cone: Cone, term: z3.ExprRef) -> bool:
     """Return True if a term is part of a cone."""
-    return term.get_id() in one.visited
+    return term.get_id() in cone.visited
 
 
-def facts(one: Cone) -> z3.BoolRef:
-    """Return all that is true of a frame in a run, as one formula, which is renamed at once."""
-    return z3.And(*one.assumptions, *one.definitions, *one.invariants)
+def facts(cone: Cone) -> z3.BoolRef:
+    """Return all that holds for a frame of a run as one formula, which is faster to rename."""
+    return z3.And(*cone.assumptions, *cone.definitions, *cone.invariants)
 
 
 def parts(scalar: Scalar) -> tuple[z3.ExprRef, ...]:

@@ -1,4 +1,4 @@
-"""Values as a person would write them in a `test`: short decimals, in the unit that was declared."""
+"""Values as a person would write them in a `test`: short decimals in the declared unit."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from colony.ir.program import Sensor
 from colony.ir.types import Quantity, element_type
 from colony.text.units import BASE_UNITS, parse_unit
 
-_DIGITS = 17
+_MAX_DIGITS = 17
 
 
-class Written(NamedTuple):
-    """A number of the language: digits, and the unit that belongs to it or nothing; `negative` is a sign."""
+class NumberText(NamedTuple):
+    """A number as the language writes it: a sign, digits, and a unit if it has one."""
 
     digits: str
     unit: str | None
@@ -26,33 +26,33 @@ class Written(NamedTuple):
         return f"{'-' if self.negative else ''}{self.digits}{f' {self.unit}' if self.unit else ''}"
 
 
-def value_of(written: Written) -> float:
+def value_of(written: NumberText) -> float:
     """Return the number's value in base units: converted exactly and rounded once.
 
     Raises:
-        OverflowError: it is beyond all floats.
+        OverflowError: it is too large for a float.
     """
     exact = Fraction(Decimal(written.digits)) * (parse_unit(written.unit).factor if written.unit else 1)
     value = float(exact)
     return -value if written.negative else value
 
 
-def write(value: float, sensor: Sensor) -> Written | None:
+def number_text(value: float, sensor: Sensor) -> NumberText | None:
     """Return the shortest number in the unit of `sensor`, else in base units, that is exactly `value`.
 
-    None where there is none: an infinite value, or one of a type without units.
+    None if there is none, as for a value that is not finite.
     """
     if not math.isfinite(value):
         return None
     for unit in dict.fromkeys((sensor.unit or None, _base_unit(sensor))):
-        for digits in range(1, _DIGITS + 1):
+        for digits in range(1, _MAX_DIGITS + 1):
             candidate = _rounded(value, unit, digits)
             if candidate is not None and _means(candidate, value):
                 return candidate
     return None
 
 
-def _means(written: Written, value: float) -> bool:
+def _means(written: NumberText, value: float) -> bool:
     try:
         return value_of(written) == value
     except OverflowError:
@@ -68,13 +68,13 @@ def rounded(value: float, sensor: Sensor, digits: int) -> float:
         return value
 
 
-def _rounded(value: float, unit: str | None, digits: int) -> Written | None:
+def _rounded(value: float, unit: str | None, digits: int) -> NumberText | None:
     factor = parse_unit(unit).factor if unit else Fraction(1)
     try:
         inside = float(Fraction(value) / factor)
     except OverflowError:
         return None
-    return Written(plain(Decimal(f"{abs(inside):.{digits - 1}e}")), unit, math.copysign(1, inside) < 0)
+    return NumberText(plain(Decimal(f"{abs(inside):.{digits - 1}e}")), unit, math.copysign(1, inside) < 0)
 
 
 def plain(number: Decimal) -> str:
@@ -96,6 +96,6 @@ def _base_unit(sensor: Sensor) -> str | None:
     return text if text in BASE_UNITS or "/" in text or "*" in text or "^" in text else None
 
 
-def seconds(t_ns: int) -> Written:
+def seconds(t_ns: int) -> NumberText:
     """Return a time in seconds, exactly."""
-    return Written(plain(Decimal(t_ns) / 1_000_000_000), "s", False)
+    return NumberText(plain(Decimal(t_ns) / 1_000_000_000), "s", False)

@@ -9,10 +9,10 @@ from colony.dsl import ast
 from colony.dsl.printer import print_file
 from colony.ir.program import Program, Sensor
 from colony.ir.types import Enum, ScalarValue, Value, element_type
-from colony.verify.contracts.decimals import Written, seconds, write
+from colony.verify.contracts.decimals import NumberText, number_text, seconds
 from colony.verify.contracts.results import Trace
 
-_MOST_EXCEPTIONS = 6
+_MAX_EXCEPTIONS = 6
 
 
 def title(contract: str) -> str:
@@ -23,8 +23,7 @@ def title(contract: str) -> str:
 def example_block(program: Program, contract: str, trace: Trace, name: str | None = None) -> str | None:
     """Return the text of a test with the frames of `trace`.
 
-    None where the language cannot write one of its values, or where only answers of modules in Python break
-    the contract.
+    None if the language cannot write one of its values, or if the trace needs answers of Python modules.
     """
     if any(s.answers for s in trace.snapshots):
         return None
@@ -52,7 +51,7 @@ def example_block(program: Program, contract: str, trace: Trace, name: str | Non
 def _given(
     sensor: Sensor, before: Value | None, readings: Mapping[str, Value]
 ) -> Iterator[ast.GivenDecl | None]:
-    """Yield the assignments that change a sensor from `before`; None for one that cannot be written."""
+    """Yield the assignments that change a sensor from `before`; None for a value that cannot be written."""
     value = readings.get(sensor.name)
     if value == before:
         return
@@ -64,17 +63,17 @@ def _given(
         return
     if isinstance(before, tuple):
         changed = [(i, x) for i, (x, y) in enumerate(zip(value, before, strict=True)) if x != y]
-        if len(changed) <= _MOST_EXCEPTIONS:
+        if len(changed) <= _MAX_EXCEPTIONS:
             yield from (_scalar(sensor, i, x) for i, x in changed)
             return
     yield from _array(sensor, value)
 
 
 def _array(sensor: Sensor, value: tuple[ScalarValue, ...]) -> Iterator[ast.GivenDecl | None]:
-    """Yield one value for all and a few exceptions, or element by element."""
+    """Yield one value for all elements and a few exceptions, or all elements."""
     [(common, _), *_] = Counter(value).most_common(1)
     exceptions = [(i, x) for i, x in enumerate(value) if x != common]
-    if len(exceptions) <= _MOST_EXCEPTIONS:
+    if len(exceptions) <= _MAX_EXCEPTIONS:
         yield _scalar(sensor, None, common)
         yield from (_scalar(sensor, i, x) for i, x in exceptions)
         return
@@ -102,10 +101,10 @@ def _expression(sensor: Sensor, value: ScalarValue) -> ast.Expression | None:
     if isinstance(of, Enum):
         member = next(name for name, n in of.members if n == value)
         return ast.Reference(path=(*of.name.split("."), member))
-    written = write(value, sensor)
+    written = number_text(value, sensor)
     return None if written is None else _number(written)
 
 
-def _number(written: Written) -> ast.Expression:
+def _number(written: NumberText) -> ast.Expression:
     number = ast.Number(digits=written.digits, unit=written.unit)
     return ast.Prefix(operator="-", operand=number) if written.negative else number

@@ -1,4 +1,4 @@
-"""Explanations of unknown results: the reasons in words, and what to do about them."""
+"""Explanations of unknown results: the reasons, and advice."""
 
 from __future__ import annotations
 
@@ -10,35 +10,43 @@ from colony.verify.contracts.results import Trace, Unknown
 from colony.verify.contracts.solver import Budget
 from colony.verify.symbolic.system import Inexact, Reason
 
-_MOST = 3
+_MAX_REASONS = 3
 
 
-def unknown(
+def explain_unknown(
     contract: Contract,
     inexact: Sequence[Reason],
     budget: Budget,
     *,
     searched: int,
-    imagined: int,
+    spurious: int,
     trace: Trace | None,
 ) -> Unknown:
-    """Return the verdict for a contract that was searched for a counterexample up to `searched` frames.
+    """Return the result for a contract without a proof or refutation.
 
-    `imagined` models broke it on paper only; `trace` breaks it if modules in Python answer so.
+    Args:
+        contract: The contract.
+        inexact: Reasons for which formulas about it are inexact.
+        budget: Its budget, used up or not.
+        searched: Number of frames searched for a counterexample.
+        spurious: Number of models that break it, but not in the reference interpreter.
+        trace: Run that breaks it if the Python modules answer as in the trace.
     """
     abstracted = [r for r in inexact if r.kind is Inexact.ABSTRACTED]
     python = [r for r in inexact if r.kind is Inexact.PYTHON]
     because: list[str] = []
     if trace is not None:
-        because.append("it is broken if modules in Python answer as below, and they may answer anything")
-        because += _said(python)
-    elif imagined and abstracted:
-        because.append("of these only bounds and signs are known, and that is too little:")
-        because += _said(abstracted)
-    elif imagined:
-        because.append("for real numbers it can be broken; the floats that were tried do not break it")
+        because.append(
+            "it is broken if modules in Python answer as below, and the prover must assume that they can"
+        )
+        because += _reason_lines(python)
+    elif spurious and abstracted:
+        because.append("only bounds and signs are known of the following, and that is not enough:")
+        because += _reason_lines(abstracted)
+    elif spurious:
+        because.append("real numbers can break it, but none of the floats that were tried do")
     elif budget.gave_up:
-        because.append("z3 gave up within its limits")
+        because.append("z3 reached its limits without an answer")
     if trace is None:
         before = counted(budget.options.depth, "frame")
         because.append(
@@ -48,15 +56,15 @@ def unknown(
     return Unknown(
         contract=contract,
         because=tuple(because),
-        hint=_hint(budget, abstracted, imagined, trace),
+        hint=_hint(budget, abstracted, spurious, trace),
         trace=trace,
     )
 
 
-def _said(reasons: Sequence[Reason]) -> list[str]:
+def _reason_lines(reasons: Sequence[Reason]) -> list[str]:
     """Return the first reasons, each with its place."""
-    lines = [f"  {_place(r)}{r.text}" for r in reasons[:_MOST]]
-    more = len(reasons) - _MOST
+    lines = [f"  {_place(r)}{r.text}" for r in reasons[:_MAX_REASONS]]
+    more = len(reasons) - _MAX_REASONS
     return [*lines, f"  and {more} more"] if more > 0 else lines
 
 
@@ -68,16 +76,16 @@ def _place(reason: Reason) -> str:
     return f"{source.name}:{line}:{column}: "
 
 
-def _hint(budget: Budget, abstracted: Sequence[Reason], imagined: int, trace: Trace | None) -> str:
+def _hint(budget: Budget, abstracted: Sequence[Reason], spurious: int, trace: Trace | None) -> str:
     if trace is not None:
-        return "bound what the module may do with a `limit` or a `range`, or test the class for it"
-    if imagined and abstracted:
-        return "state what is needed of these as a condition of the contract, or try it: `--examples 10000`"
+        return "bound the module's command with a `limit` or a `range`, or test its class"
+    if spurious and abstracted:
+        return "add what the contract needs of them to it as a condition, or test it with `--examples 10000`"
     if budget.gave_up:
         return (
-            "give it more time with `--timeout`, or say it in parts: contracts that are proved help the rest"
+            "allow more time with `--timeout`, or split the contract: proved contracts help to prove others"
         )
     return (
-        "say in a contract of its own what its memory always is (what is proved helps the rest), "
-        "or look further with `--depth`"
+        "state an invariant of its memory as a separate contract (proved contracts help to prove others), "
+        "or search further with `--depth`"
     )

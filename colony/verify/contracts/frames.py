@@ -15,8 +15,8 @@ def frame_row(sensors: Iterable[Sensor], snapshot: Snapshot) -> dict[str, object
     """Return a frame: `{"t": 0.05, "bumper": true, "sonar": [3.0, ...]}`; missing values are null.
 
     Args:
-        sensors: the sensors of the program, or programs, that the snapshot is for.
-        snapshot: the readings in base units, and the time.
+        sensors: Sensors of the program, or programs, that the snapshot is for.
+        snapshot: Time, and readings in base units.
     """
     by_name = {sensor.name: sensor for sensor in sensors}
     readings = {name: _plain(by_name[name], value) for name, value in snapshot.readings.items()}
@@ -24,7 +24,7 @@ def frame_row(sensors: Iterable[Sensor], snapshot: Snapshot) -> dict[str, object
 
 
 def outcome_row(program: Program, outcome: Outcome) -> dict[str, object]:
-    """Return what each actuator is sent, and by whom: `{"drive": {"by": "avoid", "velocity": 0.15}}`."""
+    """Return each actuator's winner and command: `{"drive": {"by": "avoid", "velocity": 0.15}}`."""
     fields = {a.name: [f.name for f in a.fields] for a in program.robot.actuators}
     return {
         d.actuator: {"by": d.by, **dict(zip(fields[d.actuator], d.values or (), strict=False))}
@@ -34,14 +34,14 @@ def outcome_row(program: Program, outcome: Outcome) -> dict[str, object]:
 
 def _plain(sensor: Sensor, value: Value | None) -> object:
     if isinstance(value, tuple):
-        return [_declared(sensor, one) for one in value]
+        return [_declared(sensor, element) for element in value]
     return None if value is None else _declared(sensor, value)
 
 
 def _declared(sensor: Sensor, value: ScalarValue) -> ScalarValue:
-    """Return the value in the declared unit, which enters as `value` again."""
+    """Return the value in the declared unit that converts back to exactly `value`."""
     if isinstance(value, bool):
         return value
-    about = value / sensor.factor
-    near = (about, math.nextafter(about, math.inf), math.nextafter(about, -math.inf))
-    return next((one for one in near if one * sensor.factor == value), about)
+    quotient = value / sensor.factor
+    near = (quotient, math.nextafter(quotient, math.inf), math.nextafter(quotient, -math.inf))
+    return next((x for x in near if x * sensor.factor == value), quotient)

@@ -1,8 +1,8 @@
-"""Invariants: the greatest part of a set of guesses that one frame keeps true (Flanagan and Leino, 2001).
+"""Invariants by Houdini: the largest inductive subset of a set of guesses (Flanagan and Leino, 2001).
 
-All guesses are true of the initial memory. As long as a frame from a memory where all are true can lead to
-one where some are false, those are dropped. What is left is true before every frame. Contracts take part: one
-that follows from the guesses, whatever the frame, may be used to keep the guesses.
+All guesses hold in the initial memory. As long as a frame can lead from memory in which all hold to memory in
+which some do not, those are dropped. The rest hold before every frame. Contracts take part: a contract that
+follows from the guesses in every frame may be assumed when the guesses are checked.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ _ROUNDS = 200
 
 @dataclass(frozen=True, slots=True)
 class Invariants:
-    """Conditions that hold before every frame, and the contracts that hold in every frame because of them."""
+    """Conditions that hold before every frame, and the contracts that follow from them."""
 
     of_memory: tuple[Candidate, ...]
     claims: tuple[Claim, ...]
 
 
-def keeps(claim: Claim) -> z3.BoolRef:
-    """Return the condition that a contract is not broken in the frame."""
+def unbroken(claim: Claim) -> z3.BoolRef:
+    """Return the condition that the frame does not break a contract."""
     return z3.Implies(claim.speaks, claim.holds)
 
 
@@ -46,14 +46,14 @@ def invariants(
 ) -> Invariants:
     """Return the guesses that are inductive together, and the `claims` that follow from them.
 
-    `lemmas` are known to hold in every frame. Where z3 gives up, fewer are kept: what is kept is true.
+    `lemmas` are known to hold in every frame. If z3 gives up, fewer guesses are kept; those still hold.
     """
     now = _Greatest(cone, lemmas, budget)
     after = Substitution([c.old for c in cone.cells], [c.next for c in cone.cells])
     for guess in guesses:
         now.guess(guess.holds, after(guess.holds))
     for claim in claims:
-        now.claim(keeps(claim))
+        now.claim(unbroken(claim))
     now.settle()
     return Invariants(
         tuple(guesses[i] for i in sorted(now.before)), tuple(claims[i] for i in sorted(now.during))
@@ -63,7 +63,8 @@ def invariants(
 class _Greatest:
     """The greatest inductive subset: drops guesses and claims until none can be broken. Mutable.
 
-    `before` are the guesses not dropped yet, about the memory before a frame, `during` the claims about it.
+    `before` are the remaining guesses, about memory before a frame; `during` are the remaining claims, about
+    the frame. Both are indices.
     """
 
     def __init__(self, cone: Cone, lemmas: Sequence[z3.BoolRef], budget: Budget) -> None:
@@ -89,7 +90,7 @@ class _Greatest:
         self.during.add(i)
 
     def settle(self) -> None:
-        """Find the greatest fixpoint, or something below it where z3 gives up."""
+        """Find the greatest fixpoint, or a smaller inductive set if z3 gives up."""
         for _ in range(_ROUNDS):
             known = [self._before[i] for i in sorted(self.before)]
             if self._drop(self.during, self._claims, known):
@@ -101,7 +102,7 @@ class _Greatest:
         self.during.clear()
 
     def _drop(self, kept: set[int], goals: list[z3.BoolRef], known: list[z3.BoolRef]) -> bool:
-        """Drop from `kept` what a model of `known` breaks; False where nothing can be broken."""
+        """Drop from `kept` the goals that a model of `known` breaks; return False if none can be broken."""
         if not kept:
             return False
         self._solver.push()
@@ -123,9 +124,9 @@ class _Greatest:
                 assert_never(answer)
 
     def _drop_one_by_one(self, kept: set[int], goals: list[z3.BoolRef], known: list[z3.BoolRef]) -> bool:
-        """Keep the candidates that can be shown alone, where the question about all is too hard.
+        """Keep the goals that can be proved one by one; return True if any was dropped.
 
-        Returns True if any was dropped.
+        Used if z3 gives up on all of them together.
         """
         self._solver.limit(_SHARE / 8)
         shown = {i for i in sorted(kept) if self._solver.ask([*known, z3.Not(goals[i])]) is Answer.UNSAT}
@@ -136,7 +137,7 @@ class _Greatest:
 
 
 def _named(solver: Solver, name: str, formula: z3.BoolRef) -> z3.BoolRef:
-    """Return a constant that stands for a formula, so that a model gives its value at once."""
+    """Return a constant that stands for a formula, so that a model gives its value directly."""
     constant = z3.Bool(name)
     solver.add(constant == formula)
     return constant

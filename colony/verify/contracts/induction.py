@@ -1,6 +1,6 @@
-"""k-induction (Sheeran, Singh and Stalmarck, 2000): a condition of k frames in a row holds in the next.
+"""k-induction (Sheeran, Singh and Stalmarck, 2000): what holds in k consecutive frames holds in the next.
 
-The memory before the first of these frames is any that the invariants allow.
+The memory before the first of these frames is arbitrary, within the invariants.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import z3
 
 from colony.verify.contracts.cone import facts
-from colony.verify.contracts.houdini import keeps
+from colony.verify.contracts.houdini import unbroken
 from colony.verify.contracts.solver import Answer, Budget, Solver
 from colony.verify.symbolic.cones import Cone
 from colony.verify.symbolic.system import Claim
@@ -26,18 +26,18 @@ class Known(NamedTuple):
 
 
 def follows(cone: Cone, claim: Claim, known: Sequence[Known], budget: Budget) -> tuple[str, ...] | None:
-    """Return the parts of `known` that prove a contract in every frame taken alone, or None if unproved."""
+    """Return the conditions of `known` that imply a contract in any single frame, None if they do not."""
     switches = _switches(known)
     solver = Solver(budget)
-    solver.add(facts(cone), z3.Not(keeps(claim)))
+    solver.add(facts(cone), z3.Not(unbroken(claim)))
     solver.add(*(z3.Implies(s, k.holds) for s, k in zip(switches, known, strict=True)))
     return _used(solver, known, switches) if solver.ask(switches) is Answer.UNSAT else None
 
 
 class Induction:
-    """The step of a contract's induction, for k = 1, 2 ... Mutable: the frames so far.
+    """The inductive step for a contract, for k = 1, 2, ... Mutable: the frames so far.
 
-    `known` is true in every frame: invariants, and contracts proved before.
+    `known` holds in every frame: invariants, and contracts proved earlier.
     """
 
     def __init__(self, cone: Cone, claim: Claim, known: Sequence[Known], budget: Budget) -> None:
@@ -51,20 +51,20 @@ class Induction:
         self._extend()
 
     def next(self) -> tuple[str, ...] | None:
-        """Return the parts of `known` that prove the step for the next k, or None if it is unproved."""
-        self._solver.add(self._frames.at(self._last, keeps(self._claim)))
+        """Return the conditions of `known` that prove the step for the next k, None if it is not proved."""
+        self._solver.add(self._frames.at(self._last, unbroken(self._claim)))
         self._solver.add(*self._frames.moves(self._last))
         self._last += 1
         self._extend()
         goal = z3.Bool(f"broken {self._last}")
-        broken = z3.Not(self._frames.at(self._last, keeps(self._claim)))
+        broken = z3.Not(self._frames.at(self._last, unbroken(self._claim)))
         self._solver.add(z3.Implies(goal, broken))
         if self._solver.ask([goal, *self._switches]) is not Answer.UNSAT:
             return None
         return _used(self._solver, self._known, self._switches)
 
     def _extend(self) -> None:
-        """Assume what is true of the last frame."""
+        """Assume the facts and known conditions of the last frame."""
         self._solver.add(self._frames.at(self._last, self._facts))
         for switch, known in zip(self._switches, self._known, strict=True):
             self._solver.add(z3.Implies(switch, self._frames.at(self._last, known.holds)))

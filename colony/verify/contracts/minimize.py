@@ -1,6 +1,6 @@
-"""Minimization of counterexamples: fewer frames, fewer values given, rounder numbers.
+"""Minimization of counterexamples: fewer frames, fewer readings, rounder numbers.
 
-Each change is kept only where the contract still breaks in the reference interpreter.
+A change is kept only if the contract still breaks in the reference interpreter.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from colony.ir.frame import Reading
 from colony.ir.program import Sensor
 from colony.ir.types import Array, Bool, Enum, ScalarValue, Value, element_type
-from colony.verify.contracts.decimals import rounded, write
+from colony.verify.contracts.decimals import number_text, rounded
 from colony.verify.contracts.replay import Replay, is_stand_in
 from colony.verify.contracts.results import Trace
 from colony.verify.snapshot import Snapshot
@@ -20,11 +20,11 @@ from colony.verify.testing.shrinking import Shrinker, with_reading
 _PATIENCE = 1500
 """Maximum number of frames that the interpreter computes for one trace of a small program."""
 
-_MOST_DIGITS = 6
+_MAX_DIGITS = 6
 
 
 def minimal(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PATIENCE) -> Trace:
-    """Return a trace that breaks the contract in its last frame, no longer than `snapshots`, which do."""
+    """Return a minimal trace whose last frame breaks the contract, from `snapshots`, which break it."""
     robot, broken = replay.program.robot, tuple(snapshots)[: len(replay.run(snapshots))]
     shrinker = Shrinker(robot, broken, replay.breach, _Quieter(), replay.affordable(patience))
     shrinker.run()
@@ -43,7 +43,7 @@ def minimal(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PATI
 def _needed_missing(replay: Replay, snapshots: tuple[Snapshot, ...]) -> Iterator[str]:
     """Yield the sensors that must stay missing.
 
-    They are never given, and any simple value of theirs keeps the contract from breaking.
+    The trace never gives them a value, and with any simple value the contract does not break.
     """
     for sensor in replay.program.robot.sensors:
         if is_stand_in(sensor) or any(sensor.name in s.readings for s in snapshots):
@@ -55,16 +55,16 @@ def _needed_missing(replay: Replay, snapshots: tuple[Snapshot, ...]) -> Iterator
 
 
 class _Quieter:
-    """Simpler readings in base units: none, that of the frame before, plain values, short numbers."""
+    """Simpler readings in base units: none, that of the previous frame, simple values, short numbers."""
 
     def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterator[Reading]:
-        """Yield no value, one of the given values, and simple values; nothing for a sensor never given."""
+        """Yield no value, each given value, and simple values; nothing for a sensor that is never given."""
         if all(reading is None for reading in readings):
             return
         yield from dict.fromkeys((None, *_values(reversed(readings)), *_simple(sensor)))
 
     def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterator[Reading]:
-        """Yield the value before, no value, simple values, and values with fewer numbers and digits."""
+        """Yield the previous value, no value, simple values, and values with fewer numbers or digits."""
         if reading == before:
             return
         yield before
@@ -81,14 +81,14 @@ class _Quieter:
 
 
 def _values(readings: Iterator[Reading] | Sequence[Reading]) -> Iterator[Value]:
-    """Yield the present values: a snapshot has values, and tuples for arrays."""
+    """Yield the readings that are values; in a snapshot arrays are tuples."""
     for reading in readings:
         if isinstance(reading, tuple | float | bool):
             yield reading
 
 
 def _fewer_numbers(value: tuple[ScalarValue, ...]) -> Iterator[Value]:
-    """Yield an array with more of its elements the same."""
+    """Yield arrays with more equal elements."""
     [(common, _), *others] = Counter(value).most_common()
     yield from ((x,) * len(value) for x in sorted(set(value)) if others)
     for j, x in enumerate(value):
@@ -98,12 +98,12 @@ def _fewer_numbers(value: tuple[ScalarValue, ...]) -> Iterator[Value]:
 
 
 def _shorter(sensor: Sensor, x: ScalarValue) -> Iterator[ScalarValue]:
-    """Yield numbers near to `x` that have fewer digits in the sensor's unit, and can be written at all."""
+    """Yield numbers close to `x` that have fewer digits in the sensor's unit."""
     if isinstance(x, bool) or isinstance(element_type(sensor.type), Enum):
         return
-    now = write(x, sensor)
+    now = number_text(x, sensor)
     most = 17 if now is None else len(now.digits.replace(".", "").lstrip("0")) - 1
-    for digits in range(1, min(most, _MOST_DIGITS) + 1):
+    for digits in range(1, min(most, _MAX_DIGITS) + 1):
         shorter = rounded(x, sensor, digits)
         if shorter != x and _inside(sensor, shorter):
             yield shorter
@@ -114,7 +114,7 @@ def _inside(sensor: Sensor, x: float) -> bool:
 
 
 def _simple(sensor: Sensor) -> list[Value]:
-    """Return simple values: the default, zero, the ends of the range; for an array in all elements."""
+    """Return simple values: the default, zero, the ends of the range; an array has one in all elements."""
     scalars = list(dict.fromkeys(_simple_scalars(sensor)))
     if isinstance(sensor.type, Array):
         return [(x,) * sensor.type.size for x in scalars]

@@ -1,7 +1,7 @@
 """Runs of the reference interpreter over snapshots, with stand-ins for modules written in Python.
 
-A stand-in is a module of the language that reads what the Python module reads, and commands what one more
-sensor says: so the interpreter itself needs no change, and no code of the user's is run.
+A stand-in is a module of the language that reads what the Python module reads, and takes its command from
+additional sensors. So the interpreter needs no change, and no code of the user runs.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from colony.verify.snapshot import Snapshot
 from colony.verify.testing.examples import facts_of_breach
 
 _SMALL = 60
-"""Maximum number of declarations of a program that is not large."""
+"""Maximum number of declarations of a small program."""
 
 
 class Replay:
-    """A replayer of traces of `program` for one of its contracts.
+    """Replays traces of `program` for one of its contracts.
 
-    With `unasked`, a trace breaks the contract only if no module in Python is asked in any of its frames.
+    With `without_python`, a trace breaks the contract only if no Python module is called in any frame.
     """
 
-    def __init__(self, program: Program, contract: str, unasked: bool = False) -> None:
-        self._contract, self._unasked = contract, unasked
+    def __init__(self, program: Program, contract: str, without_python: bool = False) -> None:
+        self._contract, self._unasked = contract, without_python
         self.program = replace(
             _with_stand_ins(program), contracts=tuple(c for c in program.contracts if c.name == contract)
         )
@@ -46,7 +46,7 @@ class Replay:
         }
 
     def affordable(self, most: int) -> int:
-        """Return the number of frames to compute: `most` for a small program, fewer for a large one."""
+        """Return the number of runs to afford: `most` for a small program, fewer for a large one."""
         program = self.program
         size = len(program.modules) + len(program.derived) + len(program.wires) + len(program.robot.sensors)
         return most if size <= _SMALL else most * _SMALL // size
@@ -61,25 +61,25 @@ class Replay:
 
     def breach(self, snapshots: Sequence[Snapshot]) -> int | None:
         """Return the index of the first frame that breaks the contract, None if none does."""
-        outcomes, asked = self._run(snapshots)
-        broken = bool(outcomes) and bool(outcomes[-1].breaches) and not (self._unasked and asked)
+        outcomes, was_called = self._run(snapshots)
+        broken = bool(outcomes) and bool(outcomes[-1].breaches) and not (self._unasked and was_called)
         return len(outcomes) - 1 if broken else None
 
     def found(self, snapshots: Sequence[Snapshot]) -> tuple[str, ...]:
-        """Return the values of the names in the contract, in the frame that breaks it, one fact each."""
+        """Return the values of the contract's names in the frame that breaks it, one fact each."""
         given = [s._replace(readings=self._readings(s)) for s in snapshots]
         return facts_of_breach(self.program, self._contract, given)
 
     def _run(self, snapshots: Sequence[Snapshot]) -> tuple[tuple[Outcome, ...], bool]:
-        """Return the outcomes, and True if a stand-in answered; if `unasked`, all answers are stand-ins."""
+        """Return the outcomes, and True if a stand-in answered; `without_python`, all that are called do."""
         interpreter = Interpreter(self.program)
-        outcomes, asked = [], False
+        outcomes, was_called = [], False
         for snapshot in snapshots:
             outcomes.append(interpreter.step_in_base_units(snapshot.t_ns, self._readings(snapshot)))
-            asked = asked or any(interpreter.is_active(m) for m in self._fields)
+            was_called = was_called or any(interpreter.is_active(m) for m in self._fields)
             if outcomes[-1].breaches:
                 break
-        return tuple(outcomes), asked
+        return tuple(outcomes), was_called
 
     def _readings(self, snapshot: Snapshot) -> dict[str, Value]:
         readings = dict(snapshot.readings)
@@ -97,7 +97,7 @@ def is_stand_in(sensor: Sensor) -> bool:
 
 
 def _answers(module: str) -> str:
-    """Return the sensor that makes a stand-in command; no name of the language has a blank in it."""
+    """Return the name of the sensor that activates a stand-in; names of the language have no blanks."""
     return f"{module} answers"
 
 

@@ -1,4 +1,4 @@
-"""Results for people and for other tools: lines of text, diagnostics, and rows for JSON."""
+"""Results as lines of text, as diagnostics, and as objects for JSON."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from colony.text.wording import counted
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.frames import frame_row, outcome_row
 from colony.verify.contracts.results import Proved, Refuted, Result, Trace, Unknown
-from colony.verify.contracts.table import reading, sent, table
+from colony.verify.contracts.table import decision_text, reading_text, table
 from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Reason
 
-_MOST_PLACES = 3
+_MAX_PLACES = 3
 
 
 def verdict(result: Result) -> str:
@@ -35,7 +35,7 @@ def verdict(result: Result) -> str:
 
 
 def lines(program: Program, result: Result) -> tuple[str, ...]:
-    """Return the verdict on a line, and below it, indented, the trace that refutes the contract."""
+    """Return the verdict on one line, and the refuting trace or the reasons indented below it."""
     head = f"{verdict(result):8} {result.contract.name}"
     match result:
         case Proved():
@@ -58,26 +58,26 @@ def over_reals(result: Proved) -> str:
     places = list(dict.fromkeys(_place(r) for r in result.over_reals))
     if not places:
         return ""
-    more = len(places) - _MOST_PLACES
-    shown = ", ".join(places[:_MOST_PLACES]) + (f" and {more} more lines" if more > 0 else "")
+    more = len(places) - _MAX_PLACES
+    shown = ", ".join(places[:_MAX_PLACES]) + (f" and {more} more lines" if more > 0 else "")
     return f"  (over reals: floats may round at {shown})"
 
 
 def _place(reason: Reason) -> str:
-    """Return the file and line of a reason, or its text without a place."""
+    """Return the file and line of a reason, or its text if it has none."""
     source = reason.span.source
     return f"{source.name}:{source.position(reason.span.start)[0]}" if source.text else reason.text
 
 
-def told(reason: Reason) -> str:
-    """Return a reason with its line."""
+def reason_text(reason: Reason) -> str:
+    """Return a reason with its file and line."""
     return f"{_place(reason)}: {reason.text}" if reason.span.source.text else reason.text
 
 
 def finding(result: Result, file: str | None) -> Diagnostic | None:
     """Return an error for a refuted contract, a warning for an unknown one, None for a proved one.
 
-    `file` is what was verified, to which the hint offers to add the run; None where that is done anyway.
+    `file` is the verified file, for the hint to add the run to it as a test; None if it is added anyway.
     """
     contract = result.contract
     match result:
@@ -98,7 +98,7 @@ def finding(result: Result, file: str | None) -> Diagnostic | None:
 
 
 def _hint(trace: Trace, file: str | None) -> str | None:
-    """Return advice on a counterexample; no test can hold an infinite reading."""
+    """Return advice on a counterexample; a test cannot express an infinite reading."""
     infinite = (
         name
         for snapshot in trace.snapshots
@@ -119,7 +119,7 @@ def seconds_of(trace: Trace) -> str:
 
 
 def row(program: Program, result: Result) -> dict[str, object]:
-    """Return a result as an object for JSON; a trace has readings in base units, as a test has them."""
+    """Return a result as an object for JSON."""
     line, column = result.contract.span.source.position(result.contract.span.start)
     made: dict[str, object] = {
         "contract": result.contract.name,
@@ -131,18 +131,18 @@ def row(program: Program, result: Result) -> dict[str, object]:
     match result:
         case Proved(k=k, invariants=invariants):
             made |= {"k": k, "invariants": list(invariants)}
-            made["over_reals"] = [told(r) for r in result.over_reals]
+            made["over_reals"] = [reason_text(r) for r in result.over_reals]
         case Refuted(trace=trace):
-            made["trace"] = steps(program, trace)
+            made["trace"] = trace_rows(program, trace)
         case Unknown(because=because, hint=hint, trace=maybe):
             made |= {"because": [b.strip() for b in because], "hint": hint}
-            made["trace"] = None if maybe is None else steps(program, maybe)
+            made["trace"] = None if maybe is None else trace_rows(program, maybe)
         case _:
             assert_never(result)
     return made
 
 
-def steps(program: Program, trace: Trace) -> list[dict[str, object]]:
+def trace_rows(program: Program, trace: Trace) -> list[dict[str, object]]:
     """Return an object per frame: the inputs, as `colony trace --input` takes them, and the commands sent."""
     return [
         {
@@ -155,14 +155,15 @@ def steps(program: Program, trace: Trace) -> list[dict[str, object]]:
     ]
 
 
-def told_frames(
+def readable_frames(
     program: Program, snapshots: Iterable[Snapshot], outcomes: Iterable[Outcome]
 ) -> Iterator[tuple[str, dict[str, str]]]:
     """Yield each frame's events, and the readings of each sensor, in readable form."""
     sensors = {s.name: s for s in program.robot.sensors}
     for snapshot, outcome in zip(snapshots, outcomes, strict=True):
         decided = (
-            f"{a.name} {sent(a, d)}" for a, d in zip(program.robot.actuators, outcome.decisions, strict=True)
+            f"{a.name} {decision_text(a, d)}"
+            for a, d in zip(program.robot.actuators, outcome.decisions, strict=True)
         )
         happens = "; ".join((f"t = {snapshot.t_ns / 1e9:.9g} s", *decided))
-        yield happens, {n: reading(sensors[n], value) for n, value in snapshot.readings.items()}
+        yield happens, {n: reading_text(sensors[n], value) for n, value in snapshot.readings.items()}

@@ -10,37 +10,39 @@ from colony.ir.program import Contract
 from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Reason
 
-RESOURCES_A_SECOND = 7_200_000
-"""Number of z3's resource units that take about a second."""
+RESOURCES_PER_SECOND = 7_200_000
+"""Number of z3's resource units that take about a second on an ordinary machine."""
 
 _SAFETY = 4
-"""Factor by which the clock may exceed the requested time before the proof is given up."""
+"""Factor by which a proof may exceed the requested time before it is abandoned."""
 
-_LONGER = 6
-"""Factor by which a counterexample may be longer than a proof may look back."""
+_FRAMES_PER_DEPTH = 6
+"""Maximum number of frames of a counterexample for each frame of induction depth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
     """The effort for each contract.
 
-    `depth` is the greatest k of k-induction; counterexamples are searched up to `longest` frames. `resources`
-    bounds the work of z3 in its own units, which do not depend on the machine: `RESOURCES_A_SECOND` of them
-    take about a second on an ordinary one. `seconds` bounds it by the clock that the caller may give, too.
+    Attributes:
+        depth: Maximum k of k-induction.
+        max_frames: Maximum length of a counterexample.
+        resources: Limit on the work of z3 in its own units, which do not depend on the machine.
+        seconds: Limit on the time by the caller's clock, if it gives one.
     """
 
     depth: int = 4
-    longest: int = 24
-    resources: int = 10 * RESOURCES_A_SECOND
+    max_frames: int = 24
+    resources: int = 10 * RESOURCES_PER_SECOND
     seconds: float = 40.0
 
     @classmethod
     def within(cls, seconds: float, *, depth: int) -> Self:
-        """Return options for about `seconds` of work, with counterexamples in proportion to `depth`."""
+        """Return options for about `seconds` of work, with `max_frames` in proportion to `depth`."""
         return cls(
             depth=depth,
-            longest=max(_LONGER * depth, 2),
-            resources=max(1, round(seconds * RESOURCES_A_SECOND)),
+            max_frames=max(_FRAMES_PER_DEPTH * depth, 2),
+            resources=max(1, round(seconds * RESOURCES_PER_SECOND)),
             seconds=_SAFETY * seconds,
         )
 
@@ -49,8 +51,8 @@ class Options:
 class Trace:
     """A run of the reference interpreter whose last frame breaks the contract.
 
-    `needed_missing` are sensors that the trace never gives, and that must not be there for it to break;
-    `found` says what the things that the contract names are in the last frame.
+    `needed_missing` are the sensors that must be missing for the contract to break. `found` has the values of
+    the contract's names in the last frame.
     """
 
     snapshots: tuple[Snapshot, ...]
@@ -61,9 +63,9 @@ class Trace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proved:
-    """The contract holds in every frame of every run, by `k`-induction and with `invariants` in words.
+    """A proof that the contract holds in every frame of every run, by `k`-induction with `invariants`.
 
-    `over_reals` are the places where it was proved for real numbers and floats may round.
+    `over_reals` are the places where the proof is about real numbers and floats may round.
     """
 
     contract: Contract
@@ -84,7 +86,7 @@ class Refuted:
 class Unknown:
     """Neither proof nor refutation; `because` gives the reasons, one a line, and `hint` advice.
 
-    `trace`, where there is one, breaks the contract if the modules in Python answer as it says.
+    `trace`, if not None, breaks the contract if the Python modules answer as in the trace.
     """
 
     contract: Contract

@@ -1,8 +1,7 @@
 """Bounded model checking (Biere et al., 1999): the shortest traces that break a contract.
 
-At each length frames a period apart are tried before frames at any times, as the former are easier to
-believe, and traces in which no module in Python is asked before those in which one may answer anything, as
-only the former refute.
+At each length it tries frames one period apart before frames at arbitrary times, as they are more realistic,
+and traces that call no Python module before those with arbitrary answers, as only the former refute.
 """
 
 from __future__ import annotations
@@ -13,38 +12,38 @@ from typing import NamedTuple
 import z3
 
 from colony.verify.contracts.cone import facts, within
-from colony.verify.contracts.houdini import keeps
+from colony.verify.contracts.houdini import unbroken
 from colony.verify.contracts.solver import Answer, Budget, Solver
 from colony.verify.symbolic.cones import Cone
 from colony.verify.symbolic.system import Claim, Number
 from colony.verify.symbolic.unrolling import Unrolling
 
 _REGULAR = z3.Bool("frames a period apart")
-_UNASKED = z3.Bool("no module in Python is asked")
+_WITHOUT_PYTHON = z3.Bool("no module in Python is asked")
 
 
-class Candidate(NamedTuple):
+class CandidateTrace(NamedTuple):
     """A model that breaks the contract in its last frame.
 
-    `frames` is its length; `unasked`: it breaks the contract whatever any module in Python would answer.
+    `frames` is its length. With `without_python` it breaks the contract whatever Python modules would answer.
     """
 
     model: z3.ModelRef
     frames: int
-    unasked: bool
+    without_python: bool
 
 
 class Search:
-    """Traces of growing length for one contract. Mutable: the length so far.
+    """A search for traces of growing length that break one contract. Mutable: the length so far.
 
-    `clear` is how many frames from the start are known not to break the contract, whatever is sensed.
+    `safe_length` is the number of frames from the start that provably do not break it, whatever is sensed.
     """
 
     def __init__(self, cone: Cone, claim: Claim, budget: Budget, lemmas: Sequence[z3.BoolRef] = ()) -> None:
         self.frames = Unrolling(cone.system, cone)
-        self.clear = 0
+        self.safe_length = 0
         self._length = 0
-        self._always_clear = True
+        self._all_safe = True
         self._facts = facts(cone)
         self._claim = claim
         self._lemmas = lemmas
@@ -55,45 +54,45 @@ class Search:
 
     @property
     def length(self) -> int:
-        """The number of frames that were searched."""
+        """Number of frames searched."""
         return self._length
 
-    def longer(self, asked: bool = True) -> Iterator[Candidate]:
-        """Yield models whose last frame is the next one; each differs from those before it.
+    def search_next_length(self, allow_python: bool = True) -> Iterator[CandidateTrace]:
+        """Search traces that are one frame longer; yield distinct models.
 
-        Without `asked` only those in which no module in Python is asked.
+        Without `allow_python`, only those in which no Python module is called.
         """
         last = self._length
         self._extend(last)
         self._length += 1
-        broken = z3.Not(self.frames.at(last, keeps(self._claim)))
+        broken = z3.Not(self.frames.at(last, unbroken(self._claim)))
         self._solver.push()
         try:
             self._solver.add(broken)
-            for assumed in self._modes(last, asked):
+            for assumed in self._modes(last, allow_python):
                 yield from self._models(assumed, last)
         finally:
             self._solver.pop()
-        if self._always_clear and (asked or not self._python):
-            self.clear = self._length
+        if self._all_safe and (allow_python or not self._python):
+            self.safe_length = self._length
             self._solver.add(z3.Not(broken))
 
-    def _models(self, assumed: list[z3.BoolRef], last: int) -> Iterator[Candidate]:
+    def _models(self, assumed: list[z3.BoolRef], last: int) -> Iterator[CandidateTrace]:
         while True:
             answer = self._solver.ask(assumed)
             if answer is Answer.UNSAT:
                 return
-            self._always_clear = False
+            self._all_safe = False
             if answer is Answer.GAVE_UP:
                 return
             model = self._solver.model()
-            yield Candidate(model, last + 1, not self._python or _UNASKED in assumed)
+            yield CandidateTrace(model, last + 1, not self._python or _WITHOUT_PYTHON in assumed)
             self._solver.add(self._different(model, last))
 
-    def _modes(self, last: int, asked: bool) -> Iterator[list[z3.BoolRef]]:
+    def _modes(self, last: int, allow_python: bool) -> Iterator[list[z3.BoolRef]]:
         """Yield the assumptions to try in turn; the last mode allows the most."""
-        without = [[_UNASKED]] if self._python else []
-        for mode in (*without, *([[]] if asked or not self._python else [])):
+        without = [[_WITHOUT_PYTHON]] if self._python else []
+        for mode in (*without, *([[]] if allow_python or not self._python else [])):
             if last > 0:
                 yield [_REGULAR, *mode]
             yield mode
@@ -107,13 +106,13 @@ class Search:
             self._solver.add(z3.Implies(_REGULAR, now == before + system.program.robot.frame_ns))
         self._solver.add(self.frames.at(frame, self._facts))
         for silent in self._python:
-            self._solver.add(z3.Implies(_UNASKED, self.frames.at(frame, silent)))
+            self._solver.add(z3.Implies(_WITHOUT_PYTHON, self.frames.at(frame, silent)))
         self._solver.add(*(self.frames.at(frame, lemma) for lemma in self._lemmas))
 
     def _different(self, model: z3.ModelRef, frame: int) -> z3.BoolRef:
         """Return the condition that an input of the last frame is far from its value in `model`.
 
-        A model that does not replay is often at the very edge of a comparison: next to it others fail alike.
+        A spurious model is often at the very edge of a comparison, where its neighbors are spurious, too.
         """
         system = self.frames.cone.system
         differences = []

@@ -1,4 +1,4 @@
-"""z3 with limits: questions that end, and end the same way on every machine where they can."""
+"""z3 with limits: every question ends, and without a clock in the same way on every machine."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _QUESTIONS = 8
 
 
 class Budget:
-    """The budget of one contract. Mutable: the cost so far, and whether anything was given up.
+    """The budget of one contract. Mutable: the resources left, and whether z3 gave up.
 
-    Without a clock only resources count.
+    Without a clock, only resources are limited.
     """
 
     def __init__(self, options: Options, clock: Clock | None = None) -> None:
@@ -40,7 +40,7 @@ class Budget:
         self.gave_up = False
 
     def part(self, share: float = 0.5) -> Budget:
-        """Return a budget that ends at the same time, and has a share of the resources of a whole one."""
+        """Return a budget with the same deadline and a share of the initial resources."""
         other = Budget(self.options, self._clock)
         other._until = self._until
         other._resources = int(other._resources * share)
@@ -48,13 +48,13 @@ class Budget:
 
     @property
     def milliseconds_left(self) -> int | None:
-        """Milliseconds until the time is up, at least 0; None without a clock."""
+        """Milliseconds until the deadline, at least 0; None without a clock."""
         if self._clock is None or self._until is None:
             return None
         return max(0, int((self._until - self._clock()) * 1000))
 
     def charge(self, resources: int) -> None:
-        """Take note of what a question cost, in z3's units."""
+        """Subtract the cost of a question, in z3's units."""
         self._resources -= resources
 
     def spent(self) -> bool:
@@ -72,14 +72,14 @@ class Solver:
     """An incremental z3 solver within a budget. Mutable."""
 
     def __init__(self, budget: Budget, share: float = 1.0) -> None:
-        """Set the share of a question's resources that each question of this solver has."""
+        """Create a solver; each question may use `share` of a full question's resources."""
         self._budget = budget
         self._z3 = z3.Solver()
-        self._z3.push()  # from here on z3 works incrementally: for questions like these it is quicker
+        self._z3.push()  # makes z3 incremental, which is faster for such questions
         self.limit(share)
 
     def limit(self, share: float) -> None:
-        """Limit each question from now on to a share of a question's resources."""
+        """Limit each further question to a share of a full question's resources."""
         self._most = max(1, int(self._budget.options.resources * share / _QUESTIONS))
         self._z3.set("rlimit", self._most)
 
@@ -96,7 +96,7 @@ class Solver:
         self._z3.pop()
 
     def ask(self, assumed: Sequence[z3.BoolRef] = ()) -> Answer:
-        """Ask z3 for a model of everything that was added and is `assumed`.
+        """Ask z3 for a model of all formulas that were added or are `assumed`.
 
         Raises:
             KeyboardInterrupt: Ctrl-C was pressed while z3 was at work.
@@ -120,9 +120,9 @@ class Solver:
         return Answer.GAVE_UP
 
     def _interrupted(self, used: int) -> bool:
-        """Return True if neither the problem nor a limit ended a question.
+        """Return True if Ctrl-C ended a question, and not its difficulty or a limit.
 
-        z3 catches Ctrl-C itself, and reports it by the same name as its limits.
+        z3 reports Ctrl-C in the same words as a limit.
         """
         reason, left = self._z3.reason_unknown(), self._budget.milliseconds_left
         in_time = left is None or left > _GRACE_MS
@@ -138,6 +138,6 @@ class Solver:
 
 
 def _resources_used(solver: z3.Solver) -> int:
-    """Return z3's count of resources until now, of all solvers."""
+    """Return the resources that all solvers of z3 have used so far."""
     statistics = solver.statistics()
     return int(statistics.get_key_value("rlimit count")) if "rlimit count" in list(statistics.keys()) else 0

@@ -1,4 +1,4 @@
-"""A counterexample as a table for people: a line a frame, with what is given and what is sent."""
+"""A counterexample as a table: a line per frame with readings, answers and commands."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from colony.ir import expression as ir
 from colony.ir.frame import Decision
 from colony.ir.program import Actuator, Contract, Program, Sensor, in_declared_units
 from colony.ir.types import Bool, Enum, Scalar, ScalarValue, Value, element_type
-from colony.verify.contracts.decimals import seconds, write
+from colony.verify.contracts.decimals import number_text, seconds
 from colony.verify.contracts.results import Trace
 
-_MOST_EXCEPTIONS = 6
+_MAX_EXCEPTIONS = 6
 
 
 def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]:
-    """Return the lines of a table, its heading first, with notes below it."""
+    """Return the lines of the table, with a heading and notes."""
     sensors = [s for s in program.robot.sensors if any(s.name in x.readings for x in trace.snapshots)]
     actuators = _actuators(program, contract)
     modules = list(dict.fromkeys(m for s in trace.snapshots for m in s.answers))
@@ -26,19 +26,19 @@ def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]
         rows.append(
             [
                 str(seconds(snapshot.t_ns)),
-                *(reading(s, snapshot.readings.get(s.name)) for s in sensors),
+                *(reading_text(s, snapshot.readings.get(s.name)) for s in sensors),
                 *(_answer(program, m, snapshot.answers.get(m)) for m in modules),
-                *(sent(a, decisions[name]) for name, a in actuators.items()),
+                *(decision_text(a, decisions[name]) for name, a in actuators.items()),
             ]
         )
-    return (*aligned(rows), *_below(program, trace, len(sensors)))
+    return (*aligned(rows), *_notes(program, trace, len(sensors)))
 
 
-def _below(program: Program, trace: Trace, given: int) -> Iterator[str]:
+def _notes(program: Program, trace: Trace, given: int) -> Iterator[str]:
     if trace.needed_missing:
-        yield f"missing, and must be: {', '.join(trace.needed_missing)}"
+        yield f"necessarily missing: {', '.join(trace.needed_missing)}"
     if given + len(trace.needed_missing) < len(program.robot.sensors):
-        yield "all other sensors: missing (what they give makes no difference)"
+        yield "all other sensors: missing (their readings make no difference)"
     if trace.found:
         yield f"in the last frame: {'; '.join(trace.found)}"
 
@@ -51,15 +51,15 @@ def _actuators(program: Program, contract: Contract) -> dict[str, Actuator]:
     return {a.name: a for a in chosen}
 
 
-def reading(sensor: Sensor, value: Value | None) -> str:
-    """Return the reading of a sensor, in its unit: `5 m`, `all 5 m, [12] 0.4 m`, `missing`."""
+def reading_text(sensor: Sensor, value: Value | None) -> str:
+    """Return a sensor's reading in its unit: `5 m`, `all 5 m, [12] 0.4 m`, `missing`."""
     if value is None:
         return "missing"
     if not isinstance(value, tuple):
         return _scalar(sensor, value)
     [(common, _), *_] = Counter(value).most_common(1)
     exceptions = [(i, x) for i, x in enumerate(value) if x != common]
-    if len(exceptions) > _MOST_EXCEPTIONS:
+    if len(exceptions) > _MAX_EXCEPTIONS:
         return f"[{', '.join(_scalar(sensor, x) for x in value)}]"
     return ", ".join(
         (f"all {_scalar(sensor, common)}", *(f"[{i}] {_scalar(sensor, x)}" for i, x in exceptions))
@@ -67,7 +67,7 @@ def reading(sensor: Sensor, value: Value | None) -> str:
 
 
 def _scalar(sensor: Sensor, value: ScalarValue) -> str:
-    written = write(value, sensor)
+    written = number_text(value, sensor)
     return _shown(value, element_type(sensor.type), f"{value:g}" if written is None else str(written))
 
 
@@ -79,13 +79,13 @@ def _shown(value: ScalarValue, of: Scalar, number: str) -> str:
     return next((f"{of}.{name}" for name, n in members if n == value), number)
 
 
-def sent(actuator: Actuator, decision: Decision) -> str:
-    """Return `by avoid: velocity = 150 mm/s, turn = 45 deg/s`."""
-    who = "idle" if decision.by is None else f"by {decision.by}"
+def decision_text(actuator: Actuator, decision: Decision) -> str:
+    """Return a decision as text: `by avoid: velocity = 150 mm/s, turn = 45 deg/s`."""
+    winner = "idle" if decision.by is None else f"by {decision.by}"
     fault = f" ({decision.fault})" if decision.fault else ""
     if decision.values is None:
-        return f"{who}{fault}: nothing is sent"
-    return f"{who}{fault}: {_fields(actuator, decision.values)}"
+        return f"{winner}{fault}: nothing is sent"
+    return f"{winner}{fault}: {_fields(actuator, decision.values)}"
 
 
 def _fields(actuator: Actuator, values: Sequence[ScalarValue]) -> str:

@@ -1,7 +1,4 @@
-"""Random walks through a system: its memory on a few runs.
-
-Guesses that are false there need no question to the solver.
-"""
+"""Random walks through a system, to refute guesses without asking the solver about each."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ _SPREAD = 1000
 
 
 def not_refuted(cone: Cone, guesses: Sequence[Candidate], budget: Budget) -> list[Candidate]:
-    """Return the guesses that are true before every frame of the walks. The same for the same system."""
+    """Return the guesses that hold before every frame of the walks. Deterministic."""
     left = list(guesses)
     for walk in range(_WALKS):
         for model in _walk(cone, Random(walk), budget):
@@ -33,7 +30,7 @@ def not_refuted(cone: Cone, guesses: Sequence[Candidate], budget: Budget) -> lis
 
 
 def _walk(cone: Cone, random: Random, budget: Budget) -> Iterator[z3.ModelRef]:
-    """Yield a model for each frame of a run with random readings, as far as the solver finds one at once."""
+    """Yield a model for each frame of a run with random readings, until the solver finds none quickly."""
     solver = Solver(budget, share=0.1)
     solver.add(facts(cone))
     memory = [cell.initial for cell in cone.cells]
@@ -62,7 +59,7 @@ def _readings(cone: Cone, random: Random) -> Iterator[z3.BoolRef]:
 
 
 def _elements(cone: Cone, given: SensorInput, random: Random) -> Iterator[z3.BoolRef]:
-    """Yield values of a sensor; elements of an array are near each other or not."""
+    """Yield values of a sensor; elements of an array are close together or spread out."""
     base, spread = random.random(), random.choice((0.0, 0.1, 1.0))
     for element in given.elements:
         if not isinstance(element, Number):

@@ -1,7 +1,7 @@
 """Comparison of what two programs send: by their content, by induction, or by a run in which they differ.
 
-Only what the actuators get counts, as a robot notices nothing else: the values sent, the idle command's
-too, or that nothing is sent (`idle hold`). The winning modules may differ.
+Only what the actuators receive is compared: the values sent, those of the idle command included, or that
+nothing is sent (`idle hold`). The winning modules may differ.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Options, Proved, Refuted, Trace, Unknown
 from colony.verify.difference.compatible import Ignored, Pair, check_sensors, ignored, pairs
 from colony.verify.difference.matching import matching
-from colony.verify.difference.product import OF_B, Product, product
+from colony.verify.difference.product import B_SUFFIX, Product, product
 from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
 from colony.verify.difference.shortest import shortest
 from colony.verify.snapshot import Snapshot
@@ -37,10 +37,10 @@ def difference(
     options: Options | None = None,
     clock: Callable[[], float] = lambda: 0.0,
 ) -> Result:
-    """Compare what `a` and `b` send in every frame, whatever the sensors give and whenever.
+    """Compare what `a` and `b` send in every frame, for all sensor readings at all times.
 
-    `ignore` names actuators, fields (`drive.turn`) and modules (in frames in which they win, nothing is
-    compared). `actuators` are pairs to compare, A's name and B's; without it, those of one name.
+    `ignore` names actuators, fields (`drive.turn`) and modules (frames in which they win are not compared).
+    `actuators` are the pairs to compare, A's name and B's; by default, those of equal names.
 
     Raises:
         DiagnosticError: V040 to V042, where the two cannot be compared.
@@ -55,7 +55,7 @@ def difference(
         return Same(matching=found, by_content=True)
     contract = Contract(name=_SAME, expression=_claim(open_, leave_out, both))
     program = replace(both.program, contracts=(contract,))
-    trace = Refuter(program, _SAME).drawn()
+    trace = Refuter(program, _SAME).draw()
     if trace is not None:
         return _different(
             a, b, both, compared, shortest(program, _SAME, trace, options or Options(), clock), found
@@ -73,7 +73,7 @@ def difference(
 def _same_content(pair: Pair, both: Product) -> bool:
     """Return True if an actuator has the same network, limits, ranges and idle command in both."""
     a, b = pair.a, pair.b
-    same_root = both.roots.get(a.name) == both.roots.get(b.name + OF_B)
+    same_root = both.roots.get(a.name) == both.roots.get(b.name + B_SUFFIX)
     return same_root and a.idle == b.idle and _same_bounds(pair, both)
 
 
@@ -81,15 +81,15 @@ def _same_bounds(pair: Pair, both: Product) -> bool:
     a, b = pair.a, pair.b
     return all(
         (x.low, x.high) == (y.low, y.high)
-        and both.limits.get((a.name, i), ()) == both.limits.get((b.name + OF_B, i), ())
+        and both.limits.get((a.name, i), ()) == both.limits.get((b.name + B_SUFFIX, i), ())
         for i, (x, y) in enumerate(zip(a.fields, b.fields, strict=True))
     )
 
 
 def _only_wired_otherwise(compared: Sequence[Pair], both: Product) -> bool:
-    """Return True if all modules and bounds are the same: then no number differs by how it is rounded."""
+    """Return True if all modules and bounds are the same, so that both round every number alike."""
     program = both.program
-    own = any(x.name.endswith(OF_B) for x in (*program.modules, *program.derived))
+    own = any(x.name.endswith(B_SUFFIX) for x in (*program.modules, *program.derived))
     return not own and all(_same_bounds(pair, both) for pair in compared)
 
 
@@ -102,7 +102,7 @@ def _claim(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> ir.Ex
 
 
 def _equal(pair: Pair) -> Iterator[ir.Expression]:
-    a, b = pair.a.name, pair.b.name + OF_B
+    a, b = pair.a.name, pair.b.name + B_SUFFIX
     if pair.a.idle is None or pair.b.idle is None:
         yield binary(Binary.EQUAL, _sends(pair.a, a), _sends(pair.b, b))
     for i in pair.compared:
@@ -127,7 +127,7 @@ def _sent(actuator: Actuator, i: int, name: str) -> ir.Expression:
 
 def _excused(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> Iterator[ir.Expression]:
     """Yield the conditions that an ignored module wins, in A or in B."""
-    of_a = {m.name for m in both.program.modules if not m.name.endswith(OF_B)}
+    of_a = {m.name for m in both.program.modules if not m.name.endswith(B_SUFFIX)}
     for module in sorted(leave_out.modules):
         names = dict.fromkeys(
             name
@@ -136,7 +136,7 @@ def _excused(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> Ite
         )
         for name in names:
             for pair in compared:
-                for actuator in (pair.a.name, pair.b.name + OF_B):
+                for actuator in (pair.a.name, pair.b.name + B_SUFFIX):
                     yield won(actuator, name)
 
 
@@ -146,17 +146,17 @@ def _excused(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> Ite
 def _different(
     a: Program, b: Program, both: Product, compared: Sequence[Pair], trace: Trace, found: Matching
 ) -> Result:
-    """Return the trace as each program alone sees it; the two must differ there, too."""
-    of_b = {there: here for here, there in both.modules.items()}
+    """Return the outcomes of each program by itself over the trace, in which they must differ as well."""
+    names_in_b = {in_product: in_b for in_b, in_product in both.modules.items()}
     by_a = Replay(a, "").run(trace.snapshots)
-    by_b = Replay(b, "").run([_answered(s, of_b) for s in trace.snapshots])
-    apart = tuple((p.a.name, p.b.name) for p in compared if _sends_apart(p, by_a[-1], by_b[-1]))
-    if not apart:
-        because = ("the run that was found does not tell them apart by themselves",)
+    by_b = Replay(b, "").run([_for_b(s, names_in_b) for s in trace.snapshots])
+    differing = tuple((p.a.name, p.b.name) for p in compared if _sends_differently(p, by_a[-1], by_b[-1]))
+    if not differing:
+        because = ("the run that was found does not show a difference when each is run by itself",)
         return Undecided(matching=found, because=because, hint="this is a defect of `colony`: report it")
     return Different(
         matching=found,
-        actuators=apart,
+        actuators=differing,
         snapshots=trace.snapshots,
         a=by_a,
         b=by_b,
@@ -164,18 +164,18 @@ def _different(
     )
 
 
-def _answered(snapshot: Snapshot, of_b: dict[str, str]) -> Snapshot:
+def _for_b(snapshot: Snapshot, names_in_b: dict[str, str]) -> Snapshot:
     """Return a snapshot for B alone, with B's names for modules."""
-    answers = {of_b[name]: fields for name, fields in snapshot.answers.items() if name in of_b}
+    answers = {names_in_b[name]: fields for name, fields in snapshot.answers.items() if name in names_in_b}
     return snapshot._replace(answers=answers)
 
 
-def _sends_apart(pair: Pair, a: Outcome, b: Outcome) -> bool:
-    one = next(d.values for d in a.decisions if d.actuator == pair.a.name)
-    other = next(d.values for d in b.decisions if d.actuator == pair.b.name)
-    if one is None or other is None:
-        return one != other
-    return any(one[i] != other[i] for i in pair.compared)
+def _sends_differently(pair: Pair, a: Outcome, b: Outcome) -> bool:
+    values_a = next(d.values for d in a.decisions if d.actuator == pair.a.name)
+    values_b = next(d.values for d in b.decisions if d.actuator == pair.b.name)
+    if values_a is None or values_b is None:
+        return values_a != values_b
+    return any(values_a[i] != values_b[i] for i in pair.compared)
 
 
 def _undecided(unknown: Unknown, found: Matching) -> Undecided:

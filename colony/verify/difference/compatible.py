@@ -58,8 +58,8 @@ def ignored(a: Program, b: Program, names: Iterable[str]) -> Ignored:
 
 
 def _unknown(name: str, known: Sequence[str], kind: str, program: Program) -> Diagnostic:
-    hint = did_you_mean(name, known) or f"there are: {', '.join(known) or 'none'}"
-    message = f"`{name}` is no {kind} of either behavior"
+    hint = did_you_mean(name, known) or f"known names: {', '.join(known) or 'none'}"
+    message = f"neither behavior has the {kind} `{name}`"
     return error("V040", program.robot.span, message, hint)
 
 
@@ -69,25 +69,25 @@ def pairs(
     """Return the actuators to compare: those of equal names, or those `chosen` (A's name, B's name).
 
     Raises:
-        DiagnosticError: V040, for a name that there is not; V041, where the actuators take different
-            commands; V042, where nothing is left to compare.
+        DiagnosticError: V040, for an unknown name; V041, where the actuators take different commands; V042,
+            where nothing is left to compare.
     """
     of_a = {x.name: x for x in a.robot.actuators}
     of_b = {x.name: x for x in b.robot.actuators}
-    for one, other in chosen:
-        for name, there, program in ((one, of_a, a), (other, of_b, b)):
-            if name not in there:
-                raise DiagnosticError([_unknown(name, list(there), "actuator", program)])
+    for name_a, name_b in chosen:
+        for name, known, program in ((name_a, of_a, a), (name_b, of_b, b)):
+            if name not in known:
+                raise DiagnosticError([_unknown(name, list(known), "actuator", program)])
     names = chosen or [(name, name) for name in of_a if name in of_b]
     found, wrong = [], list[Diagnostic]()
-    for one, other in names:
-        if leave_out.actuators & {one, other}:
+    for name_a, name_b in names:
+        if leave_out.actuators & {name_a, name_b}:
             continue
-        mismatch = [] if chosen else list(_other_command(of_a[one], of_b[other]))
-        mismatch += _other_fields(of_a[one], of_b[other])
+        mismatch = [] if chosen else list(_command_differences(of_a[name_a], of_b[name_b]))
+        mismatch += _field_differences(of_a[name_a], of_b[name_b])
         wrong += mismatch
         if not mismatch:
-            found.append(_pair(of_a[one], of_b[other], leave_out))
+            found.append(_pair(of_a[name_a], of_b[name_b], leave_out))
     if wrong:
         raise DiagnosticError(wrong)
     if not any(pair.compared for pair in found):
@@ -106,14 +106,14 @@ def _pair(a: Actuator, b: Actuator, leave_out: Ignored) -> Pair:
     return Pair(a=a, b=b, compared=compared)
 
 
-def _other_command(a: Actuator, b: Actuator) -> Iterator[Diagnostic]:
+def _command_differences(a: Actuator, b: Actuator) -> Iterator[Diagnostic]:
     if (a.server, a.command) != (b.server, b.command):
         found, expected = f"{b.server}.{b.command}", f"{a.server}.{a.command}"
         yield _differs(f"actuator `{b.name}` commands `{found}`", f"`{expected}`", b.span, a.span)
 
 
-def _other_fields(a: Actuator, b: Actuator) -> Iterator[Diagnostic]:
-    """Yield how the fields differ; ranges may differ, as they are part of a behavior."""
+def _field_differences(a: Actuator, b: Actuator) -> Iterator[Diagnostic]:
+    """Yield the differences between the fields; ranges may differ, as they are part of a behavior."""
     found = [(f.name, str(f.type), f.unit) for f in b.fields]
     expected = [(f.name, str(f.type), f.unit) for f in a.fields]
     if found != expected:
@@ -123,10 +123,10 @@ def _other_fields(a: Actuator, b: Actuator) -> Iterator[Diagnostic]:
 
 
 def _differs(what: str, expected: str, span: Span, other: Span) -> Diagnostic:
-    return error("V041", span, f"{what}, expected {expected}, as at {_place(other)}", _ALIKE)
+    return error("V041", span, f"{what}, expected {expected}, as at {_place(other)}", _SAME_ROBOT_HINT)
 
 
-_ALIKE = "behaviors are compared for one robot: declare it in a file that both import"
+_SAME_ROBOT_HINT = "behaviors are compared for one robot: declare it in a file that both import"
 
 
 def check_sensors(a: Program, b: Program) -> None:

@@ -1,7 +1,7 @@
-"""The content of a declaration, independent of its name: equal contents do the same in every run.
+"""The content of a declaration, independent of its name: equal contents behave the same in every run.
 
-The content of an expression is a number, one for each different nested tuple of what the expression is made
-of, with names replaced by the contents of what they name. Lets without memory count as if written out. States
+The content of an expression is a number that stands for the nested tuple of the expression's parts, with
+names replaced by the contents of what they name. Lets without memory count as if written out. States
 may read one another in a circle, so their contents are found by refinement: at first, states with equal
 initial values count as the same; then states whose `next` differs are separated, until nothing changes.
 """
@@ -41,7 +41,7 @@ class Table:
 
 
 class Contents:
-    """The contents of one program's declarations. Mutable: the colors of states, as far as known."""
+    """The contents of one program's declarations. Mutable: `refine` separates the colors of states."""
 
     def __init__(self, program: Program, table: Table) -> None:
         self._table = table
@@ -115,7 +115,7 @@ class Contents:
                 assert_never(derived)
 
     def module(self, module: AnyModule) -> int:
-        """Return the content of a module; the actuator's name is no part of it."""
+        """Return the content of a module, which leaves out the actuator's name."""
         match module:
             case Module(command=command):
                 fields = () if command is None else tuple(self.expression(e) for e in command.fields)
@@ -133,7 +133,7 @@ class Contents:
                 assert_never(module)
 
     def limit(self, limit: Limit) -> int:
-        """Return the content of a limit; the actuator's name is no part of it."""
+        """Return the content of a limit, which leaves out the actuator's name."""
         condition = -1 if limit.condition is None else self.expression(limit.condition)
         bound = self.expression(limit.bound)
         return self._table.number("limit", limit.field_index, limit.relation, bound, condition)
@@ -165,7 +165,7 @@ class Contents:
                 return self._table.number("reduce", e.function.value, e.low, e.high, body, given)
             case _:
                 parts = (self.expression(child, loop) for child in ir.children(e))
-                return self._table.number(type(e).__name__, *_besides(e), *parts)
+                return self._table.number(type(e).__name__, *_attributes(e), *parts)
 
     def _let(self, name: str) -> int:
         if name not in self._known:
@@ -202,18 +202,18 @@ class Contents:
 
 
 def contents(a: Program, b: Program) -> tuple[Contents, Contents]:
-    """Return the contents of two programs, which can be compared."""
+    """Return the contents of two programs, numbered so that they can be compared."""
     table = Table()
     both = Contents(a, table), Contents(b, table)
     classes = 0
     while len(both[0].colors() | both[1].colors()) > classes:
         classes = len(both[0].colors() | both[1].colors())
-        for one in both:
-            one.refine()
+        for program_contents in both:
+            program_contents.refine()
     return both
 
 
-def _besides(e: ir.Expression) -> tuple[Hashable, ...]:
+def _attributes(e: ir.Expression) -> tuple[Hashable, ...]:
     """Return the attributes of a node besides its operands."""
     match e:
         case ir.UnaryOperation(operator=operator):

@@ -1,4 +1,4 @@
-"""The params, derived values and limits that are written differently in two programs, for people."""
+"""Descriptions of the params, derived values and limits that are written differently in two programs."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _KINDS = {ast.ParamDecl: "param", ast.LetDecl: "let", ast.StateDecl: "state"}
 
 
 def changed_declarations(a: Program, b: Program) -> tuple[str, ...]:
-    """Return a phrase for each that both programs have with another text, and for each limit of one alone.
+    """Return a phrase for each value whose text differs, and for each limit that only one program has.
 
-    Files correspond by their names, those that were asked for to each other.
+    Files correspond by name; the two main files correspond to each other.
     """
     texts_a, texts_b = dict(_values(a)), dict(_values(b))
     values = (

@@ -1,4 +1,4 @@
-"""The correspondence of modules of two programs, for people."""
+"""The correspondence between the modules of two programs, as reports show it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _contents(a: Program, b: Program) -> tuple[dict[str, tuple[str, int]], dict[
 
 
 def _notes(a: Program, b: Program, compared: Sequence[Pair]) -> Iterator[str]:
-    """Yield what was not compared."""
+    """Yield notes on what was not compared."""
     done_a, done_b = {p.a.name for p in compared}, {p.b.name for p in compared}
     for title, program, other, done in (("A", a, b, done_a), ("B", b, a, done_b)):
         there = {x.name for x in other.robot.actuators}
@@ -55,4 +55,4 @@ def _notes(a: Program, b: Program, compared: Sequence[Pair]) -> Iterator[str]:
                 yield f"only {title} has the actuator `{actuator.name}`: it is not compared"
     if a.robot.frame_ns != b.robot.frame_ns:
         periods = f"{duration_text(a.robot.frame_ns)} in A and {duration_text(b.robot.frame_ns)} in B"
-        yield f"the frame period is {periods}: compared is what they make of the same frames"
+        yield f"the frame period is {periods}: they are compared on the same frames"

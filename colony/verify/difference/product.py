@@ -1,7 +1,7 @@
-"""Two programs as one that reads one set of sensors, and has the actuators and networks of both.
+"""The product of two programs: it reads one set of sensors, and has the actuators and networks of both.
 
-What has equal contents in both stands there once: such values and memory are equal in every run, and so are
-such modules and nodes of the network. What is left is for a proof.
+Values, memory, modules and nodes of the network with equal contents are equal in every run, so the product
+has them once. The rest is left to a proof.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from colony.ir.program import (
     Use,
     Wire,
 )
-from colony.ir.walk import nodes
+from colony.ir.walk import all_subexpressions
 from colony.ir.wiring import Joint, joints_of
 from colony.verify.difference.content import Contents, contents
 from colony.verify.difference.rewriting import Rename, rewritten
 
-OF_B = " of B"
-"""The suffix of the names of B's own things; no name of the language has a blank in it."""
+B_SUFFIX = " of B"
+"""Suffix of the names that only B has. It begins with a blank, which no name of the language contains."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,8 +73,10 @@ class _Merger:
     def run(self) -> Product:
         of_a, of_b = self._contents
         self._declare(self._a, of_a, "", 0)
-        shift = 1 + max((x.cell for x in nodes(self._a) if isinstance(x, ir.MemoryCall)), default=0)
-        renamed = self._declare(self._b, of_b, OF_B, shift)
+        shift = 1 + max(
+            (x.cell for x in all_subexpressions(self._a) if isinstance(x, ir.MemoryCall)), default=0
+        )
+        renamed = self._declare(self._b, of_b, B_SUFFIX, shift)
         program = Program(
             robot=self._robot(),
             derived=tuple(self._derived),
@@ -87,7 +89,7 @@ class _Merger:
 
     def _robot(self) -> Robot:
         sensors = {s.name: s for s in (*self._a.robot.sensors, *self._b.robot.sensors)}
-        actuators = (replace(x, name=x.name + OF_B) for x in self._b.robot.actuators)
+        actuators = (replace(x, name=x.name + B_SUFFIX) for x in self._b.robot.actuators)
         return replace(
             self._a.robot,
             sensors=tuple(sensors.values()),
@@ -95,7 +97,7 @@ class _Merger:
         )
 
     def _declare(self, program: Program, of: Contents, suffix: str, shift: int) -> dict[str, str]:
-        """Add what is not there already of one program; gives what its names became."""
+        """Add the new parts of one program; return the names of all its parts in the product."""
         known = {content: tuple(names) for content, names in self._names.items()}
         renamed: dict[str, str] = {}
 
@@ -104,14 +106,14 @@ class _Merger:
 
         for derived in program.derived:
             content = of.derived(derived)
-            renamed[derived.name] = _called(derived.name, known.get(content, ()), suffix)
+            renamed[derived.name] = _product_name(derived.name, known.get(content, ()), suffix)
             self._names.setdefault(content, []).append(derived.name)
         for derived in program.derived:
             if of.derived(derived) not in known:
                 self._derived.append(_derived(derived, rename, shift))
         for module in program.modules:
             content = of.module(module)
-            renamed[module.name] = _called(module.name, known.get(content, ()), suffix)
+            renamed[module.name] = _product_name(module.name, known.get(content, ()), suffix)
             self._names.setdefault(content, []).append(module.name)
             if content not in known:
                 self._modules.append(_module(module, rename, suffix, shift))
@@ -136,7 +138,7 @@ class _Merger:
             self._wires.append(Wire(name=name, wiring=Use(name=outputs[root]), actuator=name))
 
     def _node(self, joint: Joint, dominant: str, inferior: str) -> str:
-        """Return the wire of a node, which is made once."""
+        """Return the wire of a node, adding it at its first occurrence."""
         key = (joint.relation, dominant, inferior, joint.window_ns)
         if key not in self._nodes:
             name = self._nodes[key] = f"node {len(self._nodes)}"
@@ -144,14 +146,14 @@ class _Merger:
         return self._nodes[key]
 
 
-def _called(name: str, alike: Sequence[str], suffix: str) -> str:
-    """Return a name with the same content, preferably the same name."""
+def _product_name(name: str, alike: Sequence[str], suffix: str) -> str:
+    """Return an existing name with the same content, preferably `name`; else `name` with the suffix."""
     if not alike:
         return name + suffix
     return name if name in alike else alike[0]
 
 
-# --- declarations with other names -----------------------------------------------------------------
+# --- renamed declarations --------------------------------------------------------------------------
 
 
 def _derived(derived: Derived, rename: Rename, shift: int) -> Derived:

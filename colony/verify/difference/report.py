@@ -1,4 +1,4 @@
-"""A comparison for people and for other tools: lines of text, and a row for JSON."""
+"""The report of a comparison: lines of text, and a row for JSON."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from colony.ir.frame import Outcome
 from colony.ir.program import Program
 from colony.verify.contracts.decimals import seconds
 from colony.verify.contracts.frames import frame_row, outcome_row
-from colony.verify.contracts.report import told
-from colony.verify.contracts.table import aligned, reading, sent
+from colony.verify.contracts.report import reason_text
+from colony.verify.contracts.table import aligned, decision_text, reading_text
 from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
 
-_MOST_PLACES = 3
+_MAX_REASONS = 3
 
 
 def lines(a: Program, b: Program, result: Result) -> Iterator[str]:
     """Yield the verdict, the run in which the behaviors differ, and the correspondence of modules."""
     match result:
         case Same(by_content=True):
-            yield "the same: they are written alike, names aside"
+            yield "the same: they differ in names only"
         case Same(k=k):
             how = "frame by frame" if k == 0 else f"by {k}-induction"
             yield f"the same: in every frame of every run they send the same (proved {how})"
             yield from _over_reals(result)
         case Different(snapshots=snapshots):
             count = "one frame" if len(snapshots) == 1 else f"{len(snapshots)} frames"
-            yield f"DIFFERENT: told apart by {count}"
+            yield f"DIFFERENT: shown by a run of {count}"
             yield from (f"  {line}" for line in _table(a, b, result))
         case Undecided(because=because, hint=hint):
             yield "undecided"
@@ -39,17 +39,17 @@ def lines(a: Program, b: Program, result: Result) -> Iterator[str]:
 
 
 def _over_reals(result: Same) -> Iterator[str]:
-    for reason in result.over_reals[:_MOST_PLACES]:
-        yield f"  over reals: {told(reason)}"
-    more = len(result.over_reals) - _MOST_PLACES
+    for reason in result.over_reals[:_MAX_REASONS]:
+        yield f"  over reals: {reason_text(reason)}"
+    more = len(result.over_reals) - _MAX_REASONS
     if more > 0:
         yield f"  over reals: and {more} more"
 
 
 def _matching(matching: Matching) -> Iterator[str]:
-    for mine, other in matching.same:
-        if mine != other:
-            yield f"`{mine}` of A is `{other}` of B"
+    for name_a, name_b in matching.same:
+        if name_a != name_b:
+            yield f"`{name_a}` of A is `{name_b}` of B"
     if matching.changed:
         yield f"changed: {_names(matching.changed)}"
     for declaration in matching.declarations:
@@ -76,27 +76,27 @@ def _table(a: Program, b: Program, result: Different) -> Iterator[str]:
     answers = list(dict.fromkeys(m for x in result.snapshots for m in x.answers))
     heads = [f"{name} of {side}" for pair in result.actuators for name, side in zip(pair, "AB", strict=True)]
     rows = [["time", *given, *(f"{m} answers" for m in answers), *heads]]
-    for snapshot, one, other in zip(result.snapshots, result.a, result.b, strict=True):
+    for snapshot, outcome_a, outcome_b in zip(result.snapshots, result.a, result.b, strict=True):
         rows.append(
             [
                 str(seconds(snapshot.t_ns)),
-                *(reading(sensors[n], snapshot.readings.get(n)) for n in given),
+                *(reading_text(sensors[n], snapshot.readings.get(n)) for n in given),
                 *(str(snapshot.answers.get(m, "nothing")) for m in answers),
-                *_sent(a, b, result, one, other),
+                *_sent(a, b, result, outcome_a, outcome_b),
             ]
         )
     yield from aligned(rows)
     if result.needed_missing:
-        yield f"missing, and must be: {', '.join(result.needed_missing)}"
+        yield f"necessarily missing: {', '.join(result.needed_missing)}"
     if len(given) + len(result.needed_missing) < len(sensors):
-        yield "all other sensors: missing (what they give makes no difference)"
+        yield "all other sensors: missing (their readings make no difference)"
 
 
-def _sent(a: Program, b: Program, result: Different, one: Outcome, other: Outcome) -> Iterator[str]:
-    for mine, its in result.actuators:
-        for program, name, outcome in ((a, mine, one), (b, its, other)):
+def _sent(a: Program, b: Program, result: Different, outcome_a: Outcome, outcome_b: Outcome) -> Iterator[str]:
+    for name_a, name_b in result.actuators:
+        for program, name, outcome in ((a, name_a, outcome_a), (b, name_b, outcome_b)):
             actuator = next(x for x in program.robot.actuators if x.name == name)
-            yield sent(actuator, next(d for d in outcome.decisions if d.actuator == name))
+            yield decision_text(actuator, next(d for d in outcome.decisions if d.actuator == name))
 
 
 # --- for other tools -------------------------------------------------------------------------------
@@ -105,32 +105,32 @@ def _sent(a: Program, b: Program, result: Different, one: Outcome, other: Outcom
 def row(a: Program, b: Program, result: Result) -> dict[str, object]:
     """Return the result as a row for JSON."""
     matching = result.matching
-    made: dict[str, object] = {"verdict": verdict(result)}
+    fields: dict[str, object] = {"verdict": verdict(result)}
     match result:
         case Same():
-            made |= {
+            fields |= {
                 "by": "content" if result.by_content else "induction",
                 "k": result.k,
-                "over_reals": [told(reason) for reason in result.over_reals],
+                "over_reals": [reason_text(reason) for reason in result.over_reals],
             }
         case Different():
-            made |= {
+            fields |= {
                 "actuators": [{"a": x, "b": y} for x, y in result.actuators],
                 "frames": list(_frames(a, b, result)),
                 "needed_missing": list(result.needed_missing),
             }
         case Undecided(because=because, hint=hint):
-            made |= {"because": list(because), "hint": hint}
+            fields |= {"because": list(because), "hint": hint}
         case _:
             assert_never(result)
-    made["modules"] = {
+    fields["modules"] = {
         "same": [{"a": x, "b": y} for x, y in matching.same],
         "changed": list(matching.changed),
         "only_a": list(matching.only_a),
         "only_b": list(matching.only_b),
     }
-    made["declarations"] = list(matching.declarations)
-    return made | {"notes": list(matching.notes)}
+    fields["declarations"] = list(matching.declarations)
+    return fields | {"notes": list(matching.notes)}
 
 
 def verdict(result: Result) -> str:
@@ -148,10 +148,10 @@ def verdict(result: Result) -> str:
 
 def _frames(a: Program, b: Program, result: Different) -> Iterator[dict[str, object]]:
     sensors = {s.name: s for p in (b, a) for s in p.robot.sensors}.values()
-    for snapshot, one, other in zip(result.snapshots, result.a, result.b, strict=True):
+    for snapshot, outcome_a, outcome_b in zip(result.snapshots, result.a, result.b, strict=True):
         yield {
             "frame": frame_row(sensors, snapshot),
             "answers": {m: list(x) for m, x in snapshot.answers.items()},
-            "a": outcome_row(a, one),
-            "b": outcome_row(b, other),
+            "a": outcome_row(a, outcome_a),
+            "b": outcome_row(b, outcome_b),
         }

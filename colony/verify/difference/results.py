@@ -13,9 +13,9 @@ from colony.verify.symbolic.system import Reason
 class Matching:
     """The correspondence of A's and B's modules: equal reads and equal actions, whatever their names.
 
-    `changed` have one name in both and differ; `only_a` and `only_b` have no counterpart at all.
-    `declarations` lists the params, derived values and limits that are written differently, `notes` the other
-    parts of the two files, which were not compared.
+    Modules in `changed` have the same name in both and differ; those in `only_a` and `only_b` have no
+    counterpart. `declarations` lists the params, derived values and limits that are written differently,
+    `notes` the parts of the two files that were not compared.
     """
 
     same: tuple[tuple[str, str], ...] = ()

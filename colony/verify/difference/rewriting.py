@@ -1,4 +1,4 @@
-"""An expression with other names in it, and memory of its own."""
+"""Renaming of what an expression reads, and of its memory cells."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ def rewritten(e: ir.Expression, rename: Rename, shift: int) -> ir.Expression:
 
     Sensors keep their names. `e` is no contract expression.
     """
-    again = partial(rewritten, rename=rename, shift=shift)
+    rewrite = partial(rewritten, rename=rename, shift=shift)
     match e:
         case ir.DerivedValue(name=name) | ir.LocalValue(name=name) | ir.StateValue(name=name):
             return replace(e, name=rename(name))
         case ir.Fresh(name=name, derived=derived):
             return replace(e, name=rename(name)) if derived else e
         case ir.ValueOr():
-            return replace(e, expression=again(e.expression), other=again(e.other))
+            return replace(e, expression=rewrite(e.expression), other=rewrite(e.other))
         case ir.UnaryOperation():
-            return replace(e, operand=again(e.operand))
+            return replace(e, operand=rewrite(e.operand))
         case ir.BinaryOperation():
-            return replace(e, left=again(e.left), right=again(e.right))
+            return replace(e, left=rewrite(e.left), right=rewrite(e.right))
         case ir.Conditional():
-            return replace(e, condition=again(e.condition), yes=again(e.yes), no=again(e.no))
+            return replace(e, condition=rewrite(e.condition), yes=rewrite(e.yes), no=rewrite(e.no))
         case ir.Within():
-            return replace(e, operand=again(e.operand), low=again(e.low), high=again(e.high))
+            return replace(e, operand=rewrite(e.operand), low=rewrite(e.low), high=rewrite(e.high))
         case ir.Element():
-            return replace(e, array=again(e.array), index=again(e.index))
+            return replace(e, array=rewrite(e.array), index=rewrite(e.index))
         case ir.Slice():
-            return replace(e, array=again(e.array))
+            return replace(e, array=rewrite(e.array))
         case ir.Window():
-            return replace(e, array=again(e.array), center=again(e.center))
+            return replace(e, array=rewrite(e.array), center=rewrite(e.center))
         case ir.Call():
-            return replace(e, arguments=tuple(again(x) for x in e.arguments))
+            return replace(e, arguments=tuple(rewrite(x) for x in e.arguments))
         case ir.Reduce():
-            condition = None if e.condition is None else again(e.condition)
-            return replace(e, body=again(e.body), condition=condition)
+            condition = None if e.condition is None else rewrite(e.condition)
+            return replace(e, body=rewrite(e.body), condition=condition)
         case ir.MemoryCall():
-            return replace(e, arguments=tuple(again(x) for x in e.arguments), cell=e.cell + shift)
+            return replace(e, arguments=tuple(rewrite(x) for x in e.arguments), cell=e.cell + shift)
         case _:
             return e

@@ -1,14 +1,14 @@
-"""A search for a shorter run than one that is known to break a claim."""
+"""Search for a shorter run that breaks a claim than the run that is known."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from colony.ir.program import Program
+from colony.verify.contracts.proof_context import ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import Options, Trace
 from colony.verify.contracts.search import Search
-from colony.verify.contracts.setting import Setting
 from colony.verify.contracts.solver import Budget
 from colony.verify.symbolic.encode import encode
 
@@ -22,15 +22,15 @@ def shortest(
     """
     if len(known.snapshots) == 1:
         return known
-    setting, budget = Setting(encode(program)), Budget(options, clock)
-    search = Search(setting.cones[contract], setting.claims[contract], budget)
+    context, budget = ProofContext(encode(program)), Budget(options, clock)
+    search = Search(context.cones[contract], context.claims[contract], budget)
     refuter = Refuter(program, contract)
     for _ in range(len(known.snapshots) - 1):
-        for candidate in search.longer(asked=False):
-            trace = refuter.believe(candidate, search)
+        for candidate in search.search_next_length(allow_python=False):
+            trace = refuter.confirm(candidate, search)
             if trace is not None:
                 return trace
-            if not refuter.patient(candidate):
+            if not refuter.may_try_more(candidate):
                 break
         if budget.spent():
             break

@@ -1,15 +1,15 @@
-"""And-inverter graphs: every Boolean function in a proof, equal ones as far as possible one node.
+"""And-inverter graphs: the Boolean functions of a proof, with equal functions sharing nodes where possible.
 
 A *literal* is `2 * node`, or `2 * node + 1` for its negation. Node 0 is constantly false; the others are
-inputs and conjunctions of two literals. Nodes stand after what they are made of. A new conjunction is looked
-up first, by its two operands and after a few rules of Boolean algebra:
+inputs and conjunctions of two literals. Nodes stand after their operands. A new conjunction is looked up by
+its two operands first, after a few rules of Boolean algebra:
 
     a, true = a      a, false = false      a, a = a      a, not a = false
     a, (a, b) = (a, b)                     not a, (a, b) = false
     a, not (not a, b) = a                  a, not (a, b) = a, not b
 
-so that two formulas which were written in the same way, or nearly, are one literal. That is how most of a
-compilation is proved ("by structure"); the rest is left to a solver.
+so that formulas of the same, or nearly the same, structure are one literal. Most of a compilation is proved
+this way ("by structure"); the rest is left to a solver.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Circuit:
         self.inputs: dict[Input, int] = {}
         self._conjunctions: dict[tuple[int, int], int] = {}
         self._wide: dict[tuple[int, ...], int] = {}
-        self._partners: dict[int, list[int]] = {}  # of each literal, those with which it has a conjunction
+        self._partners: dict[int, list[int]] = {}  # by literal: those it is conjoined with
 
     def __len__(self) -> int:
         """Return the number of nodes."""
@@ -90,9 +90,9 @@ class Circuit:
         return self.both(a ^ 1, b ^ 1) ^ 1
 
     def all(self, literals: Iterable[int]) -> int:
-        """Return the conjunction of literals, associated so that existing parts are used, if there are any.
+        """Return the conjunction of literals, associated so that it reuses existing conjunctions.
 
-        The same literals give the same conjunction, whatever came to be there in between.
+        The same literals give the same conjunction, whatever was added in between.
         """
         left = set(literals)
         waiting = sorted(left)

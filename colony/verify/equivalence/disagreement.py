@@ -1,4 +1,4 @@
-"""Translation of a solution of z3 to a frame that a person can read."""
+"""Translation of a solution of z3 into a readable counterexample."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
 from colony.verify.equivalence.circuit import Activity, Circuit, History
+from colony.verify.equivalence.network import NetworkFormulas
 from colony.verify.equivalence.results import Activation, Counterexample, Recent, Undecided
 from colony.verify.equivalence.solver import Clause, Refuted, Satisfied, Solver
-from colony.verify.equivalence.source import Source
 
 Values = Callable[[int], bool]
 """The value of a literal."""
@@ -26,8 +26,10 @@ def evaluated(circuit: Circuit, inputs: frozenset[int]) -> Values:
     return lambda literal: bool(values[literal >> 1] ^ (literal & 1))
 
 
-def least(circuit: Circuit, inputs: frozenset[int], wanted: Callable[[Values], bool]) -> frozenset[int]:
-    """Return a minimal subset of the inputs that keeps `wanted` true: none of them can be left out."""
+def minimal_inputs(
+    circuit: Circuit, inputs: frozenset[int], wanted: Callable[[Values], bool]
+) -> frozenset[int]:
+    """Return a minimal subset of the inputs with which `wanted` holds: none of them can be left out."""
     kept = sorted(inputs)
     size = len(kept)
     while size:
@@ -39,25 +41,25 @@ def least(circuit: Circuit, inputs: frozenset[int], wanted: Callable[[Values], b
     return frozenset(kept)
 
 
-def decided(
+def decide_clauses(
     solver: Solver,
     clauses: Sequence[Clause],
     undecided: Undecided,
     shown: Callable[[frozenset[int]], Counterexample],
 ) -> Counterexample | Undecided | None:
-    """Return what is `shown` by as few inputs as make all clauses true; None where nothing does."""
+    """Return the counterexample `shown` for a minimal solution of the clauses; None if they have none."""
     answer = solver.decide(clauses)
     match answer:
         case Refuted():
             return None
         case Satisfied(inputs=inputs):
-            return shown(least(solver.circuit, inputs, lambda values: holds(clauses, values)))
+            return shown(minimal_inputs(solver.circuit, inputs, lambda values: holds(clauses, values)))
         case _:
             return undecided
 
 
 def nested_histories(circuit: Circuit) -> Iterator[Clause]:
-    """Yield clauses of possible frames: what was active within a time was so within any longer one."""
+    """Yield clauses true in every frame: what was active within a window was active within a longer one."""
     by_operand: dict[int, list[tuple[int, int]]] = {}
     for of, literal in circuit.inputs.items():
         if isinstance(of, History):
@@ -73,8 +75,8 @@ def holds(clauses: Sequence[Clause], values: Values) -> bool:
     return all(any(values(literal) for literal in clause) for clause in clauses)
 
 
-def frame_of(circuit: Circuit, inputs: frozenset[int], source: Source) -> Activation:
-    """Return the inputs that are true, by the names of the program."""
+def frame_of(circuit: Circuit, inputs: frozenset[int], source: NetworkFormulas) -> Activation:
+    """Return the true inputs as a frame, with the names of the program."""
     active = [
         of.module
         for of, literal in circuit.inputs.items()
@@ -97,7 +99,7 @@ def frame_of(circuit: Circuit, inputs: frozenset[int], source: Source) -> Activa
 class _Names:
     """The names of a network's activities."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: NetworkFormulas) -> None:
         self._source = source
         self._by_node = {node: name for name, node in reversed(list(source.names.items()))}
         self._node = {literal: at for at, literal in reversed(list(enumerate(source.active)))}

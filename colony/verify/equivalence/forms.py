@@ -1,13 +1,13 @@
 """Proof that an emitted form (lowered code, generated Python) does what the proved client list does.
 
-Such a form has no "module m is active" any more: predicates are computed. So the formulas are over what the
-form computes with: comparisons, sensors, memory, each an opaque condition. The activity of a module is read
-from the same form of the same program with one contract more a module, `MODULE is active`. The client list
-with these activities in place must then give the winners that the form gives.
+Such a form computes predicates and has no "module m is active". So its formulas range over the conditions
+that it computes with (comparisons, sensors, memory), each of them opaque. The activity of a module is read
+from the same form of the same program with an additional contract for each module, `MODULE is active`. With
+these activities the client list must give the winners that the form gives.
 
 Time constants are memory in such forms: the end of the time in which something dominates, set again in every
-frame in which it is active. Comparing the time with that is the history of the condition under which it is
-set.
+frame in which it is active. Comparing the frame's time with that end gives the history of the condition under
+which it is set.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from colony.compile.clients import ClientList
 from colony.ir.program import Contract, Program
 from colony.verify.claims import active
 from colony.verify.equivalence.circuit import FALSE, Circuit
-from colony.verify.equivalence.disagreement import Values, decided, evaluated
-from colony.verify.equivalence.matching import Matching
+from colony.verify.equivalence.disagreement import Values, decide_clauses, evaluated
+from colony.verify.equivalence.formula_index import FormulaIndex
 from colony.verify.equivalence.results import (
     Activation,
     Counterexample,
@@ -28,15 +28,15 @@ from colony.verify.equivalence.results import (
     Recent,
     Undecided,
     WrongWinner,
-    together,
+    merge_results,
 )
-from colony.verify.equivalence.solver import NEAR, Clause, Solver, differ
+from colony.verify.equivalence.solver import NEAR_LIMITS, Clause, Solver, differ
 from colony.verify.equivalence.table import ClientFormulas, encode_list
 
 _ACTIVE = "active: "
 
-NEAREST = 50
-"""Number of nodes of a module's activity that are inspected to distinguish formulas."""
+MAX_ACTIVITY_NODES = 50
+"""Maximum number of nodes of a module's activity to search for inputs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,12 +69,12 @@ class Form:
     activity: Mapping[str, int]
 
 
-Alike = Mapping[str, str | None]
-"""Cells whose timer is provably that of another cell, or (None) never runs."""
+TimerClasses = Mapping[str, str | None]
+"""For each cell, the cell whose timer is provably the same, or None if its timer never runs."""
 
 
 def with_activities(program: Program) -> Program:
-    """Return the program with one more contract a module, which is true where the module is active."""
+    """Return the program with another contract for each module, true where the module is active."""
     more = tuple(
         Contract(name=f"{_ACTIVE}{module.name}", expression=active(module.name)) for module in program.modules
     )
@@ -87,22 +87,24 @@ def module_of(contract: str) -> str | None:
 
 
 def prove_form(
-    read: Callable[[Alike], Form], clients: ClientList, timeout_ms: int
+    read: Callable[[TimerClasses], Form], clients: ClientList, timeout_ms: int
 ) -> Proved | Counterexample | Undecided:
     """Prove that the form has the winners of the client list.
 
-    Most often the form has the very formulas of the list; only where it has not, equal ones are looked for.
+    Most often the form has the same formulas as the list; only where they differ are equal ones searched for.
     """
     modules = [client.module for one in clients.actuators for client in one.clients]
     settled = _settled(read, modules, timeout_ms)
     claims = _claims(settled, clients, near=())
     if any(claim.found != claim.expected for claim in claims):
-        claims = _claims(settled, clients, near=NEAR[:2])
+        claims = _claims(settled, clients, near=NEAR_LIMITS[:2])
     solver = settled.solver
     wrong = [c for c in claims if c.found != c.expected and not solver.refutes(differ(c.found, c.expected))]
     undecided = []
     for actuator in dict.fromkeys(claim.actuator for claim in wrong):
-        answer = _judged(settled, clients, actuator, [c for c in wrong if c.actuator == actuator])
+        answer = _find_counterexample(
+            settled, clients, actuator, [c for c in wrong if c.actuator == actuator]
+        )
         if isinstance(answer, Undecided) and not solver.asks:
             undecided.append(answer)
         elif answer is not None:
@@ -114,7 +116,7 @@ def prove_form(
         by_solver=len(claims) - structure,
         questions=solver.asked,
     )
-    return together([proved, *undecided])
+    return merge_results([proved, *undecided])
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,31 +127,31 @@ class _Settled:
     solver: Solver
     order: Sequence[int]
 
-    def matching(self, near: Sequence[int]) -> Matching:
+    def index(self, near: Sequence[int]) -> FormulaIndex:
         rare = [timer.history for timer in self.form.timers]
-        matching = Matching(self.form.circuit, self.solver, self.order, rare, near)
+        index = FormulaIndex(self.form.circuit, self.solver, self.order, rare, near)
         for timer in self.form.timers:
-            matching.remember(timer.operand, timer.window_ns, timer.history)
-        return matching
+            index.remember(timer.operand, timer.window_ns, timer.history)
+        return index
 
 
-def _settled(read: Callable[[Alike], Form], modules: Sequence[str], timeout_ms: int) -> _Settled:
-    """Read the form until no more timers are found to be alike."""
-    alike: dict[str, str | None] = {}
+def _settled(read: Callable[[TimerClasses], Form], modules: Sequence[str], timeout_ms: int) -> _Settled:
+    """Read the form again and again, until no more timers are found to be equal."""
+    timer_classes: dict[str, str | None] = {}
     while True:
-        form = read(alike)
+        form = read(timer_classes)
         settled = _Settled(form, Solver(form.circuit, timeout_ms), _decisive(form, modules))
-        matching = settled.matching(near=())
+        index = settled.index(near=())
         found: dict[str, str | None] = {}
         for window_ns in dict.fromkeys(timer.window_ns for timer in form.timers):
             timers = [timer for timer in form.timers if timer.window_ns == window_ns]
-            first = matching.first_alike([timer.operand for timer in timers])
+            first = index.first_alike([timer.operand for timer in timers])
             found |= {
                 t.cell: None if i is None else timers[i].cell for t, i in zip(timers, first, strict=True)
             }
-        if found == alike or all(cell == same for cell, same in found.items()):
+        if found == timer_classes or all(cell == same for cell, same in found.items()):
             return settled
-        alike = found
+        timer_classes = found
 
 
 def _decisive(form: Form, modules: Sequence[str]) -> list[int]:
@@ -160,7 +162,7 @@ def _decisive(form: Form, modules: Sequence[str]) -> list[int]:
     for module in modules:
         active = form.activity.get(module, FALSE)
         work, seen = [active], 0
-        while work and seen < NEAREST:
+        while work and seen < MAX_ACTIVITY_NODES:
             literal, seen = work.pop(), seen + 1
             node = literal >> 1
             if not node or node in found or node in histories:
@@ -184,40 +186,38 @@ class _Claim:
 
 def _claims(settled: _Settled, clients: ClientList, near: Sequence[int]) -> list[_Claim]:
     """Return the formulas by which each module wins in the list, and in the form."""
-    matching, form = settled.matching(near), settled.form
-    listed = dict(encode_list(clients, form.circuit, matching, form.activity).actuators)
+    index, form = settled.index(near), settled.form
+    listed = dict(encode_list(clients, form.circuit, index, form.activity).actuators)
     return [
         claim
         for actuator in dict.fromkeys((*form.winners, *listed))
-        for claim in _of_actuator(
-            matching, actuator, listed.get(actuator, ()), form.winners.get(actuator, ())
-        )
+        for claim in _of_actuator(index, actuator, listed.get(actuator, ()), form.winners.get(actuator, ()))
     ]
 
 
 def _of_actuator(
-    matching: Matching, actuator: str, clients: Sequence[ClientFormulas], winners: Sequence[Winner]
+    index: FormulaIndex, actuator: str, clients: Sequence[ClientFormulas], winners: Sequence[Winner]
 ) -> Iterator[_Claim]:
     """Yield the claims of one actuator, from the highest client down.
 
-    "No guard above holds" is matched with what the form has for that, one client after the other: so each
-    step is a small one.
+    "No guard above holds" is matched with the form's own formula for it after each client, which keeps every
+    step small.
     """
-    circuit = matching.circuit
+    circuit = index.circuit
     by_module = {winner.module: winner for winner in winners}
     for module in by_module.keys() - {client.module for client in clients}:
         yield _Claim(actuator, FALSE, by_module[module].by_priority, solved=False)
-    above, merged = FALSE, matching.merged
+    above, merged = FALSE, index.merged
     for client in clients:
         winner = by_module.get(client.module, Winner(module=client.module, by_priority=FALSE))
-        solved = client.solved or matching.merged > merged
+        solved = client.solved or index.merged > merged
         yield _Claim(actuator, circuit.both(client.guard, above ^ 1), winner.by_priority, solved)
         if winner.by_exclusive is not None:
             yield _Claim(actuator, client.exclusive, winner.by_exclusive, client.solved)
-        above = matching.find(circuit.either(above, client.guard))
+        above = index.find(circuit.either(above, client.guard))
 
 
-def _judged(
+def _find_counterexample(
     settled: _Settled, clients: ClientList, actuator: str, wrong: Sequence[_Claim]
 ) -> Counterexample | Undecided | None:
     """Return a frame in which one of the claims on an actuator is false, if there is one."""
@@ -226,14 +226,14 @@ def _judged(
     clauses: list[Clause] = [tuple(circuit.same(c.expected, c.found) ^ 1 for c in wrong)]
 
     def shown(inputs: frozenset[int]) -> WrongWinner:
-        listed = dict(encode_list(clients, circuit, settled.matching(()), form.activity).actuators)
-        return _shown(form, actuator, listed.get(actuator, ()), inputs)
+        listed = dict(encode_list(clients, circuit, settled.index(()), form.activity).actuators)
+        return _wrong_winner(form, actuator, listed.get(actuator, ()), inputs)
 
     undecided = Undecided(subjects=((form.name, actuator),), timeout_ms=solver.timeout_ms)
-    return decided(solver, clauses, undecided, shown)
+    return decide_clauses(solver, clauses, undecided, shown)
 
 
-def _shown(
+def _wrong_winner(
     form: Form, actuator: str, clients: Sequence[ClientFormulas], inputs: frozenset[int]
 ) -> WrongWinner:
     values = evaluated(form.circuit, inputs)
@@ -250,7 +250,7 @@ def _shown(
 
 
 def _frame(form: Form, values: Values) -> Activation:
-    """Return the active modules, and the recently active ones that still count."""
+    """Return the active modules, and those active recently enough to dominate still."""
     by_activity = {active: module for module, active in form.activity.items()}
     running = {timer.history: timer for timer in form.timers if values(timer.history)}
     return Activation(

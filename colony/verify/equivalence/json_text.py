@@ -12,7 +12,7 @@ from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, 
 
 
 class EmittedFormError(Exception):
-    """An emitted form is not what it should look like: `found`, and what was `expected`."""
+    """A malformed emitted form: what was `found`, and what was `expected`."""
 
     def __init__(self, found: str, expected: str) -> None:
         super().__init__(f"found {found}, expected {expected}")
@@ -24,7 +24,7 @@ def read_json(text: str) -> ClientList:
     """Return the clients that a text describes.
 
     Raises:
-        EmittedFormError: it describes none.
+        EmittedFormError: the text is malformed.
     """
     try:
         whole = json.loads(text)

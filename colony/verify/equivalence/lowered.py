@@ -12,13 +12,13 @@ from colony.execute.operators import Operator
 from colony.execute.views import heard, unsimplified, whole
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque
-from colony.verify.equivalence.forms import Alike, Form, Timer, Winner, module_of, with_activities
+from colony.verify.equivalence.forms import Form, Timer, TimerClasses, Winner, module_of, with_activities
 
 LOWERED = "lowered code"
 
 
 def views(sent: Compiled) -> Iterator[Code]:
-    """Yield what all clients together execute; where they differ, what each does alone, and the monitor."""
+    """Yield the code of all clients together, and, where they differ, of each alone and of the monitor."""
     yield whole(sent.code)
     clients = [client for one in sent.code.actuators for client in one.clients]
     if any((c.heard_guard, c.heard_exclusive) != (c.guard, c.exclusive) for c in clients):
@@ -27,23 +27,23 @@ def views(sent: Compiled) -> Iterator[Code]:
         yield unsimplified(sent.code)
 
 
-def read_lowered(program: Program, clients: ClientList, code: Code, alike: Alike) -> Form:
-    """Read the winners by code, which is that of all clients of the program."""
+def read_lowered(program: Program, clients: ClientList, code: Code, timer_classes: TimerClasses) -> Form:
+    """Read the winners from the code of all clients of a program."""
     circuit = Circuit()
     values = _Values(circuit, {})
-    literals = values.literals(code, alike)
-    asked = whole(lower(with_activities(program), clients).code)
-    answers = values.literals(asked, alike)
+    literals = values.literals(code, timer_classes)
+    with_contracts = whole(lower(with_activities(program), clients).code)
+    contract_literals = values.literals(with_contracts, timer_classes)
     activity = {
-        module: circuit.either(answers[contract.present] ^ 1, answers[contract.value])
-        for contract in asked.contracts
+        module: circuit.either(contract_literals[contract.present] ^ 1, contract_literals[contract.value])
+        for contract in with_contracts.contracts
         if (module := module_of(contract.name)) is not None
     }
     return Form(
         name=LOWERED,
         circuit=circuit,
         winners={a.actuator.name: _winners(a, circuit, literals) for a in code.actuators},
-        timers=tuple(_timers(code, circuit, literals, alike)),
+        timers=tuple(_timers(code, circuit, literals, timer_classes)),
         activity=activity,
     )
 
@@ -61,7 +61,9 @@ def _winners(actuator: ActuatorCode, circuit: Circuit, literals: Sequence[int]) 
     return tuple(winners)
 
 
-def _timers(code: Code, circuit: Circuit, literals: Sequence[int], alike: Alike) -> list[Timer]:
+def _timers(
+    code: Code, circuit: Circuit, literals: Sequence[int], timer_classes: TimerClasses
+) -> list[Timer]:
     """Return the cells that hold the end of a time constant: initially 0, then a window from now."""
     found = []
     for cell in code.cells:
@@ -70,7 +72,7 @@ def _timers(code: Code, circuit: Circuit, literals: Sequence[int], alike: Alike)
             continue
         now, window = (code.ops[i] for i in value.arguments)
         if isinstance(now, FrameTime) and isinstance(window, Literal) and isinstance(window.value, int):
-            history = _history(circuit, cell.name, alike)
+            history = _history(circuit, cell.name, timer_classes)
             timer = Timer(
                 cell=cell.name, operand=literals[cell.condition], window_ns=window.value, history=history
             )
@@ -78,20 +80,20 @@ def _timers(code: Code, circuit: Circuit, literals: Sequence[int], alike: Alike)
     return found
 
 
-def _history(circuit: Circuit, cell: str, alike: Alike) -> int:
+def _history(circuit: Circuit, cell: str, timer_classes: TimerClasses) -> int:
     """Return the condition that the time is before the one that the cell holds."""
-    same = alike.get(cell, cell)
+    same = timer_classes.get(cell, cell)
     return FALSE if same is None else circuit.input(Opaque(f"time is before {same}"))
 
 
 class _Values:
-    """Ops as formulas. Equal opaque ones are one input, in whatever code they stand. Mutable."""
+    """Ops as formulas; equal opaque ops share one input across all code. Mutable."""
 
     def __init__(self, circuit: Circuit, numbers: dict[object, int]) -> None:
         self._circuit = circuit
-        self._numbers = numbers  # of each op, by its content
+        self._numbers = numbers  # of the ops, by content
 
-    def literals(self, code: Code, alike: Alike) -> Sequence[int]:
+    def literals(self, code: Code, timer_classes: TimerClasses) -> Sequence[int]:
         """Return each op's formula; for ops that are not bools, an opaque input."""
         identities: list[int] = []
         literals: list[int] = []
@@ -109,10 +111,12 @@ class _Values:
                 case _:
                     pass
             identities.append(self._numbers.setdefault(key, len(self._numbers)))
-            literals.append(self._literal(code, len(identities) - 1, identities[-1], literals, alike))
+            literals.append(self._literal(code, len(identities) - 1, identities[-1], literals, timer_classes))
         return literals
 
-    def _literal(self, code: Code, at: int, identity: int, literals: Sequence[int], alike: Alike) -> int:
+    def _literal(
+        self, code: Code, at: int, identity: int, literals: Sequence[int], timer_classes: TimerClasses
+    ) -> int:
         circuit, op = self._circuit, code.ops[at]
         match op:
             case Literal(value=bool() as value):
@@ -128,6 +132,6 @@ class _Values:
             case Apply(operator=Operator.TIME_LESS, arguments=(now, end)) if isinstance(
                 code.ops[now], FrameTime
             ) and isinstance(cell := code.ops[end], OldCell):
-                return _history(circuit, code.cells[cell.cell].name, alike)
+                return _history(circuit, code.cells[cell.cell].name, timer_classes)
             case _:
                 return circuit.input(Opaque(f"value {identity}"))

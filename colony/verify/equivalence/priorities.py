@@ -1,9 +1,9 @@
 """Proof that the first client whose guard holds is the one that the network lets through.
 
-It could be asked of z3 in one question, but then each module is compared with all above it. The same follows,
-by induction over the network, from facts that each concern one node and its inputs. Let `E(k)` say that one
-of the first k clients wins (in the network); `gates(n)` that no inhibitor or time constant stands in the way
-on the only way from the actuator down to node n. Then z3 shows, of one node after the other:
+One question to z3 would do, but would compare each module with all above it. The same follows, by induction
+over the network, from facts that each concern one node and its inputs. Let `E(k)` state that one of the first
+k clients wins (in the network), and `gates(n)` that no inhibitor or time constant is closed on the only path
+from the actuator down to node n. Then z3 shows, for one node after the other:
 
     descent    what is active and through wins in the end: if a node is, so is one of its inputs
     reach      gates(n) implies through(n) or E(k), k being the clients above all modules that hang on n
@@ -11,10 +11,10 @@ on the only way from the actuator down to node n. Then z3 shows, of one node aft
                where n is passed over for a dominant side, by `descent` a module of that side wins
     passage    through(n) implies gates(n)
 
-and, of the guard of each module with only one way, that it is the module's activity and its gates. By
-`reach`, if the guard holds, the module wins or one above it does; by `passage`, if the module wins the guard
-holds. A module with several ways has its exclusive guard as guard, which is shown to be when it wins. As in
-no frame two modules win, in the order of the list the first guard that holds is the winner's.
+and, for each module with only one path, that its guard is its activity and its gates. By `reach`, if the
+guard holds, the module or one above it wins; by `passage`, if the module wins, the guard holds. The guard of
+a module with several paths is its exclusive guard, which is shown to hold exactly when the module wins. As no
+two modules win in one frame, the first guard in the list that holds is the winner's.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from dataclasses import dataclass
 from itertools import chain
 
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit
+from colony.verify.equivalence.network import Joint, NetworkFormulas, Root
 from colony.verify.equivalence.solver import Clause, Solver
-from colony.verify.equivalence.source import Joint, Root, Source
 from colony.verify.equivalence.table import ClientFormulas
 
 
-def gates_of(source: Source, root: Root, circuit: Circuit) -> Mapping[int, int]:
-    """Return, for each node with one way from the actuator, that no inhibitor or time constant blocks it."""
+def gates_of(source: NetworkFormulas, root: Root, circuit: Circuit) -> Mapping[int, int]:
+    """Return, for each node with one path from the actuator, that no inhibitor or time constant blocks it."""
     uses = _uses(source, root)
     gates: dict[int, int] = {root.node: TRUE}
     for at in range(root.node, -1, -1):
@@ -45,11 +45,11 @@ def gates_of(source: Source, root: Root, circuit: Circuit) -> Mapping[int, int]:
             gates[node.inferior] = circuit.both(gates[at], closed ^ 1)
     for at, gate in gates.items():
         if isinstance(source.nodes[at], str):
-            circuit.both(gate, source.active[at])  # the guard, to be found again
+            circuit.both(gate, source.active[at])  # the module's guard, so that it is in the index
     return gates
 
 
-def _uses(source: Source, root: Root) -> Mapping[int, int]:
+def _uses(source: NetworkFormulas, root: Root) -> Mapping[int, int]:
     """Count how often each node below the actuator passes a command; dominant sides of inhibitors do not."""
     uses = {root.node: 1}
     for at in range(root.node, -1, -1):
@@ -62,7 +62,7 @@ def _uses(source: Source, root: Root) -> Mapping[int, int]:
 
 
 def first_by_structure(clients: Sequence[ClientFormulas], wins: Mapping[str, int], circuit: Circuit) -> bool:
-    """Return True if "the guard holds, and none above" is the very formula of the network for all clients."""
+    """Return True if "its guard holds, and none above" is the network's own formula for every client."""
     above = FALSE
     for client in clients:
         if circuit.both(client.guard, above ^ 1) != wins.get(client.module, FALSE):
@@ -73,15 +73,15 @@ def first_by_structure(clients: Sequence[ClientFormulas], wins: Mapping[str, int
 
 @dataclass(frozen=True, slots=True)
 class Induction:
-    """The proof for one actuator; that it is not `shown` need not be an error of what was compiled."""
+    """The proof for one actuator; where it fails, the clients may still be right."""
 
-    source: Source
+    source: NetworkFormulas
     root: Root
     gates: Mapping[int, int]
     clients: Sequence[ClientFormulas]
     solver: Solver
 
-    def shown(self) -> bool:
+    def is_proved(self) -> bool:
         """Return True if the order of the clients is proved."""
         places = {client.module: at for at, client in enumerate(self.clients)}
         if places.keys() != self.root.wins.keys():

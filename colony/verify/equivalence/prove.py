@@ -2,9 +2,9 @@
 
 For free predicates and transfer functions, and any history: in every frame, for every actuator, the module
 that the network (`source.py`) lets through is the first client whose guard holds, and the only one whose
-exclusive guard holds; so no two exclusive guards hold. Priorities are n, ..., 2, 1; what contracts ask of
-wires and modules is their activity in the network; and each form that was emitted from the clients does as
-they do.
+exclusive guard holds; so no two exclusive guards hold. Priorities are n, ..., 2, 1. The activities of wires
+and modules that contracts read are those of the network. And each form emitted from the clients has the
+winners that they have.
 """
 
 from __future__ import annotations
@@ -24,15 +24,16 @@ from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, Activity, Circuit
 from colony.verify.equivalence.disagreement import (
     Values,
-    decided,
+    decide_clauses,
     evaluated,
     frame_of,
     nested_histories,
 )
 from colony.verify.equivalence.forms import prove_form
+from colony.verify.equivalence.formula_index import FormulaIndex
 from colony.verify.equivalence.json_text import EmittedFormError, read_json
 from colony.verify.equivalence.lowered import read_lowered, views
-from colony.verify.equivalence.matching import Matching
+from colony.verify.equivalence.network import NEVER, Joint, NetworkFormulas, Root, encode_network
 from colony.verify.equivalence.priorities import Induction, first_by_structure, gates_of
 from colony.verify.equivalence.python_text import PYTHON, read_python
 from colony.verify.equivalence.results import (
@@ -43,10 +44,9 @@ from colony.verify.equivalence.results import (
     Undecided,
     WrongActivity,
     WrongWinner,
-    together,
+    merge_results,
 )
 from colony.verify.equivalence.solver import Clause, Solver, differ
-from colony.verify.equivalence.source import NEVER, Joint, Root, Source, encode_source
 from colony.verify.equivalence.table import ClientFormulas, encode_list
 
 TIMEOUT_MS = 60_000
@@ -67,8 +67,9 @@ def prove(
 ) -> Result:
     """Prove that the compiled clients are the program's network, or find a frame in which they are not.
 
-    And that what was made of them is, too: `json` and `python` are the texts that are emitted, `sent` gives
-    what is executed, saved and sent. z3 may think `timeout_ms` about one question; with 0 it is not asked.
+    The same is proved of the forms emitted from them: `json` and `python` are emitted texts, and `sent` gives
+    the program that is executed, saved and sent. `timeout_ms` limits z3 for each question; with 0 z3 is not
+    asked.
     """
     clients = compilation.clients
     results: list[Callable[[], Result]] = [lambda: prove_clients(program, clients, timeout_ms=timeout_ms)]
@@ -82,23 +83,23 @@ def prove(
 
 
 def _all_of(results: Iterable[Callable[[], Result]]) -> Result:
-    """Return the joint proof, with what is open without z3, or the first result that is no proof."""
+    """Return the joint result, or the first one that is a counterexample or that z3 gave up on."""
     settled: list[Proved | Undecided] = []
     for result in results:
         one = result()
-        if not isinstance(one, Proved) and not _goes_on(one):
+        if not isinstance(one, Proved) and not _is_unattempted(one):
             return one
         settled.append(one)
-    return together(settled)
+    return merge_results(settled)
 
 
-def _goes_on(result: Result | None) -> TypeGuard[Undecided]:
-    """Return True if the proof continues: an open obligation costs nothing where z3 is not asked."""
+def _is_unattempted(result: Result | None) -> TypeGuard[Undecided]:
+    """Return True if an obligation is open because z3 was not to be asked; the proof then continues."""
     return isinstance(result, Undecided) and result.timeout_ms <= 0
 
 
 def prove_json(program: Program, json: str, *, form: str = JSON, timeout_ms: int = TIMEOUT_MS) -> Result:
-    """Prove that a text in the form `colony-clients/1`, from any source, is the program's network."""
+    """Prove that a text in the form `colony-clients/1`, of any origin, is the program's network."""
     try:
         clients = read_json(json)
     except EmittedFormError as problem:
@@ -113,7 +114,7 @@ def _prove_sent(program: Program, clients: ClientList, sent: Compiled, timeout_m
 
 
 def _prove_json(clients: ClientList, json: str) -> Result:
-    """Prove that a text says what the clients are: one obligation a client and thing observed."""
+    """Prove that a text is the client list: one obligation for each client and each observed name."""
     try:
         read = read_json(json)
     except EmittedFormError as problem:
@@ -146,14 +147,14 @@ def prove_python(
 def prove_clients(
     program: Program, clients: ClientList, *, form: str = CLIENTS, timeout_ms: int = TIMEOUT_MS
 ) -> Result:
-    """Prove that a list of clients is the program's network; `form` is its name in what is found."""
+    """Prove that a list of clients is the program's network; `form` is its name in the result."""
     with gc_paused():
         malformed = _malformed(clients, form)
         return malformed or _Proof(program, clients, form, timeout_ms).result()
 
 
 def _malformed(clients: ClientList, form: str) -> Malformed | None:
-    """Return the fault of a malformed list: priorities are not n, ..., 1, or an entry occurs twice."""
+    """Return what is malformed in the list: priorities other than n, ..., 1, or a repeated entry."""
     for one in clients.actuators:
         expected = tuple(range(len(one.clients), 0, -1))
         found = tuple(client.priority for client in one.clients)
@@ -164,18 +165,18 @@ def _malformed(clients: ClientList, form: str) -> Malformed | None:
                 found=f"the priorities {_listed(found)}",
                 expected=_listed(expected),
             )
-    twice = _twice([one.actuator for one in clients.actuators])
+    twice = _duplicate([one.actuator for one in clients.actuators])
     if twice is not None:
         return Malformed(form=form, subject=twice, found="the actuator twice", expected="it once")
     for one in clients.actuators:
-        twice = _twice([client.module for client in one.clients])
+        twice = _duplicate([client.module for client in one.clients])
         if twice is not None:
             found_twice = f"the client {twice} twice"
             return Malformed(form=form, subject=one.actuator, found=found_twice, expected="it once")
     return None
 
 
-def _twice(names: Sequence[str]) -> str | None:
+def _duplicate(names: Sequence[str]) -> str | None:
     return next((name for name, times in Counter(names).items() if times > 1), None)
 
 
@@ -197,22 +198,22 @@ class _Count:
             self.solver += 1
 
 
-def _network(program: Program, order: Sequence[str], timeout_ms: int) -> tuple[Circuit, Source]:
+def _network(program: Program, order: Sequence[str], timeout_ms: int) -> tuple[Circuit, NetworkFormulas]:
     """Return the network, with one history for all time constants with provably equal dominant inputs.
 
-    Where some are found to be, more may be, since formulas grow alike: so it is looked again.
+    Sharing a history makes other formulas equal, so this is repeated until nothing changes.
     """
     alike: dict[int, int] = {}
     while True:
         circuit = Circuit()
-        source = encode_source(program, circuit, alike)
+        source = encode_network(program, circuit, alike)
         joints = [
             at for at, node in enumerate(source.nodes) if isinstance(node, Joint) and node.window_ns > 0
         ]
         if not joints:
             return circuit, source
-        matching = Matching(circuit, Solver(circuit, timeout_ms), _active(circuit, order))
-        first = matching.first_alike([source.dominant(at) for at in joints])
+        index = FormulaIndex(circuit, Solver(circuit, timeout_ms), _active(circuit, order))
+        first = index.first_alike([source.dominant(at) for at in joints])
         found = {at: NEVER if i is None else joints[i] for at, i in zip(joints, first, strict=True)}
         if found == alike or all(at == same for at, same in found.items()):
             return circuit, source
@@ -236,8 +237,8 @@ class _Proof:
             for actuator, root in self.source.roots.items()
         }
         self.solver = Solver(self.circuit, timeout_ms)
-        matching = Matching(self.circuit, self.solver, _active(self.circuit, order))
-        self.formulas = encode_list(clients, self.circuit, matching)
+        index = FormulaIndex(self.circuit, self.solver, _active(self.circuit, order))
+        self.formulas = encode_list(clients, self.circuit, index)
         self.count = _Count()
 
     def result(self) -> Result:
@@ -248,7 +249,7 @@ class _Proof:
             (self._actuator(actuator, listed.get(actuator, ())) for actuator in actuators),
             (self._observed(name, literal) for name, literal in self.formulas.observed),
         ):
-            if _goes_on(found):
+            if _is_unattempted(found):
                 undecided.append(found)
             elif found is not None:
                 return found
@@ -258,7 +259,7 @@ class _Proof:
             by_solver=self.count.solver,
             questions=self.solver.asked,
         )
-        return together([proved, *undecided])
+        return merge_results([proved, *undecided])
 
     # --- actuators -------------------------------------------------------------------------------
 
@@ -267,7 +268,7 @@ class _Proof:
     ) -> Counterexample | Undecided | None:
         root = self.source.roots.get(actuator)
         wins = root.wins if root is not None else {}
-        judge = _Judge(self, actuator, clients, wins)
+        check = _ActuatorCheck(self, actuator, clients, wins)
         listed = {client.module for client in clients}
         wrong = [win for module, win in wins.items() if module not in listed]
         for client in clients:
@@ -275,28 +276,28 @@ class _Proof:
             self.count.add(client.exclusive == win and not client.solved)
             if client.exclusive != win and not self.solver.refutes(differ(client.exclusive, win)):
                 wrong.append(self.circuit.same(client.exclusive, win) ^ 1)
-        found = judge.found(wrong)
+        found = check.found(wrong)
         if found is not None:
             return found
         same = tuple(_settled(client, wins.get(client.module, FALSE)) for client in clients)
-        return self._order(actuator, root, judge, same)
+        return self._order(actuator, root, check, same)
 
     def _order(
-        self, actuator: str, root: Root | None, judge: _Judge, clients: tuple[ClientFormulas, ...]
+        self, actuator: str, root: Root | None, check: _ActuatorCheck, clients: tuple[ClientFormulas, ...]
     ) -> Counterexample | Undecided | None:
         """Check that the first guard that holds wins; exclusive guards are known to be the network's."""
-        structure = first_by_structure(clients, judge.wins, self.circuit)
+        structure = first_by_structure(clients, check.wins, self.circuit)
         for client in clients:
             self.count.add(structure and not client.solved)
         if structure:
             return None
         if root is not None:
             steps = Induction(self.source, root, self.gates[actuator], clients, self.solver)
-            if steps.shown():
+            if steps.is_proved():
                 return None
-        return judge.found(list(judge.disorder(clients)))
+        return check.found(list(check.disorder(clients)))
 
-    # --- what contracts ask ----------------------------------------------------------------------
+    # --- observed names --------------------------------------------------------------------------
 
     def _observed(self, name: str, literal: int) -> Counterexample | Undecided | None:
         if name not in self.source.names:
@@ -313,7 +314,7 @@ class _Proof:
             frame = frame_of(self.circuit, inputs, self.source)
             return WrongActivity(form=self.form, name=name, frame=frame, network=network, found=not network)
 
-        return decided(self.solver, clauses, self.undecided(name), shown)
+        return decide_clauses(self.solver, clauses, self.undecided(name), shown)
 
     def undecided(self, subject: str) -> Undecided:
         """Return the result where z3 gives up."""
@@ -321,15 +322,15 @@ class _Proof:
 
 
 def _settled(client: ClientFormulas, win: int) -> ClientFormulas:
-    """Return the client with the knowledge about its exclusive guard."""
+    """Return the client with its exclusive guard replaced by the formula that it was proved equal to."""
     guard = win if client.guard == client.exclusive else client.guard
     solved = client.solved or client.exclusive != win
     return replace(client, guard=guard, exclusive=win, solved=solved)
 
 
 @dataclass(frozen=True, slots=True)
-class _Judge:
-    """Decides who wins an actuator, in the network and among the clients."""
+class _ActuatorCheck:
+    """The comparison of the winners of one actuator in the network and among the clients."""
 
     proof: _Proof
     actuator: str
@@ -346,7 +347,7 @@ class _Judge:
         if proof.solver.refutes(clauses):
             return None
         clauses += nested_histories(proof.circuit)
-        return decided(proof.solver, clauses, proof.undecided(self.actuator), self._shown)
+        return decide_clauses(proof.solver, clauses, proof.undecided(self.actuator), self._wrong_winner)
 
     def disorder(self, clients: tuple[ClientFormulas, ...]) -> list[int]:
         """Return a formula per client: it is the first whose guard holds and does not win, or vice versa."""
@@ -357,7 +358,7 @@ class _Judge:
             above = circuit.either(above, client.guard)
         return wrong
 
-    def _shown(self, inputs: frozenset[int]) -> WrongWinner:
+    def _wrong_winner(self, inputs: frozenset[int]) -> WrongWinner:
         values: Values = evaluated(self.proof.circuit, inputs)
         return WrongWinner(
             form=self.proof.form,

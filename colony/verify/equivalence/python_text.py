@@ -1,9 +1,9 @@
 """Formulas of the guards in generated Python, read from the text that is emitted.
 
-The text is parsed and run symbolically, statement by statement, with a formula for "this is reached". Every
-expression has a number, equal ones the same (names stand for what they were last given). Of the expressions,
-`and`, `or`, `not`, conditional expressions and constants are taken apart, and any other is an opaque
-condition. A module wins when `ACTUATOR_by = 'MODULE'` is reached.
+The text is parsed and run symbolically, statement by statement, with a formula for "this is reached". Equal
+expressions have equal numbers, where a name counts as the expression last assigned to it. `and`, `or`, `not`,
+conditional expressions and constants become formulas; any other expression is an opaque condition. A module
+wins when `ACTUATOR_by = 'MODULE'` is reached.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from colony.compile.clients import ClientList
 from colony.compile.lower.lower import lower
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque
-from colony.verify.equivalence.forms import Alike, Form, Timer, Winner, module_of, with_activities
+from colony.verify.equivalence.forms import Form, Timer, TimerClasses, Winner, module_of, with_activities
 from colony.verify.equivalence.json_text import EmittedFormError
 
 PYTHON = "generated Python"
@@ -26,17 +26,19 @@ Key = tuple[object, ...]
 """An expression by its kind and the numbers of what it is made of."""
 
 
-def read_python(program: Program, clients: ClientList, text: str, name: str, alike: Alike) -> Form:
-    """Return the winners by a text; `name` is the name of the form.
+def read_python(
+    program: Program, clients: ClientList, text: str, name: str, timer_classes: TimerClasses
+) -> Form:
+    """Return the winners according to a text; `name` is the name of the form.
 
     Raises:
-        EmittedFormError: it is not of the form that is generated.
+        EmittedFormError: the text is not what the compiler generates.
     """
     circuit = Circuit()
     numbers: dict[Key, int] = {}
-    run = _run(text, circuit, numbers, alike)
-    asked = _run(generate(lower(with_activities(program), clients)), circuit, numbers, alike)
-    broken = {module: asked.broken.get(name, FALSE) for name, module in _asked(program)}
+    run = _run(text, circuit, numbers, timer_classes)
+    with_contracts = _run(generate(lower(with_activities(program), clients)), circuit, numbers, timer_classes)
+    broken = {module: with_contracts.broken.get(name, FALSE) for name, module in _activity_contracts(program)}
     return Form(
         name=name,
         circuit=circuit,
@@ -52,12 +54,12 @@ def read_python(program: Program, clients: ClientList, text: str, name: str, ali
     )
 
 
-def _asked(program: Program) -> list[tuple[str, str]]:
+def _activity_contracts(program: Program) -> list[tuple[str, str]]:
     names = [contract.name for contract in with_activities(program).contracts]
     return [(name, module) for name in names if (module := module_of(name)) is not None]
 
 
-def _run(text: str, circuit: Circuit, numbers: dict[Key, int], alike: Alike) -> _Run:
+def _run(text: str, circuit: Circuit, numbers: dict[Key, int], timer_classes: TimerClasses) -> _Run:
     try:
         tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError) as problem:
@@ -73,7 +75,7 @@ def _run(text: str, circuit: Circuit, numbers: dict[Key, int], alike: Alike) -> 
         for target in statement.targets
         if isinstance(target, ast.Attribute)
     }
-    run = _Run(circuit, numbers, alike, initial, _deciding(functions["step"]))
+    run = _Run(circuit, numbers, timer_classes, initial, _deciding(functions["step"]))
     if run.block(functions["step"].body, TRUE) != FALSE:
         raise EmittedFormError("a `step` that may end without a result", "a `return` at its end")
     return run
@@ -101,11 +103,11 @@ def _deciding(step: ast.FunctionDef) -> Mapping[str, str]:
 
 @dataclass(slots=True)
 class _Run:
-    """A text being run. Mutable: what names stand for, and what was reached."""
+    """A symbolic run of a text. Mutable: the values of names, and what was reached."""
 
     circuit: Circuit
     numbers: dict[Key, int]
-    alike: Alike
+    timer_classes: TimerClasses
     initial: Mapping[str, object]
     decided_by: Mapping[str, str]
     names: dict[str, int] = field(default_factory=dict)
@@ -125,7 +127,7 @@ class _Run:
     # --- statements ------------------------------------------------------------------------------
 
     def block(self, statements: Sequence[ast.stmt], reached: int) -> int:
-        """Run statements that are reached under a condition; the condition under which their end is."""
+        """Run statements reached under a condition; return the condition under which their end is reached."""
         for at, statement in enumerate(statements):
             match statement:
                 case ast.Assign(targets=[target], value=value):
@@ -148,8 +150,8 @@ class _Run:
     def _branch(self, test: int, body: Sequence[ast.stmt], orelse: Sequence[ast.stmt], reached: int) -> int:
         condition = self._truth(test)
         straight, otherwise = self.circuit.both(reached, condition), self.circuit.both(reached, condition ^ 1)
-        end, then = self._apart(body, straight)
-        other_end, other = self._apart(orelse, otherwise)
+        end, then = self._scoped(body, straight)
+        other_end, other = self._scoped(orelse, otherwise)
         if end == FALSE or other_end == FALSE:
             for name, number in (other if end == FALSE else then).items():
                 self._name(name, number)
@@ -165,15 +167,15 @@ class _Run:
 
     def _loop(self, body: Sequence[ast.stmt], reached: int) -> None:
         """Run a loop once: every branch that is reached ends with a `break`."""
-        end, changed = self._apart(body, reached)
+        end, changed = self._scoped(body, reached)
         if end != FALSE:
             raise EmittedFormError("a loop over clients that may not end", "a `break` behind every client")
         self._loops += 1
         for name in (*changed, *self.decided_by.values()):
             self._name(name, self._numbered(("after loop", self._loops, name)))
 
-    def _apart(self, statements: Sequence[ast.stmt], reached: int) -> tuple[int, Mapping[str, int]]:
-        """Run statements, and take back what they named: whether their end is reached, and those names."""
+    def _scoped(self, statements: Sequence[ast.stmt], reached: int) -> tuple[int, Mapping[str, int]]:
+        """Run statements in a scope of their own; return when their end is reached, and what they named."""
         outer, self._before = self._before, {}
         end = self.block(statements, reached)
         changed = {name: self.names[name] for name in self._before}
@@ -208,7 +210,7 @@ class _Run:
                 )
 
     def _won(self, by: str, value: ast.expr, reached: int, rest: Sequence[ast.stmt]) -> None:
-        """Record a winner. It is final: a `break` follows directly, with no other winner before it."""
+        """Record a winner, which is final: a `break` follows before any other winner."""
         match value:
             case ast.Constant(value=None):
                 return
@@ -267,7 +269,7 @@ class _Run:
         if number not in self._keys:
             self._keys[number] = key
             if key[0] in ("And", "Or", "Not", "IfExp"):
-                self._truth(number)  # now, so that long chains of names are no deep recursion later
+                self._truth(number)  # eagerly, so that long chains of names cause no deep recursion
         return number
 
     def _truth(self, number: int) -> int:
@@ -299,7 +301,7 @@ class _Run:
         return circuit.input(Opaque(f"expression {number}"))
 
     def _history(self, cell: str) -> int:
-        same = self.alike.get(cell, cell)
+        same = self.timer_classes.get(cell, cell)
         return FALSE if same is None else self.circuit.input(Opaque(f"t < self.{same}"))
 
     def timers(self) -> list[Timer]:

@@ -12,9 +12,9 @@ from colony.text.wording import counted, duration_text, listed
 class Proved:
     """A proof: all of `obligations` hold.
 
-    `by_structure` of them hold since both sides came to be the same formula by rules of Boolean algebra
-    alone, `by_solver` with the help of z3, which was asked `questions` times. `forms` names the subjects: the
-    clients, and what was emitted from them.
+    `by_structure` of them hold because rules of Boolean algebra alone made both sides the same formula,
+    `by_solver` with the help of z3, which was asked `questions` times. `forms` names what was proved: the
+    clients, and the forms emitted from them.
     """
 
     forms: tuple[str, ...]
@@ -32,7 +32,7 @@ class Proved:
 class Activation:
     """A frame: the modules that are active now, and the activities that a time constant remembers.
 
-    All else is not active, and was not.
+    Nothing else is active, or was active before.
     """
 
     active: tuple[str, ...]
@@ -50,7 +50,7 @@ class Recent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrongWinner:
-    """A frame in which another module commands `actuator` than the network says, or one where none should.
+    """A frame in which the wrong module commands `actuator`, compared with the network.
 
     `by_priority` is the first client whose guard holds, `by_exclusive` are all whose exclusive guard holds
     (None: the form has none).
@@ -66,7 +66,7 @@ class WrongWinner:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrongActivity:
-    """A frame in which what contracts ask about `name` is answered wrongly."""
+    """A frame in which the compiled activity of `name`, which contracts read, is wrong."""
 
     form: str
     name: str
@@ -77,7 +77,7 @@ class WrongActivity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Malformed:
-    """The form cannot be what the program compiles to, whatever the frame: `found`, where `expected` was."""
+    """A form that is wrong in every frame: `found` stands where `expected` should."""
 
     form: str
     subject: str
@@ -92,7 +92,7 @@ Counterexample = WrongWinner | WrongActivity | Malformed
 class Undecided:
     """Subjects that were neither proved nor refuted: actuators for the most part, each with its form.
 
-    z3 gave up after `timeout_ms`; where that is 0 it was not asked. `by_structure` obligations hold anyhow.
+    z3 gave up after `timeout_ms`; where that is 0, it was not asked. `by_structure` other obligations hold.
     """
 
     subjects: tuple[tuple[str, str], ...]
@@ -103,7 +103,7 @@ class Undecided:
 Result = Proved | Counterexample | Undecided
 
 
-def together(results: Sequence[Proved | Undecided]) -> Proved | Undecided:
+def merge_results(results: Sequence[Proved | Undecided]) -> Proved | Undecided:
     """Return several results as one, which is proved where all are."""
     proved = [one for one in results if isinstance(one, Proved)]
     undecided = [one for one in results if isinstance(one, Undecided)]
@@ -140,10 +140,10 @@ def counterexample_text(found: Counterexample) -> str:
     """Return a sentence that says what is wrong."""
     match found:
         case WrongWinner():
-            says = f"the network lets {found.network or 'nobody'} through"
-            does = f"by priority {found.by_priority or 'nobody'} commands"
+            says = f"the network lets {found.network or 'no module'} through"
+            does = f"by priority {found.by_priority or 'no module'} commands"
             if found.by_exclusive is not None:
-                does += f", by exclusive guard {listed(found.by_exclusive) or 'nobody'}"
+                does += f", by exclusive guard {listed(found.by_exclusive) or 'no module'}"
             return f"{found.form}: {found.actuator}: with {frame_text(found.frame)}, {says}; {does}"
         case WrongActivity():
             says = f"is {'' if found.network else 'not '}active in the network"

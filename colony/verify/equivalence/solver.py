@@ -1,8 +1,8 @@
 """Questions to z3: can these clauses over a circuit all be true?
 
-What a clause depends on may be large, and mostly has nothing to do with it. So the first question is asked of
-the nearest nodes only, with all others taken for free, which is enough to show that there is no way; only if
-there seems to be one, the question is asked again of more of them, and in the end of all.
+A clause may depend on many nodes, most of which do not matter. So z3 is first asked about the nearest nodes
+only, with all others as free inputs. If that has no solution, the clauses have none; if it has one, the
+question is asked again with more nodes, and finally with all.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from colony.verify.equivalence.circuit import FALSE, Circuit
 Clause = tuple[int, ...]
 """Literals of which one must be true."""
 
-NEAR = (20, 200, 2_000)
+NEAR_LIMITS = (20, 200, 2_000)
 """Numbers of nearby conjunctions to consider, in turn, before all are considered."""
 
-TOGETHER = 100
+BATCH_SIZE = 100
 """Number of small questions that are asked at once."""
 
 
 @unique
 class Unsettled(Enum):
-    """No answer: the search was too near, or the solver gave up."""
+    """No answer: too few nodes were considered, or the solver gave up."""
 
     TOO_NEAR = "too near"
     GAVE_UP = "gave up"
@@ -61,24 +61,26 @@ class Solver:
         """True if z3 is asked at all; if not, only obvious contradictions are refuted."""
         return self.timeout_ms > 0
 
-    def refutes(self, clauses: Sequence[Clause], near: Sequence[int] = NEAR) -> bool:
+    def refutes(self, clauses: Sequence[Clause], near: Sequence[int] = NEAR_LIMITS) -> bool:
         """Return True if nearby conjunctions suffice to show that the clauses cannot all be true."""
-        return obvious(clauses) or any(isinstance(self._ask(clauses, limit), Refuted) for limit in near)
+        return obviously_unsatisfiable(clauses) or any(
+            isinstance(self._ask(clauses, limit), Refuted) for limit in near
+        )
 
     def refutes_each(self, questions: Iterable[Sequence[Clause]]) -> bool:
         """Return True if nearby conjunctions refute each of several questions, many asked at once."""
-        waiting = [clauses for clauses in questions if not obvious(clauses)]
-        for start in range(0, len(waiting), TOGETHER):
-            together = waiting[start : start + TOGETHER]
+        waiting = [clauses for clauses in questions if not obviously_unsatisfiable(clauses)]
+        for start in range(0, len(waiting), BATCH_SIZE):
+            together = waiting[start : start + BATCH_SIZE]
             if not self._none_of(together) and not all(self.refutes(clauses) for clauses in together):
                 return False
         return True
 
     def decide(self, clauses: Sequence[Clause]) -> Answer:
         """Decide if the clauses can all be true, considering as many conjunctions as needed."""
-        if obvious(clauses):
+        if obviously_unsatisfiable(clauses):
             return Refuted()
-        for limit in NEAR:
+        for limit in NEAR_LIMITS:
             answer = self._ask(clauses, limit)
             if answer is not Unsettled.TOO_NEAR:
                 return answer
@@ -107,7 +109,7 @@ class Solver:
         if not self.asks:
             return False
         self.asked += 1
-        cones = [_cone(self.circuit, clauses, NEAR[0]) for clauses in questions]
+        cones = [_cone(self.circuit, clauses, NEAR_LIMITS[0]) for clauses in questions]
         inner = dict.fromkeys(chain.from_iterable(cone.inner for cone in cones))
         leaves = dict.fromkeys(chain.from_iterable(cone.leaves for cone in cones))
         cnf = _Cnf(self.circuit, list(inner), [node for node in leaves if node not in inner])
@@ -120,7 +122,7 @@ def differ(a: int, b: int) -> tuple[Clause, Clause]:
     return ((a, b), (a ^ 1, b ^ 1))
 
 
-def obvious(clauses: Sequence[Clause]) -> bool:
+def obviously_unsatisfiable(clauses: Sequence[Clause]) -> bool:
     """Return True if the clauses of one literal alone leave no literal of some clause."""
     units = {clause[0] for clause in clauses if len(clause) == 1}
     return any(all(i == FALSE or i ^ 1 in units for i in clause) for clause in clauses)
@@ -149,7 +151,7 @@ class _Cnf:
         self._clauses += 1
 
     def add_one_of(self, questions: Sequence[Sequence[Clause]]) -> None:
-        """Add all clauses of one of the questions, whichever."""
+        """Add the condition that all clauses of at least one of the questions hold."""
         choices = range(self._variables + 1, self._variables + len(questions) + 1)
         self._variables += len(questions)
         for choice, clauses in zip(choices, questions, strict=True):
@@ -173,12 +175,12 @@ class _Cnf:
         return True, frozenset(int(name.removeprefix("k!")) for name in true)
 
 
-# --- what to look at -----------------------------------------------------------------------------
+# --- cones of influence --------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class _Cone:
-    """Conjunctions, and nodes that they are made of and that are taken for free, inputs among them."""
+    """Conjunctions to encode (`inner`), and their other operands, inputs or not, as free variables."""
 
     inner: list[int]
     leaves: list[int]
@@ -187,11 +189,11 @@ class _Cone:
 def _cone(circuit: Circuit, clauses: Sequence[Clause], limit: int) -> _Cone:
     """Return the conjunctions that the clauses' literals are made of, up to a limit.
 
-    First what one literal alone is made of: where two formulas are compared, what both are made of is mostly
-    better left as it is. And first, if few are wanted, what is nearest, else what is behind the fewest
-    negations, so that conjunctions are compared whose parts are only joined in another order.
+    Parts of one literal alone come first: where two formulas are compared, their common parts are mostly
+    better left free. Among those, with a small limit the nearest come first, otherwise those behind the
+    fewest negations, so that conjunctions of the same parts in another order can be compared.
     """
-    nearest = limit <= NEAR[0]
+    nearest = limit <= NEAR_LIMITS[0]
     sides = {literal >> 1: 1 << i for i, literal in enumerate(chain.from_iterable(clauses))}
     sides.pop(0, None)
     heap = [(_shared(side), 0, -node) for node, side in sides.items()]

@@ -1,6 +1,6 @@
 """A client list in Boolean formulas.
 
-Its guards are matched with those of the network as far as they are the same.
+Its guards are replaced by equal formulas of the network where such are found.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from typing import assert_never
 from colony.compile.clients import ClientList
 from colony.compile.guards import Always, And, Guard, ModuleActive, Never, Not, Or, Recently, operands
 from colony.verify.equivalence.circuit import FALSE, TRUE, Activity, Circuit
-from colony.verify.equivalence.matching import Matching
+from colony.verify.equivalence.formula_index import FormulaIndex
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClientFormulas:
-    """A client: when its guard and its exclusive guard hold.
+    """The formulas of a client's guard and exclusive guard.
 
-    `solved`: z3 had to find parts of them equal to formulas of the network.
+    `solved` is true if z3 had to prove parts of them equal to formulas of the network.
     """
 
     module: str
@@ -31,23 +31,23 @@ class ClientFormulas:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListFormulas:
-    """The clients of each actuator, in the order of the list, and when what is observed is active."""
+    """The clients of each actuator, in the order of the list, and the activities of observed names."""
 
     actuators: tuple[tuple[str, tuple[ClientFormulas, ...]], ...]
     observed: tuple[tuple[str, int], ...]
 
 
 def encode_list(
-    clients: ClientList, circuit: Circuit, matching: Matching, activity: Mapping[str, int] | None = None
+    clients: ClientList, circuit: Circuit, index: FormulaIndex, activity: Mapping[str, int] | None = None
 ) -> ListFormulas:
-    """Return the formulas of all guards; `activity` has the modules' activities that are not free."""
-    guards = _Guards(circuit, matching, activity)
+    """Return the formulas of all guards; `activity` gives those of the modules, which are free without it."""
+    guards = _Guards(circuit, index, activity)
     values: list[int] = []
     solved: list[bool] = []
     for guard in clients.guards:
-        before = matching.merged
+        before = index.merged
         values.append(guards.formula(guard, values))
-        solved.append(matching.merged > before or any(solved[at] for at in operands(guard)))
+        solved.append(index.merged > before or any(solved[at] for at in operands(guard)))
     return ListFormulas(
         actuators=tuple(
             (
@@ -72,7 +72,7 @@ def encode_list(
 @dataclass(frozen=True, slots=True)
 class _Guards:
     circuit: Circuit
-    matching: Matching
+    index: FormulaIndex
     activity: Mapping[str, int] | None
 
     def formula(self, guard: Guard, values: list[int]) -> int:
@@ -88,10 +88,10 @@ class _Guards:
             case Not(operand=operand):
                 return values[operand] ^ 1
             case And(operands=parts):
-                return self.matching.find(self.circuit.all([values[at] for at in parts]))
+                return self.index.find(self.circuit.all([values[at] for at in parts]))
             case Or(operands=parts):
-                return self.matching.find(self.circuit.any([values[at] for at in parts]))
+                return self.index.find(self.circuit.any([values[at] for at in parts]))
             case Recently(operand=operand, window_ns=window_ns):
-                return self.matching.recently(values[operand], window_ns)
+                return self.index.recently(values[operand], window_ns)
             case _:
                 assert_never(guard)

@@ -1,10 +1,10 @@
-"""Lints: findings that are no errors, as modules that can never act and conditions that never change.
+"""Lints: warnings about correct but suspicious programs, such as modules that can never act.
 
-A lint's "never" is proved for every run; its "can" was seen in the reference interpreter. If neither is
-possible within the time limit, there is no finding.
+A finding that says "never" is proved for every run; one that says "can" was reproduced in the reference
+interpreter. A question that cannot be settled within the time limit gives no finding.
 """
 
 from colony.verify.lints.linting import lint
-from colony.verify.lints.proof import Patience
+from colony.verify.lints.proof import TimeBudget
 
-__all__ = ["Patience", "lint"]
+__all__ = ["TimeBudget", "lint"]

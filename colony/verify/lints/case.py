@@ -18,8 +18,8 @@ _READING = (ir.SensorValue, ir.DerivedValue, ir.LocalValue, ir.StateValue, ir.Fr
 class Case:
     """The subject of the lints.
 
-    `observed` is `program` with a wire for each node, and a let for each field of a module's command
-    (`command_of`); it has no contracts.
+    `observed` is `program` without its contracts, but with a wire for each node and a let for each field of a
+    module's command (`command_of`), so that claims can name them.
     """
 
     program: Program
@@ -48,7 +48,7 @@ class Case:
         return next((w.span.source for w in self.program.wires if w.actuator is not None), None)
 
     def is_own(self, span: Span) -> bool:
-        """Return True if a place is in the main file; imported files' findings are reported for them."""
+        """Return True if a place is in the main file: linting an imported file reports its own findings."""
         return span.source is self.main
 
     @cached_property
@@ -56,8 +56,8 @@ class Case:
         """The modules of the main file, by name."""
         return {name: m for name, m in self.modules.items() if self.is_own(m.span)}
 
-    def decides(self, module: Module) -> bool:
-        """Return True if a module's predicate depends on anything."""
+    def has_inputs(self, module: Module) -> bool:
+        """Return True if a module's predicate reads anything."""
         return any(isinstance(x, _READING) for x in ir.subexpressions(module.when))
 
 
@@ -70,7 +70,7 @@ def case_of(program: Program) -> Case:
 
 
 def command_of(module: Module, i: int) -> ir.Expression:
-    """Return the value of field `i` of a module's command, for claims; missing where the module is silent."""
+    """Return field `i` of a module's command, as claims refer to it; missing where the module is silent."""
     assert module.command is not None
     return ir.LocalValue(type=module.command.fields[i].type, name=f"{module.name}. {i}")
 

@@ -1,4 +1,4 @@
-"""Contracts that say nothing."""
+"""Lint of contracts that constrain nothing."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from colony.ir.program import Contract
 from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.claims import FALSE, all_of, negation
 from colony.verify.lints.case import Case
-from colony.verify.written import written
+from colony.verify.source_text import source_text
 
 
 def _silent(contract: Contract) -> str:
     return f"silent {contract.name}"
 
 
-def _idle(contract: Contract) -> str:
-    return f"idle {contract.name}"
+def _vacuous(contract: Contract) -> str:
+    return f"vacuous {contract.name}"
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that a contract never speaks, and that the left side of an `implies` is never true."""
+    """Yield the claims that a contract is always missing, or that the left side of its `implies` is false."""
     for contract in case.program.contracts:
         if not case.is_own(contract.span):
             continue
@@ -31,7 +31,7 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
         if not remembers:  # a second claim would have to share its memory
             yield _silent(contract), all_of((e, FALSE))
             if (left := _left(e)) is not None:
-                yield _idle(contract), all_of((e, negation(left)))
+                yield _vacuous(contract), all_of((e, negation(left)))
 
 
 def _left(e: Expression) -> Expression | None:
@@ -42,22 +42,21 @@ def _left(e: Expression) -> Expression | None:
             return None
 
 
-def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
-    """Yield the warnings about contracts that say nothing."""
+def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
+    """Yield the warnings about contracts that constrain nothing."""
     for contract in case.program.contracts:
         if _silent(contract) in proved:
             yield warning(
                 "V026",
                 contract.span,
-                f"contract `{contract.name}` says nothing about any frame: something that it reads is always "
-                "missing",
-                "read what is missing with `value_or`, or leave the contract out",
+                f"contract `{contract.name}` never has a value: something that it reads is always missing",
+                "read what is missing with `value_or`, or remove the contract",
             )
-        elif _idle(contract) in proved and (left := _left(contract.expression)) is not None:
+        elif _vacuous(contract) in proved and (left := _left(contract.expression)) is not None:
             yield warning(
                 "V027",
                 left.span,
-                f"contract `{contract.name}` promises nothing: the left side of its `implies`, "
-                f"`{written(left)}`, is never true",
-                "correct the condition: as it stands the contract holds whatever the robot does",
+                f"contract `{contract.name}` is vacuous: the left side of its `implies`, "
+                f"`{source_text(left)}`, is never true",
+                "correct the condition: as written, the contract holds whatever the robot does",
             )

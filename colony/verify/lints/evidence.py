@@ -1,4 +1,4 @@
-"""Evidence from concrete runs against claims: the program's examples, and frames drawn at random."""
+"""Concrete runs that refute claims: the program's examples, and frames drawn at random."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Claims = Mapping[str, Expression]
 
 
 def with_claims(program: Program, claims: Claims) -> Program:
-    """Return the program with claims for contracts."""
+    """Return the program with claims in place of its contracts."""
     contracts = tuple(Contract(name=name, expression=e) for name, e in claims.items())
     return replace(program, contracts=contracts)
 
@@ -32,8 +32,8 @@ def with_claims(program: Program, claims: Claims) -> Program:
 def broken(program: Program, observed: Program, claims: Claims) -> frozenset[str]:
     """Return the claims about `observed` that some run breaks.
 
-    Runs are the examples of `program`, then drawn ones, until no claim is left. A program with modules in
-    Python is not run: its answers would be those of stand-ins.
+    The runs are the examples of `program`, then drawn traces, until every claim is broken. A program with
+    modules in Python is not run, as their answers are not available here.
     """
     left = dict(claims)
     if _asks_python(program):

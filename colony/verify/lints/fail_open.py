@@ -1,9 +1,9 @@
-"""Robots that drive on when a sensor is missing that only those read who would have stopped them.
+"""Lint of safeguards that fail open: without a sensor that only the safeguard reads, the robot drives on.
 
-A *safeguard* of a module m is one that dominates it somewhere and either inhibits, or, whenever both are
-active, commands some field at idle or on the other side of idle from m, or a speed nearer to idle. The
-evidence is a pair of runs that differ in one sensor of the last frame only: all sensors are there, the
-safeguard is active and m does not win; the sensor is missing, and m wins with a command that is not idle.
+A *safeguard* of a module m is a module that dominates m somewhere and either inhibits it or, whenever both
+are active, commands some field at idle, beyond idle as seen from m, or (a speed) nearer to idle. The evidence
+is a pair of runs that differ in one sensor of the last frame only. With all sensors there, the safeguard is
+active and m does not win; with that sensor missing, m wins with a command that is not idle.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from colony.verify.lints.evidence import replayed
 from colony.verify.lints.proof import Prover
 from colony.verify.snapshot import Snapshot
 
-_MOVES = "RServer"
+_BASE_SERVER = "RServer"
 
 
 def _open(module: Module, sensor: str) -> str:
@@ -48,10 +48,10 @@ def _restrains(module: Module, guard: Module, i: int) -> str:
 
 
 def _pairs(case: Case) -> Iterator[tuple[Module, Module, Actuator]]:
-    """Yield (module that moves the robot, module that guards it and reads a sensor more, their actuator)."""
+    """Yield (module that moves the robot, dominating module that needs another sensor too, actuator)."""
     for module in case.own_modules.values():
         actuator = case.actuators.get(module.actuator or "")
-        if actuator is None or actuator.server != _MOVES or actuator.idle is None:
+        if actuator is None or actuator.server != _BASE_SERVER or actuator.idle is None:
             continue
         above = dict.fromkeys(
             name for node in case.network.above(module.name) for name in case.network.under(node.dominant)
@@ -63,12 +63,12 @@ def _pairs(case: Case) -> Iterator[tuple[Module, Module, Actuator]]:
 
 
 def _own_needs(case: Case, module: Module, guard: Module) -> tuple[str, ...]:
-    """Return the sensors that a guard cannot do without, and the module can."""
+    """Return the sensors that a guard needs and the module does not."""
     return tuple(sorted(case.contents.needs(guard) - case.contents.needs(module)))
 
 
-def _unconcerned(case: Case, module: Module, sensor: str) -> tuple[str, ...]:
-    """Return the modules that dominate a module somewhere whether `sensor` is there or not."""
+def _independent_dominants(case: Case, module: Module, sensor: str) -> tuple[str, ...]:
+    """Return the modules that dominate a module somewhere and do not need `sensor`."""
     above = dict.fromkeys(
         name for node in case.network.above(module.name) for name in case.network.under(node.dominant)
     )
@@ -79,40 +79,41 @@ def _unconcerned(case: Case, module: Module, sensor: str) -> tuple[str, ...]:
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     """Yield the claims behind a warning.
 
-    A module never wins without a sensor while all others are there; nothing but what reads the sensor keeps
-    it, with all there, from moving the robot; and a guard restrains it.
+    "Open": the module never wins while only this sensor is missing. "Guarded": with all sensors there, no
+    guard that needs the sensor is all that keeps the module from moving the robot. "Restrains": the guard
+    restrains a field of the module's command.
     """
-    there = [s.name for s in case.program.robot.sensors if s.default is None]
+    sensors = [s.name for s in case.program.robot.sensors if s.default is None]
     for module, guard, actuator in _pairs(case):
         assert actuator.idle is not None
         wins = won(actuator.name, module.name)
         for sensor in _own_needs(case, module, guard):
-            only = (negation(fresh(s)) if s == sensor else fresh(s) for s in there)
-            yield _open(module, sensor), negation(all_of((*only, wins)))
+            only_missing = (negation(fresh(s)) if s == sensor else fresh(s) for s in sensors)
+            yield _open(module, sensor), negation(all_of((*only_missing, wins)))
         moves = any_of(
             binary(Binary.NOT_EQUAL, command_of(module, i), constant(idle, actuator.fields[i].type))
             for i, idle in enumerate(actuator.idle)
         )
-        held = (*(fresh(s) for s in there), active(module.name), active(guard.name), negation(wins), moves)
+        held = (*(fresh(s) for s in sensors), active(module.name), active(guard.name), negation(wins), moves)
         for sensor in _own_needs(case, module, guard):
-            others = (negation(active(name)) for name in _unconcerned(case, module, sensor))
+            others = (negation(active(name)) for name in _independent_dominants(case, module, sensor))
             yield _guarded(module, guard, sensor), negation(all_of((*held, *others)))
         for i in range(len(actuator.fields)):
             if guard.actuator == actuator.name:
                 yield _restrains(module, guard, i), _restrained(module, guard, actuator, i)
 
 
-def told(case: Case, prover: Prover) -> Iterator[Diagnostic]:
+def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
     """Yield the warnings about guards that fail open."""
     found: dict[tuple[str, str], list[str]] = {}
-    shut: dict[str, bool] = {}
+    stays_closed: dict[str, bool] = {}
     for module, guard, actuator in _pairs(case):
         sensors = []
         for sensor in _own_needs(case, module, guard):
             name = _open(module, sensor)
-            if name not in shut:
-                shut[name] = prover.holds(name)
-            sensors += [] if shut[name] else [sensor]
+            if name not in stays_closed:
+                stays_closed[name] = prover.holds(name)
+            sensors += [] if stays_closed[name] else [sensor]
         fields = _guards(case, module, guard, actuator, prover) if sensors else frozenset[int]()
         for sensor in sensors if fields else ():
             trace = prover.refuted(_guarded(module, guard, sensor))
@@ -155,11 +156,11 @@ def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Ex
     """
     assert actuator.idle is not None
     kind = actuator.fields[i].type
-    idle, its, own = constant(actuator.idle[i], kind), command_of(guard, i), command_of(module, i)
+    idle, guards, own = constant(actuator.idle[i], kind), command_of(guard, i), command_of(module, i)
     both_active = all_of((active(module.name), active(guard.name)))
     if not isinstance(kind, Quantity):
         moves = binary(Binary.NOT_EQUAL, own, idle)
-        return implies(both_active, implies(moves, binary(Binary.EQUAL, its, idle)))
+        return implies(both_active, implies(moves, binary(Binary.EQUAL, guards, idle)))
     speed = kind.dimension == LENGTH.over(TIME)
     less, more = (Binary.LESS, Binary.GREATER) if speed else (Binary.LESS_EQUAL, Binary.GREATER_EQUAL)
     bound = own if speed else idle
@@ -167,8 +168,8 @@ def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Ex
         both_active,
         all_of(
             (
-                implies(binary(Binary.GREATER, own, idle), binary(less, its, bound)),
-                implies(binary(Binary.LESS, own, idle), binary(more, its, bound)),
+                implies(binary(Binary.GREATER, own, idle), binary(less, guards, bound)),
+                implies(binary(Binary.LESS, own, idle), binary(more, guards, bound)),
             )
         ),
     )
@@ -179,8 +180,8 @@ def _warnings(case: Case, found: Mapping[tuple[str, str], list[str]]) -> Iterato
     by_guards: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for (module, sensor), guards in found.items():
         by_guards.setdefault((module, tuple(guards)), []).append(sensor)
-    for (module, who), sensors in by_guards.items():
-        one = len(who) == 1
+    for (module, names), sensors in by_guards.items():
+        one = len(names) == 1
         what = "them" if len(sensors) > 1 else "it"
         silent = f"which {'reads' if one else 'read'} {what}, {'is' if one else 'are'} silent then"
         present = " and ".join(f"fresh({s})" for s in sensors)
@@ -188,6 +189,6 @@ def _warnings(case: Case, found: Mapping[tuple[str, str], list[str]]) -> Iterato
         yield warning(
             "V030",
             case.modules[module].span,
-            f"with {quoted(sensors, 'or')} missing, `{module}` can drive: {quoted(who)}, {silent}",
+            f"with {quoted(sensors, 'or')} missing, `{module}` can drive: {quoted(names)}, {silent}",
             f"wire a module `when {condition}` that inhibits `{module}`",
         )

@@ -1,8 +1,8 @@
 """All lints of a program.
 
-Each lint makes claims: contracts that hold always if and only if something is odd. Concrete runs break most
-of the claims about a sound program in no time; what is left is for the prover. A lint that says "can" wants
-its claim broken, and the run that breaks it is the evidence.
+Each lint states claims as contracts. A lint that says "never" is raised where its claim holds in every run:
+concrete runs quickly break most claims about a sound program, and the prover decides the rest. A lint that
+says "can" is raised where its claim is broken, with the run that breaks it as evidence.
 """
 
 from __future__ import annotations
@@ -18,64 +18,64 @@ from colony.verify.lints import (
     predicates,
     ranges,
     shadows,
-    twins,
+    synchronized,
     unused,
 )
 from colony.verify.lints.case import Case, case_of
 from colony.verify.lints.evidence import broken
-from colony.verify.lints.proof import Patience, Prover
+from colony.verify.lints.proof import Prover, TimeBudget
 
-_MOST_NAMED = 12
+_MAX_CANDIDATES = 12
 
 
-def lint(program: Program, patience: Patience | None = None) -> tuple[Diagnostic, ...]:
+def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Diagnostic, ...]:
     """Return all findings as warnings V020 to V031, in the order of the text.
 
-    Findings that need more time than `patience` allows are left out.
+    Findings that need more time than `time_budget` allows are left out.
     """
-    patience = Patience() if patience is None else patience
+    time_budget = TimeBudget() if time_budget is None else time_budget
     case = case_of(program)
     if not case.network.roots:
         return ()
-    never, can = dict[str, Expression](), dict[str, Expression]()
-    for source in (predicates, shadows, nodes, contracts, twins):
-        never |= source.claims(case)
-    for broken_source in (ranges, fail_open, pauses):
-        can |= broken_source.claims(case)
-    seen = broken(program, case.observed, never)
-    left = {name: claim for name, claim in never.items() if name not in seen}
-    prover = Prover(case.observed, left | can, patience)
-    proved = prover.proved(left)
-    by = {m: _least(case, m, patience) for m in case.modules if shadows.shadowed(m) in proved}
+    to_prove, to_refute = dict[str, Expression](), dict[str, Expression]()
+    for lint_module in (predicates, shadows, nodes, contracts, synchronized):
+        to_prove |= lint_module.claims(case)
+    for refuting_lint in (ranges, fail_open, pauses):
+        to_refute |= refuting_lint.claims(case)
+    refuted = broken(program, case.observed, to_prove)
+    open_ = {name: claim for name, claim in to_prove.items() if name not in refuted}
+    prover = Prover(case.observed, open_ | to_refute, time_budget)
+    proved = prover.proved(open_)
+    by = {m: _minimal_dominators(case, m, time_budget) for m in case.modules if shadows.shadowed(m) in proved}
     return in_order(
         [
-            *unused.told(case),
-            *predicates.told(case, proved),
-            *shadows.told(case, proved, by),
-            *nodes.told(case, proved),
-            *contracts.told(case, proved),
-            *twins.told(case, proved),
-            *ranges.told(case, prover),
-            *fail_open.told(case, prover),
-            *pauses.told(case, prover),
+            *unused.findings(case),
+            *predicates.findings(case, proved),
+            *shadows.findings(case, proved, by),
+            *nodes.findings(case, proved),
+            *contracts.findings(case, proved),
+            *synchronized.findings(case, proved),
+            *ranges.findings(case, prover),
+            *fail_open.findings(case, prover),
+            *pauses.findings(case, prover),
         ]
     )
 
 
-def _least(case: Case, module: str, patience: Patience) -> tuple[str, ...]:
+def _minimal_dominators(case: Case, module: str, time_budget: TimeBudget) -> tuple[str, ...]:
     """Return a minimal set of modules that dominate a module wherever it is active."""
-    who = shadows.candidates(case, module)
-    if len(who) > _MOST_NAMED or not _dominate(case, module, who, patience):
+    dominators = shadows.candidates(case, module)
+    if len(dominators) > _MAX_CANDIDATES or not _dominate(case, module, dominators, time_budget):
         return ()
-    for name in reversed(who):
-        fewer = tuple(x for x in who if x != name)
-        if _dominate(case, module, fewer, patience):
-            who = fewer
-    return tuple(m.name for m in case.program.modules if m.name in who)
+    for name in reversed(dominators):
+        fewer = tuple(x for x in dominators if x != name)
+        if _dominate(case, module, fewer, time_budget):
+            dominators = fewer
+    return tuple(m.name for m in case.program.modules if m.name in dominators)
 
 
-def _dominate(case: Case, module: str, who: tuple[str, ...], patience: Patience) -> bool:
-    claim = shadows.dominated(case, module, who)
+def _dominate(case: Case, module: str, dominators: tuple[str, ...], time_budget: TimeBudget) -> bool:
+    claim = shadows.dominated(case, module, dominators)
     if claim is None:
         return False
-    return bool(Prover(case.observed, {"dominated": claim}, patience).proved(["dominated"]))
+    return bool(Prover(case.observed, {"dominated": claim}, time_budget).proved(["dominated"]))

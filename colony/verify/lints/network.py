@@ -1,4 +1,4 @@
-"""The network with a name for every node, so that claims can speak of all of them."""
+"""The network with a name for every node, so that claims can refer to each."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class NamedNetwork:
     """The network of a program in which every joint is a wire of its own.
 
     Attributes:
-        wires: Wires of the program, with one for each joint before them.
-        joints: Joints that reach an actuator, by name, each behind those that it joins.
+        wires: Wires of the program, after one for each joint.
+        joints: Joints that reach an actuator, by name, each after its inputs.
         roots: Module or joint that drives each wired actuator.
     """
 
@@ -46,7 +46,7 @@ class NamedNetwork:
         """Return the condition that `module`'s output is on `ref`; None where that is too deep to express."""
         if ref not in self.joints:
             return active(module) if ref == module else FALSE
-        if depth >= _DEEPEST:
+        if depth >= _MAX_DEPTH:
             return None
         joint = self.joints[ref]
         below = self.emerges(module, joint.inferior, depth + 1)
@@ -67,7 +67,7 @@ class NamedNetwork:
                 yield joint
 
 
-_DEEPEST = 24
+_MAX_DEPTH = 24
 
 
 def network(program: Program) -> NamedNetwork:
@@ -93,7 +93,7 @@ def span_of(joint: Joint) -> Span:
 
 
 def text_of(joint: Joint) -> str:
-    """Return a joint as it is written, with what stands in parentheses left out."""
+    """Return a joint as it is written, without the contents of parentheses."""
     dominant, inferior, *more = joint.chain.operands[joint.index :]
     window = f"[{duration_text(joint.window_ns)}]" if joint.window_ns else ""
     text = f"{_short(dominant)} {joint.relation}{window} {_short(inferior)}"

@@ -15,11 +15,11 @@ from colony.verify.lints.predicates import never
 from colony.verify.lints.shadows import shadowed
 
 
-def _idle(node: Joint) -> str:
+def _useless_inhibitor(node: Joint) -> str:
     return f"inhibits nothing {node.name}"
 
 
-def _timeless(node: Joint) -> str:
+def _useless_window(node: Joint) -> str:
     return f"no time {node.name}"
 
 
@@ -27,16 +27,16 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     """Yield the claims that a node has no effect.
 
     An inhibitor has none if its inferior gets through whenever the inferior is active; a time constant has
-    none if that holds while the dominant side is not active. A suppressor whose sides exclude each other
-    merges them, and that is good use.
+    none if that holds while the dominant side is not active. A suppressor whose sides exclude each other is
+    no finding: it merges them.
     """
     for node in _own(case):
         passes = active(node.name)
         if node.relation == "inhibits":
-            yield _idle(node), implies(active(node.inferior), passes)
+            yield _useless_inhibitor(node), implies(active(node.inferior), passes)
         if node.window_ns:
             waiting = all_of((active(node.inferior), negation(active(node.dominant))))
-            yield _timeless(node), implies(waiting, passes)
+            yield _useless_window(node), implies(waiting, passes)
 
 
 def _own(case: Case) -> Iterator[Joint]:
@@ -45,27 +45,27 @@ def _own(case: Case) -> Iterator[Joint]:
             yield node
 
 
-def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
+def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
     """Yield the warnings about nodes without effect."""
     for node in _own(case):
         sides = [case.network.under(node.dominant), case.network.under(node.inferior)]
         if any(all(never(m) in proved or shadowed(m) in proved for m in side) for side in sides):
-            continue  # said of the modules
+            continue  # the lints of these modules report it
         dominant, inferior = (quoted(side) for side in sides)
         are = "is" if len(sides[1]) == 1 else "are"
-        if _idle(node) in proved:
+        if _useless_inhibitor(node) in proved:
             yield warning(
                 "V023",
                 span_of(node),
                 f"`{text_of(node)}` changes nothing: where {dominant} would inhibit, "
                 f"{inferior} {are} not active",
-                "leave the inhibitor out, or correct a predicate",
+                "remove the inhibitor, or correct a predicate",
             )
-        elif _timeless(node) in proved:
+        elif _useless_window(node) in proved:
             yield warning(
                 "V024",
                 span_of(node),
                 f"the time constant of `{text_of(node)}` changes nothing: within "
                 f"{duration_text(node.window_ns)} after {dominant}, {inferior} {are} not active",
-                "leave the time constant out, or correct a predicate",
+                "remove the time constant, or correct a predicate",
             )

@@ -1,4 +1,4 @@
-"""Lint of a time constant inside a dominant side: its pause holds only its own inferior."""
+"""Lint of a time constant within a dominant side: while it runs, it holds back its own inferior only."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _pairs(case: Case) -> Iterator[tuple[Joint, Joint]]:
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that no module below the outer node wins while the inner one holds another back."""
+    """Yield the claims that no inferior of the outer node wins while the inner node holds its own back."""
     for inner, outer in _pairs(case):
         below = [
             won(actuator, module)
@@ -41,7 +41,7 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
         yield _name(inner, outer), negation(all_of((*held, any_of(below))))
 
 
-def told(case: Case, prover: Prover) -> Iterator[Diagnostic]:
+def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
     """Yield the warnings about pauses that let other modules through."""
     for inner, outer in _pairs(case):
         if prover.refuted(_name(inner, outer)) is None:
@@ -57,5 +57,5 @@ def told(case: Case, prover: Prover) -> Iterator[Diagnostic]:
             span_of(outer),
             f"within {time} after {first}, {held} {is_} held back, and {lesser}, which {dominates}, "
             "gets through",
-            f"put the time constant where it holds all: `A suppresses[{time}] (B suppresses C)`",
+            f"put the time constant where it holds all of them back: `A suppresses[{time}] (B suppresses C)`",
         )

@@ -1,4 +1,4 @@
-"""Predicates that never hold, or always do, whatever the sensors give."""
+"""Lint of predicates that never hold, or always hold, whatever the sensors read."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from colony.ir.expression import Expression
 from colony.text.diagnostics import Diagnostic, warning
 from colony.verify.claims import active, all_of, fresh, implies, negation
 from colony.verify.lints.case import Case
-from colony.verify.written import written
+from colony.verify.source_text import source_text
 
 
 def never(module: str) -> str:
@@ -25,32 +25,32 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     """Yield the claims that a module is never active and, if its predicate reads anything, always active."""
     for name, module in case.modules.items():
         yield never(name), negation(active(name))
-        if case.is_own(module.span) and case.decides(module):
+        if case.is_own(module.span) and case.has_inputs(module):
             there = all_of(fresh(s) for s in sorted(case.contents.needs(module)))
             yield always(name), implies(there, active(name))
 
 
-def told(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
-    """Yield the warnings about predicates that never change."""
+def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
+    """Yield the warnings about constant predicates."""
     for name, module in case.own_modules.items():
-        if not case.decides(module):
+        if not case.has_inputs(module):
             continue
-        predicate = written(module.when)
+        predicate = source_text(module.when)
         if never(name) in proved:
             yield warning(
                 "V021",
                 module.when.span,
-                f"`{name}` is never active: its predicate `{predicate}` is false whatever the sensors give",
+                f"`{name}` is never active: its predicate `{predicate}` is false whatever the sensors read",
                 "correct the predicate: compare it with the ranges of the sensors that it reads",
             )
         elif always(name) in proved:
             needed = sorted(case.contents.needs(module))
-            while_ = f" while {', '.join(f'`{s}`' for s in needed)} is there" if len(needed) == 1 else ""
-            while_ = while_ or (" while all that it reads is there" if needed else "")
+            while_ = f" while {', '.join(f'`{s}`' for s in needed)} is present" if len(needed) == 1 else ""
+            while_ = while_ or (" while everything that it reads is present" if needed else "")
             yield warning(
                 "V022",
                 module.when.span,
                 f"`{name}` is always active{while_}: its predicate `{predicate}` is true whatever the "
-                "sensors give",
-                "write `when true` if that is meant; else correct the predicate",
+                "sensors read",
+                "write `when true` if that is intended; otherwise correct the predicate",
             )

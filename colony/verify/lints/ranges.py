@@ -1,4 +1,4 @@
-"""Commands that can leave the range of their actuator."""
+"""Lint of commands that can leave the range of an actuator's field."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _fields(case: Case) -> Iterator[tuple[Module, str, int, ActuatorField]]:
 
 
 def _is_open(module: Module, i: int, field: ActuatorField) -> bool:
-    """Return True if a field has a range, and its command is not plainly within it."""
+    """Return True if a field has a range, and its command is not a constant within it."""
     if field.low is None and field.high is None:
         return False
     e = module.command.fields[i] if module.command else None
@@ -51,8 +51,8 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
         yield _name(module, field), implies(won(actuator, module.name), negation(any_of(beyond)))
 
 
-def told(case: Case, prover: Prover) -> Iterator[Diagnostic]:
-    """Yield a warning where a run was clamped, as the interpreter recorded it."""
+def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
+    """Yield a warning for each field that the interpreter clamps in some run."""
     for module, actuator, i, field in _fields(case):
         trace = prover.refuted(_name(module, field))
         clamped = Record("command clamped", f"{actuator}.{field.name}")
@@ -70,17 +70,17 @@ def told(case: Case, prover: Prover) -> Iterator[Diagnostic]:
 def _warning(module: str, actuator: str, field: ActuatorField, value: float, e: ir.Expression) -> Diagnostic:
     low, high = (_shown(x, field) for x in (field.low, field.high))
     if field.low is not None and field.high is not None:
-        bounds, mend = f"its range is {low} .. {high}", f"`clamp(..., {low}, {high})`"
+        bounds, remedy = f"its range is {low} .. {high}", f"`clamp(..., {low}, {high})`"
     elif field.high is not None:
-        bounds, mend = f"it is at most {high}", f"`min(..., {high})`"
+        bounds, remedy = f"its maximum is {high}", f"`min(..., {high})`"
     else:
-        bounds, mend = f"it is at least {low}", f"`max(..., {low})`"
+        bounds, remedy = f"its minimum is {low}", f"`max(..., {low})`"
     return warning(
         "V025",
         e.span,
-        f"`{module}` can command {actuator}.{field.name} = {_shown(value, field)}; {bounds}, and what is "
-        "beyond is clamped",
-        f"write {mend} if that is meant; else correct the command, or the range",
+        f"`{module}` can command {actuator}.{field.name} = {_shown(value, field)}, "
+        f"which is clamped: {bounds}",
+        f"write {remedy} if that is intended; otherwise correct the command or the range",
     )
 
 

@@ -1,4 +1,4 @@
-"""Modules that can be active, and never get through: others dominate them wherever they stand."""
+"""Lint of modules that can be active but never get through, as others always dominate them."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ def shadowed(module: str) -> str:
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     """Yield the claims that a module never gets through to an actuator, an inhibitor or a time constant."""
     for name in case.modules:
-        ways: list[Expression] = [
+        exits: list[Expression] = [
             won(actuator, name)
             for actuator, root in case.network.roots.items()
             if name in case.network.under(root)
         ]
-        deep = False
+        too_deep = False
         for node in case.network.joints.values():
             if node.relation == "inhibits" or node.window_ns:
-                way = case.network.emerges(name, node.dominant)
-                deep = deep or way is None
-                ways += [way] if way is not None else []
-        if not deep:
-            yield shadowed(name), negation(any_of(ways))
+                emerges = case.network.emerges(name, node.dominant)
+                too_deep = too_deep or emerges is None
+                exits += [emerges] if emerges is not None else []
+        if not too_deep:
+            yield shadowed(name), negation(any_of(exits))
 
 
 def dominated(case: Case, module: str, by: Sequence[str]) -> Expression | None:
-    """Return the condition that one of `by` dominates an active module on each of its ways.
+    """Return the condition that one of `by` dominates an active module on each of its paths.
 
     None where that is too hard to express: a time constant may remember a module that has no name.
     """
@@ -44,9 +44,9 @@ def dominated(case: Case, module: str, by: Sequence[str]) -> Expression | None:
     for node in case.network.above(module):
         if node.window_ns:
             return None
-    for way in _ways(case, module):
+    for path in _paths(case, module):
         cut = []
-        for name in way:
+        for name in path:
             node = case.network.joints[name]
             for other in by:
                 if other in case.network.under(node.dominant):
@@ -58,16 +58,16 @@ def dominated(case: Case, module: str, by: Sequence[str]) -> Expression | None:
     return implies(active(module), all_of(each))
 
 
-def _ways(case: Case, module: str) -> Iterator[tuple[str, ...]]:
-    """Yield, for each way of a module to the end of a network, the nodes that it enters as inferior."""
+def _paths(case: Case, module: str) -> Iterator[tuple[str, ...]]:
+    """Yield, for each path of a module to the end of a network, the nodes that it enters as inferior."""
     ends = [*case.network.roots.values()]
     ends += [n.dominant for n in case.network.joints.values() if n.relation == "inhibits"]
-    made = 0
+    count = 0
     todo: list[tuple[str, tuple[str, ...]]] = [(end, ()) for end in ends]
-    while todo and made < _MOST_WAYS:
+    while todo and count < _MAX_PATHS:
         ref, passed = todo.pop()
         if ref == module:
-            made += 1
+            count += 1
             yield passed
         node = case.network.joints.get(ref)
         if node is not None and module in case.network.under(ref):
@@ -76,7 +76,7 @@ def _ways(case: Case, module: str) -> Iterator[tuple[str, ...]]:
                 todo.append((node.dominant, passed))
 
 
-_MOST_WAYS = 16
+_MAX_PATHS = 16
 
 
 def candidates(case: Case, module: str) -> tuple[str, ...]:
@@ -87,21 +87,19 @@ def candidates(case: Case, module: str) -> tuple[str, ...]:
     return tuple(found)
 
 
-def told(case: Case, proved: Set[str], by: Mapping[str, tuple[str, ...]]) -> Iterator[Diagnostic]:
-    """Yield the warnings; `by` gives a minimal set of modules that dominate a module, where it was found."""
+def findings(case: Case, proved: Set[str], by: Mapping[str, tuple[str, ...]]) -> Iterator[Diagnostic]:
+    """Yield the warnings; `by` gives a minimal set of modules that dominate a module, if one was found."""
     for name, module in case.modules.items():
         if shadowed(name) not in proved or never(name) in proved:
             continue
-        who = by.get(name, ())
-        if who:
-            why = f"{quoted(who, 'or')} dominates it"
+        dominators = by.get(name, ())
+        if dominators:
+            why = f"{quoted(dominators, 'or')} dominates it"
         else:
-            why = (
-                f"wherever it is active, something above it dominates: {quoted(candidates(case, name), 'or')}"
-            )
+            why = f"something above it dominates: {quoted(candidates(case, name), 'or')}"
         yield warning(
             "V020",
             module.span,
             f"`{name}` can never get through: wherever it is active, {why}",
-            "put it above what dominates it, or narrow the predicates there; a module of no use can go",
+            "put it above what dominates it, narrow the predicates there, or remove the module",
         )

@@ -1,4 +1,4 @@
-"""Sensors that nothing reads."""
+"""Lint of sensors that nothing reads."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from colony.verify.lints.case import Case
 from colony.verify.testing.frames import sensors_read
 
 
-def told(case: Case) -> Iterator[Diagnostic]:
-    """Yield the warnings about unused sensors of the main file; an imported robot may have more."""
+def findings(case: Case) -> Iterator[Diagnostic]:
+    """Yield the warnings about unused sensors of the main file; an imported robot may have any."""
     read = sensors_read(case.program)
     for sensor in case.program.robot.sensors:
         if case.is_own(sensor.span) and sensor.name not in read:
@@ -18,5 +18,5 @@ def told(case: Case) -> Iterator[Diagnostic]:
                 "V028",
                 sensor.span,
                 f"nothing reads the sensor `{sensor.name}`",
-                "leave it out, or use it",
+                "remove it, or use it",
             )

@@ -12,19 +12,19 @@ from colony.ir.types import Array, Bool, Enum, Scalar, ScalarValue, Value
 from colony.text.diagnostics import DiagnosticError, error
 
 
-class PythonModuleError(Exception):
-    """A value from outside is not of its type."""
+class InvalidValueError(Exception):
+    """A reading or a field of a Python module's command is not of its type."""
 
 
 # --- sensors -------------------------------------------------------------------------------------
 
 
 FUTURE = math.nan
-"""A reading that was taken after its frame: a fault for every sensor."""
+"""The stand-in for a reading taken after its frame: a fault for a sensor of any type."""
 
 
-def aged(sensor: Sensor, reading: Reading, frame: Frame) -> Reading:
-    """Return `reading` at the age that `frame` gives: missing if too old, faulty if from the future."""
+def age_checked(sensor: Sensor, reading: Reading, frame: Frame) -> Reading:
+    """Return `reading`; None if it is too old, `FUTURE` if it was taken after its frame."""
     taken_ns = frame.taken_ns.get(sensor.name, frame.t_ns)
     if taken_ns > frame.t_ns and sensor.name in frame.readings:
         return FUTURE
@@ -34,45 +34,57 @@ def aged(sensor: Sensor, reading: Reading, frame: Frame) -> Reading:
 
 
 def sense(sensor: Sensor, reading: Reading, factor: float) -> tuple[Value | None, RecordKind | None]:
-    """Return the value of `sensor` in base units, None where it is missing, and the record to make, if any.
+    """Return the value of `sensor` in base units, None if it is missing, and the kind of record, if any.
 
-    `factor` is base units per unit of `reading`. One bad element spoils an array.
+    `factor` is base units per unit of `reading`. One faulty element makes the whole array faulty.
     """
     if reading is None:
         return None, None
     try:
         value = typed(sensor, reading, factor)
-    except PythonModuleError:
+    except InvalidValueError:
         return None, "sensor fault"
     inside = clamped(value, sensor)
     return inside, None if inside == value else "sensor clamped"
 
 
 def typed(sensor: Sensor, reading: Reading, factor: float) -> Value:
-    """Return `reading` times `factor`, if it has the sensor's type and length."""
+    """Return `reading` times `factor`.
+
+    Raises:
+        InvalidValueError: it does not have the sensor's type and length.
+    """
     if not isinstance(sensor.type, Array):
         return typed_scalar(sensor.type, reading, factor)
     if not isinstance(reading, list | tuple) or len(reading) != sensor.type.size:
-        raise PythonModuleError
+        raise InvalidValueError
     return tuple(typed_scalar(sensor.type.element, x, factor) for x in reading)
 
 
-def typed_scalar(of: Scalar, reading: object, factor: float = 1.0) -> ScalarValue:
-    """Return a bool, a number that is not NaN, or an enumerator that exists."""
-    if isinstance(of, Bool):
+def typed_scalar(type_: Scalar, reading: object, factor: float = 1.0) -> ScalarValue:
+    """Return a bool, a number times `factor`, or an enumerator.
+
+    Raises:
+        InvalidValueError: it is none of the type, or NaN.
+    """
+    if isinstance(type_, Bool):
         if not isinstance(reading, bool):
-            raise PythonModuleError
+            raise InvalidValueError
         return reading
     value = number(reading)
-    if math.isnan(value) or (isinstance(of, Enum) and value not in [n for _, n in of.members]):
-        raise PythonModuleError
+    if math.isnan(value) or (isinstance(type_, Enum) and value not in [n for _, n in type_.members]):
+        raise InvalidValueError
     return value * factor
 
 
 def number(x: object) -> float:
-    """Return an int or float as a float; an int beyond all floats is infinite."""
+    """Return an int or float as a float; an int too large for a float becomes infinite.
+
+    Raises:
+        InvalidValueError: it is neither.
+    """
     if isinstance(x, bool) or not isinstance(x, int | float):
-        raise PythonModuleError
+        raise InvalidValueError
     try:
         return float(x)
     except OverflowError:
@@ -87,7 +99,7 @@ def clamped(value: Value, sensor: Sensor) -> Value:
 
 
 def clamp(x: ScalarValue, low: float | None, high: float | None) -> ScalarValue:
-    """Return `x`, or the bound that it is beyond."""
+    """Return `x`, or the bound that it exceeds."""
     if low is not None and x < low:
         return low
     if high is not None and x > high:
@@ -96,7 +108,7 @@ def clamp(x: ScalarValue, low: float | None, high: float | None) -> ScalarValue:
 
 
 def default_of(sensor: Sensor) -> Value | None:
-    """Return the value that stands in where the sensor is missing: a scalar default fills an array."""
+    """Return the default of a sensor, None if it has none; a scalar default fills an array."""
     if (
         isinstance(sensor.type, Array)
         and sensor.default is not None
@@ -110,7 +122,7 @@ def default_of(sensor: Sensor) -> Value | None:
 
 
 def declared_command(actuator: Actuator, command: Sequence[ScalarValue]) -> tuple[ScalarValue, ...]:
-    """Return a command in declared units; a bool has none."""
+    """Return a command in declared units; a bool has no unit."""
     return tuple(
         x if isinstance(x, bool) else x / f.factor for x, f in zip(command, actuator.fields, strict=True)
     )
@@ -120,7 +132,10 @@ def declared_command(actuator: Actuator, command: Sequence[ScalarValue]) -> tupl
 
 
 class ModuleFrame(Mapping[str, Value]):
-    """The input of `step`: the values that the module reads, in base units; `t`: s since the first frame."""
+    """The argument of `step`: the values that the module reads, in base units.
+
+    `t` is the time since the first frame in seconds.
+    """
 
     def __init__(self, t: float, values: dict[str, Value]) -> None:
         self.t = t
@@ -144,7 +159,7 @@ Command = tuple[ScalarValue, ...] | None
 
 
 class PythonRunner:
-    """One Python module and its answers. Mutable: the object that it runs has state."""
+    """Runs one Python module. Mutable: the module's object has state."""
 
     def __init__(self, module: PythonModule, actuator: Actuator | None) -> None:
         """Import and build the class, once.
@@ -160,13 +175,19 @@ class PythonRunner:
         except (Exception, SystemExit) as problem:
             path = f"{module.module_path}:{module.class_name}"
             message = f"`{path}` cannot be imported and built: {type(problem).__name__}: {problem}"
-            hint = "it is looked for beside the behavior and in this folder; its params are given by keyword"
+            hint = (
+                "the class must be importable from the folder of the behavior or the current folder, "
+                "and take its params as keyword arguments"
+            )
             raise DiagnosticError([error("P001", module.span, message, hint)]) from problem
         self._last_call: int | None = None
-        self._answers: list[tuple[int, Command]] = []  # with the time from which each stands
+        self._answers: list[tuple[int, Command]] = []  # each with the time from which it applies
 
     def step(self, t_ns: int, frame: ModuleFrame) -> tuple[Command, bool]:
-        """Return the command of a frame in which nothing it reads is missing, and True if it went wrong."""
+        """Return the module's command in a frame, and True if the call of its class failed.
+
+        To be called only in frames in which nothing that the module reads is missing.
+        """
         if self.module.rate_ns is None:
             return self._call(frame)
         failed = False
@@ -176,8 +197,8 @@ class PythonRunner:
             self._last_call = t_ns
         while len(self._answers) > 1 and self._answers[1][0] <= t_ns:
             del self._answers[0]
-        since, standing = self._answers[0]
-        return (standing if since <= t_ns else None), failed
+        since, command = self._answers[0]
+        return (command if since <= t_ns else None), failed
 
     def _call(self, frame: ModuleFrame) -> tuple[Command, bool]:
         try:
@@ -189,11 +210,11 @@ class PythonRunner:
         if result is None:
             return None
         if not isinstance(result, Mapping) or set(result) != {f.name for f in self._fields}:
-            raise PythonModuleError
+            raise InvalidValueError
         return tuple(self._field(f.type, result[f.name]) for f in self._fields)
 
-    def _field(self, of: Scalar, x: object) -> ScalarValue:
-        """Check a field. NaN is accepted here: a command that is not finite is a fault of its own."""
-        if not isinstance(of, Bool | Enum) and isinstance(x, float) and math.isnan(x):
+    def _field(self, type_: Scalar, x: object) -> ScalarValue:
+        """Return a field, checked. NaN passes: a command that is not finite is a fault of its own."""
+        if not isinstance(type_, Bool | Enum) and isinstance(x, float) and math.isnan(x):
             return x
-        return typed_scalar(of, x)
+        return typed_scalar(type_, x)

@@ -1,8 +1,8 @@
-"""The value of an expression in one frame, and what is missing for it: the reference.
+"""Reference evaluation: the value of an expression in a frame, and whether it reads something missing.
 
-Evaluation is strict: every operand is evaluated, also in a branch not taken, so each memory function is
-evaluated once for each of its keys whenever its expression is evaluated. Keys are (call, values of the
-enclosing loop variables, element): whatever is one memory in the language is one entry of a dict here.
+Evaluation is strict: every operand is evaluated, even in a branch not taken. So each memory function is
+evaluated exactly once per key whenever its expression is. A key is (call, values of the enclosing loop
+variables, element): each separate memory of the language is one entry of a dict here.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ Loop = tuple[tuple[str, int], ...]
 
 @dataclass(slots=True, kw_only=True)
 class Moment:
-    """Everything known in one frame, in base units. What a mapping does not hold is missing.
+    """The values of one frame, in base units. A name that a mapping lacks is missing.
 
-    Mutable: filled in the order in which a frame is computed.
+    Mutable: filled in the order in which the frame is computed.
     """
 
     t_ns: int
     first_ns: int
-    states: Mapping[str, ScalarValue]  # the old values, file-level and `module.name`, machines too
+    states: Mapping[str, ScalarValue]  # old values, by `name` or `module.name`; machines too
     sensors: dict[str, Value] = field(default_factory=dict)
-    fresh: set[str] = field(default_factory=set)  # sensors that are there themselves, not by default
+    fresh: set[str] = field(default_factory=set)  # sensors with a reading, not a default
     derived: dict[str, Value] = field(default_factory=dict)
     locals: dict[str, Value] = field(default_factory=dict)
     commands: dict[str, tuple[ScalarValue, ...]] = field(default_factory=dict)  # of active modules
@@ -62,10 +62,10 @@ def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> bo
 
 
 def evaluate(e: ir.Expression, moment: Moment, memory: Memory, loop: Loop = ()) -> Value:
-    """Return the value of `e`, for which nothing is missing; its memory moves on."""
+    """Return the value of `e`, which must read nothing missing, and advance its memory."""
 
-    def value(of: ir.Expression) -> Value:
-        return evaluate(of, moment, memory, loop)
+    def value(operand: ir.Expression) -> Value:
+        return evaluate(operand, moment, memory, loop)
 
     match e:
         case ir.UnaryOperation(operand=operand):
@@ -83,8 +83,8 @@ def evaluate(e: ir.Expression, moment: Moment, memory: Memory, loop: Loop = ()) 
             whole = elements(value(array))
             return tuple(whole[i] for i in indices)
         case ir.Window(array=array, center=center):
-            whole, indices_there = elements(value(array)), window_indices(e, scalar(value(center)))
-            return tuple(element_at(whole, i) for i in indices_there)
+            whole, chosen = elements(value(array)), window_indices(e, scalar(value(center)))
+            return tuple(element_at(whole, i) for i in chosen)
         case ir.ValueOr(expression=expression, other=other):
             first = None if missing(expression, moment) else value(expression)
             second = value(other)
@@ -135,16 +135,16 @@ def leaf(e: ir.Expression, moment: Moment, loop: Loop) -> Value:
 # --- arrays --------------------------------------------------------------------------------------
 
 
-def each(of: Callable[..., ScalarValue], *operands: Value) -> Value:
-    """Apply `of` element by element where an operand is an array; a scalar stands for all elements."""
+def each(f: Callable[..., ScalarValue], *operands: Value) -> Value:
+    """Apply `f` element by element where an operand is an array; a scalar stands for all elements."""
     sizes = [len(x) for x in operands if isinstance(x, tuple)]
     if not sizes:
-        return of(*operands)
-    return tuple(of(*(x[i] if isinstance(x, tuple) else x for x in operands)) for i in range(sizes[0]))
+        return f(*operands)
+    return tuple(f(*(x[i] if isinstance(x, tuple) else x for x in operands)) for i in range(sizes[0]))
 
 
 def filled(value: Value, e: ir.Expression) -> Value:
-    """Return `value`, repeated where `e` is an array and the value a scalar."""
+    """Return `value`, repeated for each element if `e` is an array and `value` a scalar."""
     if isinstance(e.type, Array) and not isinstance(value, tuple):
         return (value,) * e.type.size
     return value
@@ -163,7 +163,7 @@ def scalar(value: Value) -> ScalarValue:
 
 
 def window_indices(e: ir.Window, center: float) -> list[float]:
-    """Return the indices that a window takes from its array, in order; NaN where the center is not finite."""
+    """Return the indices of a window's elements, in order; NaN if the center is not finite."""
     size, reach = len_of(e.array), e.reach
     if not math.isfinite(center):
         return [NAN] * (2 * reach + 1)
@@ -189,22 +189,22 @@ def call(e: ir.Call, moment: Moment, memory: Memory, loop: Loop) -> Value:
     return each(lambda *x: function(e.function, x), *arguments)
 
 
-def index_function(of: ir.Function, e: ir.Expression, moment: Moment, memory: Memory, loop: Loop) -> float:
-    """Return the index of the least or greatest; of a slice or window, its index in the whole array."""
+def index_function(f: ir.Function, e: ir.Expression, moment: Moment, memory: Memory, loop: Loop) -> float:
+    """Return the index of the least or greatest element; for a slice or window, in the whole array."""
     match e:
         case ir.Slice(array=array, indices=indices):
             whole = elements(evaluate(array, moment, memory, loop))
-            return float(indices[int(function(of, [whole[i] for i in indices]))])
+            return float(indices[int(function(f, [whole[i] for i in indices]))])
         case ir.Window(array=array, center=center):
             whole = elements(evaluate(array, moment, memory, loop))
-            indices_there = window_indices(e, scalar(evaluate(center, moment, memory, loop)))
-            return indices_there[int(function(of, [element_at(whole, i) for i in indices_there]))]
+            chosen = window_indices(e, scalar(evaluate(center, moment, memory, loop)))
+            return chosen[int(function(f, [element_at(whole, i) for i in chosen]))]
         case _:
-            return function(of, elements(evaluate(e, moment, memory, loop)))
+            return function(f, elements(evaluate(e, moment, memory, loop)))
 
 
 def reduce(e: ir.Reduce, moment: Moment, memory: Memory, loop: Loop) -> ScalarValue:
-    """Evaluate a reduction over a variable: body and condition for each of its values."""
+    """Evaluate a reduction: its body and condition for each value of its variable."""
     taken = []
     for k in range(e.low, e.high + 1):
         inner = (*loop, (e.variable, k))
@@ -218,7 +218,7 @@ def reduce(e: ir.Reduce, moment: Moment, memory: Memory, loop: Loop) -> ScalarVa
 
 
 def recall(e: ir.MemoryCall, arguments: list[Value], moment: Moment, memory: Memory, loop: Loop) -> Value:
-    """Evaluate a memory function: each element of an array, and each loop index, has memory of its own."""
+    """Evaluate a memory function; each element of an array and each loop index has its own memory."""
     path = tuple(k for _, k in loop)
     sizes = [len(a) for a in arguments if isinstance(a, tuple)]
     results = []
@@ -231,29 +231,29 @@ def recall(e: ir.MemoryCall, arguments: list[Value], moment: Moment, memory: Mem
 
 
 def remember(e: ir.MemoryCall, x: list[ScalarValue], last: Any, t_ns: int) -> tuple[ScalarValue, Any]:
-    """Return the present value of a memory function and its new state; `last` is None at first."""
+    """Return the value of a memory function and its new state; `last` is the old state, None at first."""
     match e.function:
-        case ir.Memory.PREVIOUS:
+        case ir.MemoryFunction.PREVIOUS:
             return (x[1] if last is None else last), x[0]
-        case ir.Memory.CHANGED:
+        case ir.MemoryFunction.CHANGED:
             return last is not None and x[0] != last, x[0]
-        case ir.Memory.RISING:
+        case ir.MemoryFunction.RISING:
             return bool(x[0] and not last), x[0]
-        case ir.Memory.FALLING:
+        case ir.MemoryFunction.FALLING:
             return bool(not x[0] and last), x[0]
-        case ir.Memory.HELD:  # remembers the time of the last frame with b
+        case ir.MemoryFunction.HELD:  # remembers the last time at which b was true
             seen = t_ns if x[0] else last
             return bool(x[0]) or (seen is not None and t_ns - seen < e.duration_ns), seen
-        case ir.Memory.ELAPSED:  # remembers since when b is true, None while it is false
+        case ir.MemoryFunction.ELAPSED:  # remembers when b became true, None while it is false
             since = None if not x[0] else t_ns if last is None else last
             return (0.0 if since is None else (t_ns - since) / 1e9), since
-        case ir.Memory.LATCH:
+        case ir.MemoryFunction.LATCH:
             latched = bool((last or x[0]) and not x[1])
             return latched, latched
-        case ir.Memory.CAPTURED:  # remembers what was captured, and the key of the last frame
+        case ir.MemoryFunction.CAPTURED:  # remembers the captured value, and the key of the last frame
             captured = last[0] if last is not None and last[1] == x[1] else x[0]
             return captured, (captured, x[1])
-        case ir.Memory.EVERY:  # remembers when it was last true
+        case ir.MemoryFunction.EVERY:  # remembers when it was last true
             due = last is None or t_ns >= last + e.duration_ns
             return due, (t_ns if due else last)
         case _:

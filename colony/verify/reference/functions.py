@@ -60,9 +60,9 @@ def binary(operator: Binary, x: ScalarValue, y: ScalarValue) -> ScalarValue:
             assert_never(operator)
 
 
-def function(of: Function, x: Sequence[ScalarValue]) -> ScalarValue:
-    """Return a function of the values `x`: all that are reduced, or the arguments in order."""
-    match of:
+def function(f: Function, x: Sequence[ScalarValue]) -> ScalarValue:
+    """Return the value of `f` for `x`: the values to reduce, or the arguments in order."""
+    match f:
         case Function.MIN:
             return least(x)
         case Function.MAX:
@@ -90,12 +90,12 @@ def function(of: Function, x: Sequence[ScalarValue]) -> ScalarValue:
         case Function.ANGLE_DIFFERENCE:
             return angle_difference(x[0], x[1])
         case _:
-            return of_one(of, x[0])
+            return of_one(f, x[0])
 
 
-def of_one(of: Function, x: float) -> float:
-    """Return a function of one number."""
-    match of:
+def of_one(f: Function, x: float) -> float:
+    """Return the value of a function of one number."""
+    match f:
         case Function.ABS:
             return abs(x)
         case Function.SIGN:
@@ -113,7 +113,7 @@ def of_one(of: Function, x: float) -> float:
         case Function.COS:
             return NAN if math.isinf(x) else math.cos(math.radians(x))
         case _:
-            raise AssertionError(f"{of} is not a function of one number")
+            raise AssertionError(f"{f} is not a function of one number")
 
 
 def divide(x: float, y: float) -> float:
@@ -137,7 +137,7 @@ def angle_difference(a: float, b: float) -> float:
 
 
 def least(x: Sequence[float]) -> float:
-    """Return the first of the least; NaN if any is NaN, or there is none."""
+    """Return the least value, the first among equals; NaN if any is NaN, or there is none."""
     if not x or any(math.isnan(v) for v in x):
         return NAN
     best = x[0]
@@ -148,7 +148,7 @@ def least(x: Sequence[float]) -> float:
 
 
 def greatest(x: Sequence[float]) -> float:
-    """Return the first of the greatest; NaN if any is NaN, or there is none."""
+    """Return the greatest value, the first among equals; NaN if any is NaN, or there is none."""
     if not x or any(math.isnan(v) for v in x):
         return NAN
     best = x[0]
@@ -159,7 +159,7 @@ def greatest(x: Sequence[float]) -> float:
 
 
 def total(x: Sequence[float]) -> float:
-    """Return the sum from the left, beginning with the first (so that -0.0 alone stays); 0 of nothing."""
+    """Return the sum from left to right, starting with the first value (a lone -0.0 stays); 0 of nothing."""
     if not x:
         return 0.0
     result = x[0]
@@ -169,7 +169,7 @@ def total(x: Sequence[float]) -> float:
 
 
 def first_index(x: Sequence[float], better: Callable[[float, float], bool]) -> int:
-    """Return the index of the best element, the first of equals; NaN loses to numbers; 0 if all are NaN."""
+    """Return the index of the best value, the first among equals; numbers beat NaN; 0 if all are NaN."""
     best = 0
     for i, v in enumerate(x):
         if better(v, x[best]) or (math.isnan(x[best]) and not math.isnan(v)):
@@ -178,7 +178,7 @@ def first_index(x: Sequence[float], better: Callable[[float, float], bool]) -> i
 
 
 def whole(rounding: Callable[[float], int], x: float) -> float:
-    """Return `x` rounded, with its sign also where the result is zero; NaN and infinities stay."""
+    """Return `x` rounded; a zero result has the sign of `x`; NaN and infinities are unchanged."""
     return math.copysign(float(rounding(x)), x) if math.isfinite(x) else x
 
 

@@ -1,7 +1,7 @@
-"""The reference: executes the source program, frame by frame and wire by wire, as the language reads.
+"""The reference interpreter: executes the source program, frame by frame and wire by wire.
 
-It shares no code with the compiler. It is slow and plain on purpose: a frame is computed in the order of
-the methods called in `Interpreter._frame`, each of which does one section of the language reference.
+It defines the meaning of a program, and shares no code with the compiler. It is plain rather than fast:
+`Interpreter._run_frame` computes a frame step by step, each step one section of the language reference.
 """
 
 from __future__ import annotations
@@ -18,36 +18,36 @@ from colony.ir.types import ScalarValue, Value
 from colony.verify.reference.boundary import (
     ModuleFrame,
     PythonRunner,
-    aged,
+    age_checked,
     clamp,
     declared_command,
     default_of,
     sense,
 )
 from colony.verify.reference.expressions import Memory, Moment, evaluate, missing, scalar
-from colony.verify.reference.memory import recalled
+from colony.verify.reference.memory import restored_memory
 
 
 class Interpreter:
-    """An executor of `program` (see `ir.frame.Executor`). Mutable: it has all of the program's memory.
+    """An executor of `program` (see `ir.frame.Executor`). Mutable: it holds all of the program's memory.
 
-    If `answered`, Python modules are not run: `step` is given what they answered.
+    With `answers_given` it runs no Python modules: `step` takes their answers instead.
 
     Raises:
         DiagnosticError: the class of a Python module cannot be imported and built.
     """
 
-    def __init__(self, program: ir.Program, *, answered: bool = False) -> None:
+    def __init__(self, program: ir.Program, *, answers_given: bool = False) -> None:
         self.program = program
         self._memory: Memory = {}
-        self._dominated: dict[tuple[str | int, ...], int] = {}  # wire and node: when A was last active
+        self._last_active_ns: dict[tuple[str | int, ...], int] = {}  # by node: its dominant side's last
         self._states: dict[str, ScalarValue] = {s.name: start for s, start in _memory_cells(program)}
-        self._next: dict[str, ScalarValue] = {}
+        self._next_states: dict[str, ScalarValue] = {}
         actuators = {a.name: a for a in program.robot.actuators}
         self._python = {
             m.name: PythonRunner(m, actuators[m.actuator] if m.actuator else None)
             for m in program.modules
-            if isinstance(m, ir.PythonModule) and not answered
+            if isinstance(m, ir.PythonModule) and not answers_given
         }
         self._answers: Mapping[str, Answer] = {}
         self._moment: Moment | None = None
@@ -55,43 +55,43 @@ class Interpreter:
         self._silent: set[str] = set()
 
     def resume(self, memory: ProgramMemory) -> None:
-        """Go on from what another executor remembered; before the first frame only.
+        """Continue from the memory of another executor; to be called before the first frame only.
 
         Raises:
-            ValueError: the memory has what the program has not, or it runs modules in Python, which have
-                memory of their own. `Resuming` checks the rest.
+            ValueError: the memory has a cell that the program lacks, or the interpreter runs Python modules,
+                which keep memory of their own. `Resuming` checks the rest.
         """
         if self._python:
-            raise ValueError("modules in Python have memory of their own")
+            raise ValueError("cannot resume a program that runs Python modules: they keep their own memory")
         if memory.first_ns is None:
             return
-        self._memory, self._dominated, self._states = recalled(self.program, memory, self._states)
+        self._memory, self._last_active_ns, self._states = restored_memory(self.program, memory, self._states)
         self._moment = Moment(t_ns=memory.first_ns, first_ns=memory.first_ns, states=self._states)
 
     def step(
         self, frame: Frame, lost: frozenset[str] = frozenset(), answers: Mapping[str, Answer] | None = None
     ) -> Outcome:
-        """Step through one frame, its readings in declared units.
+        """Execute one frame with readings in declared units.
 
-        The network does not hear the modules in `lost`: what actuators with `on_loss degrade` make of it.
-        `answers` are those of all Python modules, where they are not run.
+        `lost` are modules whose clients are lost: their commands do not enter the network, as under
+        `on_loss degrade`. `answers` are the answers of all Python modules, if the interpreter runs none.
 
         Raises:
-            KeyError: one of them is missing.
+            KeyError: `answers` lacks a Python module.
         """
         self._lost, self._answers = lost, answers or {}
         sensors = self.program.robot.sensors
-        readings = {s.name: aged(s, frame.readings.get(s.name), frame) for s in sensors}
-        return self._frame(frame.t_ns, readings, {s.name: s.factor for s in sensors})
+        readings = {s.name: age_checked(s, frame.readings.get(s.name), frame) for s in sensors}
+        return self._run_frame(frame.t_ns, readings, {s.name: s.factor for s in sensors})
 
     def step_in_base_units(self, t_ns: int, readings: Mapping[str, Reading]) -> Outcome:
         """Execute one frame with readings in base units, as tests and proofs give them."""
-        return self._frame(t_ns, readings, {s.name: 1.0 for s in self.program.robot.sensors})
+        return self._run_frame(t_ns, readings, {s.name: 1.0 for s in self.program.robot.sensors})
 
     def value_of(self, expression: Expression) -> Value | None:
-        """Return the value of a contract expression in the last frame, None where it reads something missing.
+        """Return the value of a contract expression in the last frame, None if it reads something missing.
 
-        Its memory, if it has any, moves on: to be called once a frame.
+        Each call advances the memory of the expression: call it at most once a frame.
         """
         moment = self._moment
         assert moment is not None, "no frame yet"
@@ -106,22 +106,22 @@ class Interpreter:
         """Return True if a module was silent in the last frame because a value that it reads was missing."""
         return module in self._silent
 
-    def _frame(self, t_ns: int, readings: Mapping[str, Reading], factors: dict[str, float]) -> Outcome:
+    def _run_frame(self, t_ns: int, readings: Mapping[str, Reading], factors: dict[str, float]) -> Outcome:
         first_ns = t_ns if self._moment is None else self._moment.first_ns
         moment = self._moment = Moment(t_ns=t_ns, first_ns=first_ns, states=self._states)
-        self._next, self._silent = {}, set()
+        self._next_states, self._silent = {}, set()
         records: list[Record] = []
-        self._sensors(moment, readings, factors, records)
-        self._derived_values(moment)
-        self._modules(moment, records)
-        self._network(moment)
-        limits = self._limits()
+        self._read_sensors(moment, readings, factors, records)
+        self._compute_derived_values(moment)
+        self._run_modules(moment, records)
+        self._run_network(moment)
+        limits = self._applicable_limits()
         decisions = [self._decide(a, moment, limits, records) for a in self.program.robot.actuators]
         breaches = [c.name for c in self.program.contracts if self.value_of(c.expression) is False]
-        self._states = self._states | self._next
+        self._states = self._states | self._next_states
         return Outcome(tuple(decisions), tuple(records), tuple(breaches))
 
-    def _sensors(
+    def _read_sensors(
         self,
         moment: Moment,
         readings: Mapping[str, Reading],
@@ -141,22 +141,22 @@ class Interpreter:
 
     # --- derived values --------------------------------------------------------------------------
 
-    def _derived_values(self, moment: Moment) -> None:
+    def _compute_derived_values(self, moment: Moment) -> None:
         for derived in self.program.derived:
             match derived:
                 case ir.Let(name=name, expression=expression):
                     if not missing(expression, moment):
                         moment.derived[name] = evaluate(expression, moment, self._memory)
-                case ir.State(next=following):
-                    if following is not None and not missing(following, moment):
-                        self._next[derived.name] = scalar(evaluate(following, moment, self._memory))
+                case ir.State(next=update):
+                    if update is not None and not missing(update, moment):
+                        self._next_states[derived.name] = scalar(evaluate(update, moment, self._memory))
                 case ir.Machine():
-                    self._machine(derived, moment)
+                    self._step_machine(derived, moment)
                 case _:
                     assert_never(derived)
 
-    def _machine(self, machine: ir.Machine, moment: Moment) -> None:
-        """Take the first transition from the present phase; evaluate every condition, for its memory."""
+    def _step_machine(self, machine: ir.Machine, moment: Moment) -> None:
+        """Take the first transition from the current phase; advance the memory of every condition."""
         phase = scalar(moment.states[machine.name])
         taken: float | None = None
         for transition in machine.transitions:
@@ -166,36 +166,36 @@ class Interpreter:
             if holds and phase in transition.sources and taken is None:
                 taken = transition.target
         if taken is not None:
-            self._next[machine.name] = taken
+            self._next_states[machine.name] = taken
 
     # --- modules ---------------------------------------------------------------------------------
 
-    def _modules(self, moment: Moment, records: list[Record]) -> None:
+    def _run_modules(self, moment: Moment, records: list[Record]) -> None:
         for module in self.program.modules:
             match module:
                 case ir.Module():
-                    command = self._module(module, moment)
+                    command = self._run_module(module, moment)
                 case ir.PythonModule():
-                    command = self._python_module(module, moment, records)
+                    command = self._run_python_module(module, moment, records)
                 case _:
                     assert_never(module)
             if command is not None:
                 moment.commands[module.name] = command
-            heard = command is not None and not (module.actuator and module.name in self._lost)
-            moment.outputs[module.name] = module.name if heard else None
+            reaches_network = command is not None and not (module.actuator and module.name in self._lost)
+            moment.outputs[module.name] = module.name if reaches_network else None
 
-    def _module(self, module: ir.Module, moment: Moment) -> tuple[ScalarValue, ...] | None:
-        """Return the command put on the output, without fields if the module has no `do`; None for nothing.
+    def _run_module(self, module: ir.Module, moment: Moment) -> tuple[ScalarValue, ...] | None:
+        """Return the module's command, empty if it has no `do`; None if the module is not active.
 
-        Unless the module is silent everything in it is evaluated, whether or not its predicate holds.
+        Unless the module is silent, everything in it is evaluated, whether or not its predicate holds.
         """
         fields = module.command.fields if module.command else ()
-        following = [(s.name, s.next) for s in module.states if s.next is not None]
+        updates = [(s.name, s.next) for s in module.states if s.next is not None]
         everything = [
             *(let.expression for let in module.lets),
             module.when,
             *fields,
-            *(n for _, n in following),
+            *(e for _, e in updates),
         ]
         own = {let.name for let in module.lets}
         if any(missing(e, moment, own) for e in everything):
@@ -205,11 +205,11 @@ class Interpreter:
             moment.locals[let.name] = evaluate(let.expression, moment, self._memory)
         applicable = evaluate(module.when, moment, self._memory)
         command = tuple(scalar(evaluate(e, moment, self._memory)) for e in fields)
-        for name, e in following:
-            self._next[name] = scalar(evaluate(e, moment, self._memory))
+        for name, e in updates:
+            self._next_states[name] = scalar(evaluate(e, moment, self._memory))
         return command if applicable else None
 
-    def _python_module(
+    def _run_python_module(
         self, module: ir.PythonModule, moment: Moment, records: list[Record]
     ) -> tuple[ScalarValue, ...] | None:
         if any(missing(r.expression, moment) for r in module.reads):
@@ -225,24 +225,24 @@ class Interpreter:
 
     # --- network ---------------------------------------------------------------------------------
 
-    def _network(self, moment: Moment) -> None:
+    def _run_network(self, moment: Moment) -> None:
         for actuator in self.program.robot.actuators:
             moment.winners[actuator.name] = None
         for wire in self.program.wires:
-            output = self._wiring(wire.wiring, moment, (wire.name,))
+            output = self._output_of(wire.wiring, moment, (wire.name,))
             if wire.actuator is None:
                 moment.outputs[wire.name] = output
             else:
                 moment.winners[wire.actuator] = output
 
-    def _wiring(self, wiring: ir.Wiring, moment: Moment, node: tuple[str | int, ...]) -> str | None:
-        """Return the module whose output gets through `wiring`; None if it is not active."""
+    def _output_of(self, wiring: ir.Wiring, moment: Moment, node: tuple[str | int, ...]) -> str | None:
+        """Return the module whose output gets through `wiring`; None if none does."""
         if isinstance(wiring, ir.Use):
             return moment.outputs[wiring.name]
         last = len(wiring.operands) - 1
-        inferior = self._wiring(wiring.operands[last], moment, (*node, last))
+        inferior = self._output_of(wiring.operands[last], moment, (*node, last))
         for i in reversed(range(last)):
-            dominant = self._wiring(wiring.operands[i], moment, (*node, i))
+            dominant = self._output_of(wiring.operands[i], moment, (*node, i))
             if self._dominates(dominant is not None, wiring.windows_ns[i], moment, (*node, i)):
                 inferior = None
             match wiring.relation:
@@ -255,15 +255,17 @@ class Interpreter:
         return inferior
 
     def _dominates(self, active: bool, window_ns: int, moment: Moment, node: tuple[str | int, ...]) -> bool:
-        """Return True if the dominant side is active, or was less than the time constant ago."""
+        """Return True if the dominant side is active, or was active less than `window_ns` ago."""
         if active:
-            self._dominated[node] = moment.t_ns
-        return active or (node in self._dominated and moment.t_ns - self._dominated[node] < window_ns)
+            self._last_active_ns[node] = moment.t_ns
+        return active or (
+            node in self._last_active_ns and moment.t_ns - self._last_active_ns[node] < window_ns
+        )
 
-    # --- what is sent ----------------------------------------------------------------------------
+    # --- commands --------------------------------------------------------------------------------
 
-    def _limits(self) -> list[tuple[ir.Limit, float]]:
-        """Return the limits that apply in this frame with their bounds, in the order written."""
+    def _applicable_limits(self) -> list[tuple[ir.Limit, float]]:
+        """Return the limits that apply in this frame, each with its bound, in the order written."""
         applying = []
         for limit in self.program.limits:
             condition = True if limit.condition is None else self.value_of(limit.condition)
@@ -283,23 +285,21 @@ class Interpreter:
     ) -> Decision:
         winner = moment.winners[actuator.name]
         if winner is None:
-            return self._idle(actuator, None, None, moment)
+            return self._decide_idle(actuator, None, None, moment)
         command = moment.commands[winner]
-        found: list[Record] = []
-        sent = tuple(
-            self._bounded(actuator, i, x, [(m, b) for m, b in limits if m.actuator == actuator.name], found)
-            for i, x in enumerate(command)
-        )
-        leaving = declared_command(actuator, sent)
-        if not all(math.isfinite(x) for x in command + leaving):
+        own_limits = [(limit, bound) for limit, bound in limits if limit.actuator == actuator.name]
+        changes: list[Record] = []
+        sent = tuple(self._bound_field(actuator, i, x, own_limits, changes) for i, x in enumerate(command))
+        declared = declared_command(actuator, sent)
+        if not all(math.isfinite(x) for x in command + declared):
             records.append(Record("not finite", winner))
-            return self._idle(actuator, winner, "not finite", moment)
-        records.extend(found)
+            return self._decide_idle(actuator, winner, "not finite", moment)
+        records.extend(changes)
         moment.commanded.add(actuator.name)
         moment.sent.update({(actuator.name, i): x for i, x in enumerate(sent)})
-        return Decision(actuator.name, winner, leaving)
+        return Decision(actuator.name, winner, declared)
 
-    def _bounded(
+    def _bound_field(
         self,
         actuator: ir.Actuator,
         i: int,
@@ -307,21 +307,23 @@ class Interpreter:
         limits: list[tuple[ir.Limit, float]],
         records: list[Record],
     ) -> ScalarValue:
-        """Return field `i` of a command within its limits, then within its range; record changes."""
-        field, lowered = actuator.fields[i], False
+        """Return field `i` of a command, bounded by its limits, then by its range; record each change."""
+        field, limited = actuator.fields[i], False
         for limit, bound in limits:
             if limit.field_index == i:
                 beyond = x > bound if limit.relation == "<=" else x < bound
-                x, lowered = (bound, True) if beyond else (x, lowered)
+                x, limited = (bound, True) if beyond else (x, limited)
         inside = clamp(x, field.low, field.high)
-        if lowered:
+        if limited:
             records.append(Record("limited", f"{actuator.name}.{field.name}"))
         if inside != x:
             records.append(Record("command clamped", f"{actuator.name}.{field.name}"))
         return inside
 
-    def _idle(self, actuator: ir.Actuator, winner: str | None, fault: str | None, moment: Moment) -> Decision:
-        """Return the idle command, which is neither limited nor clamped; nothing for `idle hold`."""
+    def _decide_idle(
+        self, actuator: ir.Actuator, winner: str | None, fault: str | None, moment: Moment
+    ) -> Decision:
+        """Return the decision for the idle command, unlimited and unclamped; no command for `idle hold`."""
         if actuator.idle is None:
             return Decision(actuator.name, winner, None, fault)
         moment.sent.update({(actuator.name, i): x for i, x in enumerate(actuator.idle)})

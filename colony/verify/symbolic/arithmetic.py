@@ -1,7 +1,7 @@
-"""Arithmetic that needs new constants or rounds: sums, products, quotients, remainders, whole numbers.
+"""Arithmetic that rounds or needs new constants: sums, products, quotients, remainders, rounding to integers.
 
-What is not linear is a constant of its own, of which only signs and bounds are assumed; every such assumption
-can be met whatever the operands are, and is about operands that are finite.
+The result of a nonlinear operation is a constant of which only signs and bounds are assumed. Such assumptions
+are satisfiable whatever the operands are, and are about finite operands.
 """
 
 from __future__ import annotations
@@ -49,15 +49,15 @@ from colony.verify.symbolic.numbers import (
 )
 from colony.verify.symbolic.system import UNBOUNDED, Bounds, Inexact, Number, Operation, Reason
 
-FEW_WHOLES = 40
-"""Maximum number of whole numbers that comparisons enumerate; more are a constant of sort Int."""
+MAX_ENUMERATED = 40
+"""Maximum number of integers to enumerate by comparisons; beyond it the result is a constant of sort Int."""
 
 ZERO = constant(0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Arithmetic:
-    """Operations at one place of the program, which is what their reasons name."""
+    """Operations at one place of the program, which their reasons for inexactness name."""
 
     builder: Builder
     span: Span
@@ -80,14 +80,16 @@ class Arithmetic:
         return self.add(x, negated(y))
 
     def _rounds(self, x: Number, what: str, grows: bool = True) -> Number:
-        """Return a number that the program rounds; `grows`: it may overflow though no operand does."""
-        return self._blamed(x, Inexact.ROUNDING, f"{what}: reals in place of floats", grows)
+        """Return a number that the program rounds; if `grows`, it may overflow though no operand does."""
+        return self._marked_inexact(x, Inexact.ROUNDING, f"{what}: reals in place of floats", grows)
 
     def _abstracted(self, x: Number, text: str, grows: bool = False) -> Number:
-        return self._blamed(x, Inexact.ABSTRACTED, text, grows)
+        return self._marked_inexact(x, Inexact.ABSTRACTED, text, grows)
 
-    def _blamed(self, x: Number, kind: Inexact, text: str, grows: bool) -> Number:
-        self.builder.blame(replace(x, bounds=bounding.of_floats(x.bounds)), Reason(kind, self.span, text))
+    def _marked_inexact(self, x: Number, kind: Inexact, text: str, grows: bool) -> Number:
+        self.builder.mark_number_inexact(
+            replace(x, bounds=bounding.of_floats(x.bounds)), Reason(kind, self.span, text)
+        )
         x = replace(x, bounds=bounding.rounded(x.bounds))
         if not grows or bounding.within_floats(x.bounds):
             return x
@@ -122,7 +124,7 @@ class Arithmetic:
         if math.isinf(factor):
             sign = scaled(x, Fraction(1 if factor > 0 else -1))
             zero = both(negation(x.infinite), cast(z3.BoolRef, x.value == real(0)))
-            return Number(sign.value, either(x.nan, zero), finite_or_infinite(x), UNBOUNDED)
+            return Number(sign.value, either(x.nan, zero), not_nan(x), UNBOUNDED)
         if factor == 1:
             return x
         result = scaled(x, Fraction(factor))
@@ -160,7 +162,7 @@ class Arithmetic:
         return self._quotient(x, y)
 
     def _over(self, x: Number, divisor: float, loose_zero: bool) -> Number:
-        """Return `x` divided by a constant, of which a zero may have either sign."""
+        """Return `x` divided by a constant; if `loose_zero`, a zero divisor may have either sign."""
         if math.isnan(divisor):
             return constant(math.nan)
         if divisor == 0 and loose_zero:
@@ -260,7 +262,7 @@ class Arithmetic:
         return self._whole(x, Function.ROUND, self.round_of)
 
     def _whole(self, x: Number, function: Function, of: Callable[[Number], Number]) -> Number:
-        """Return a rounded number; NaN and infinities stay."""
+        """Return a number rounded to an integer; NaN and infinities are unchanged."""
         known = by_folding(lambda v: of_one(function, v), (x,))
         if known is not None:
             return known
@@ -273,11 +275,11 @@ class Arithmetic:
         return Number(value, x.nan, x.infinite, replace(rounded.bounds, whole=False))
 
     def floor_of(self, x: Number) -> Number:
-        """Return the floor of a finite number; comparisons enumerate a few values, which solves faster."""
+        """Return the floor of a finite number; few possible values are enumerated, which solves faster."""
         if x.bounds.whole:
             return x
         low, high = bounding.floors(x.bounds)
-        if low is not None and high is not None and high - low < FEW_WHOLES:
+        if low is not None and high is not None and high - low < MAX_ENUMERATED:
             return self._steps(low, high, lambda n: cast(z3.BoolRef, x.value >= integer_value(n)))
         term, new = self.builder.auxiliary(Operation.FLOOR, (x,), z3.IntSort())
         if new:
@@ -290,7 +292,7 @@ class Arithmetic:
         if x.bounds.whole:
             return x
         low, high = bounding.rounds(x.bounds)
-        if low is not None and high is not None and high - low < FEW_WHOLES:
+        if low is not None and high is not None and high - low < MAX_ENUMERATED:
             return self._steps(low, high, lambda n: _reaches(x.value, n))
         term, new = self.builder.auxiliary(Operation.ROUND, (x,), z3.IntSort())
         if new:
@@ -303,7 +305,7 @@ class Arithmetic:
         return of_whole(term, _whole_bounds(low, high))
 
     def _steps(self, low: int, high: int, reaches: Callable[[int], z3.BoolRef]) -> Number:
-        """Return the greatest n of low .. high that is reached, by cases."""
+        """Return the greatest n in low .. high that `reaches` admits, by cases."""
         steps = [reaches(n) for n in range(low + 1, high + 1)]
         cases = []
         for i in range(high - low + 1):
@@ -383,7 +385,7 @@ class Arithmetic:
 
 
 def _is_small(x: Number) -> bool:
-    """Return True if a finite float plus `x` is never beyond all floats."""
+    """Return True if the sum of `x` and a finite float never overflows."""
     low, high = x.bounds.low, x.bounds.high
     return low is not None and high is not None and max(-low, high) < _SMALL
 
@@ -397,7 +399,7 @@ def _infinite_times_zero(x: Number, y: Number) -> z3.BoolRef:
     return all_of((x.infinite, negation(y.infinite), cast(z3.BoolRef, y.value == real(0))))
 
 
-def finite_or_infinite(x: Number) -> z3.BoolRef:
+def not_nan(x: Number) -> z3.BoolRef:
     """Return the condition that `x` is not NaN."""
     return negation(x.nan)
 
@@ -410,7 +412,7 @@ def _or_nan(nan: z3.BoolRef, x: Number) -> Number:
 
 
 def scaled_or_cases(x: Number, factor: Fraction) -> Number:
-    """Return `x` times a real; case by case in exact reals, which are not floats any more."""
+    """Return `x` times a real, without cases: their products need not be floats."""
     whole = whole_of(x)
     if whole is None:
         return scaled(x, factor)

@@ -1,8 +1,8 @@
-"""Facts about operations that are not linear: intervals, signs, and linear bounds.
+"""Facts about nonlinear operations: intervals, signs, and linear bounds.
 
-Every formula is true of the real result, whatever the operands are within their bounds; so it can be assumed,
-and never leaves a frame without a model. It is also true of the float that the program computes, unless it is
-said to be of reals only: rounding is monotone, so it leaves no interval that ends in floats.
+Every formula holds for the real result, for any operands within their bounds. So it can be assumed without
+making a frame unsatisfiable. It also holds for the float that the program computes, unless it is marked as
+holding only for reals: rounding is monotone, so it never leaves an interval whose ends are floats.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from colony.verify.symbolic.numbers import always_finite, finite, negative_value
 from colony.verify.symbolic.system import UNBOUNDED, Bounds, Number
 
 Known = tuple[z3.BoolRef, bool]
-"""A formula, and whether it is of reals only."""
+"""A formula, and True if it holds only for reals."""
 
 _FLOATS = Fraction(2**1023)
 
 
 def within_floats(x: Bounds) -> bool:
-    """Return True if no number within the bounds is beyond all floats."""
+    """Return True if no number within the bounds overflows."""
     return x.low is not None and x.high is not None and x.low >= -_FLOATS and x.high <= _FLOATS
 
 
 def of_floats(x: Bounds) -> Bounds:
-    """Return the bounds of a number within `x` after rounding; no end where that may be an infinity."""
+    """Return the bounds of a number within `x` after rounding; no bound where it may become infinite."""
     low = None if x.low is None or x.low < -_FLOATS else _nearest(x.low)
     high = None if x.high is None or x.high > _FLOATS else _nearest(x.high)
     return Bounds(low, high, x.whole)
@@ -41,7 +41,7 @@ def _nearest(x: Fraction) -> Fraction:
 
 
 def rounded(x: Bounds) -> Bounds:
-    """Return bounds that hold for a number within `x` before and after rounding."""
+    """Return bounds that hold for a number within `x` both before and after rounding."""
     floats = of_floats(x)
     low = None if floats.low is None or x.low is None else min(x.low, floats.low)
     high = None if floats.high is None or x.high is None else max(x.high, floats.high)
@@ -68,7 +68,7 @@ def _ends(x: Bounds) -> tuple[Fraction, Fraction]:
 
 
 def quotient(x: Bounds, y: Bounds) -> Bounds:
-    """Return the bounds of a quotient by finite numbers; no bounds where they may be 0."""
+    """Return the bounds of a quotient of finite numbers; unbounded if the divisor may be 0."""
     if y.low is not None and y.low > 0:
         inverse = Bounds(Fraction(0) if y.high is None else 1 / y.high, 1 / y.low)
     elif y.high is not None and y.high < 0:
@@ -92,7 +92,7 @@ def square_root(x: Bounds) -> Bounds:
 
 
 def _root_above(x: Fraction) -> Fraction:
-    """Return a float that is at least the root, rounded as it may be."""
+    """Return an upper bound of the root, also after rounding."""
     return Fraction(math.nextafter(math.sqrt(float(max(x, Fraction(0)))), math.inf)) if x < 10**300 else x
 
 
@@ -117,7 +117,7 @@ def rounds(x: Bounds) -> tuple[int | None, int | None]:
     return None if x.low is None else round(x.low), None if x.high is None else round(x.high)
 
 
-# --- what may be assumed -------------------------------------------------------------------------
+# --- assumptions ---------------------------------------------------------------------------------
 
 
 def between(term: z3.ArithRef, bounds: Bounds) -> Iterator[z3.BoolRef]:
@@ -129,7 +129,7 @@ def between(term: z3.ArithRef, bounds: Bounds) -> Iterator[z3.BoolRef]:
 
 
 def within(x: Number, bounds: Bounds) -> z3.BoolRef:
-    """Return the condition that `x`, where it is finite, is within `bounds`."""
+    """Return the condition that `x` is within `bounds` if it is finite."""
     inside = all_of(between(x.value, bounds))
     return inside if always_finite(x) else implied(finite(x), inside)
 
@@ -139,7 +139,7 @@ def _zero(x: Number) -> z3.BoolRef:
 
 
 def _sign_rules(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """Yield the sign of a product or quotient; small ones may round to 0."""
+    """Yield rules for the sign of a product or quotient; small ones may round to 0."""
     like = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
     unlike = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
     yield implied(like, cast(z3.BoolRef, p >= 0))
@@ -147,7 +147,7 @@ def _sign_rules(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
 
 
 def of_product(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator[Known]:
-    """Yield the sign of a product, 0 times anything, and linear bounds."""
+    """Yield facts about a product: its sign, zero operands, and linear bounds."""
     both_finite = both(finite(x), finite(y))
     known = [*_sign_rules(p, x, y), implied(either(_zero(x), _zero(y)), cast(z3.BoolRef, p == 0))]
     for formula in (*known, *between(p, rounded(bounds))):
@@ -160,7 +160,7 @@ def of_product(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator
 
 
 def _infinite_sign(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """Yield the conditions that an infinite result has the sign of its operands."""
+    """Yield the conditions that the sign of an infinite result follows from those of its operands."""
     infinite = either(x.infinite, y.infinite)
     like = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
     unlike = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
@@ -169,7 +169,7 @@ def _infinite_sign(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]
 
 
 def _envelope(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """Yield McCormick's linear bounds of a product, from each pair of ends."""
+    """Yield McCormick's linear bounds of a product, one for each pair of ends."""
     v, w, a, b = x.value, y.value, x.bounds, y.bounds
     for s, t, below in (
         (a.low, b.low, True),
@@ -185,7 +185,7 @@ def _envelope(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
 def of_quotient(
     q: z3.ArithRef, x: Number, y: Number, by_zero: z3.BoolRef, nan: z3.BoolRef, bounds: Bounds, precise: bool
 ) -> Iterator[Known]:
-    """Yield the sign of a quotient and its bounds; by zero it is infinite with either sign."""
+    """Yield facts about a quotient: its sign and bounds; division by zero gives either infinity."""
     usual = all_of((finite(x), finite(y), negation(by_zero)))
     known = [*_sign_rules(q, x, y), implied(_zero(x), cast(z3.BoolRef, q == 0))]
     for formula in (*known, *between(q, rounded(bounds))):
@@ -204,7 +204,7 @@ def of_quotient(
 
 
 def _linear_quotient(q: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """Yield linear bounds of a quotient: for a divisor above 0 it is between the dividend over its ends."""
+    """Yield linear bounds of a quotient by a positive divisor: the dividend over each end of the divisor."""
     low, high = y.bounds.low, y.bounds.high
     if low is None or low <= 0:
         return
@@ -219,7 +219,7 @@ def _linear_quotient(q: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRe
 
 
 def of_modulo(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator[Known]:
-    """Yield that a remainder is between 0 and the divisor; by an infinity it is the dividend or infinite."""
+    """Yield facts about a remainder: between 0 and the divisor; modulo infinity the dividend or infinite."""
     there = negation(nan)
     usual = both(there, negation(y.infinite))
     yield implied(both(usual, positive_value(y)), all_of(map(_bool, (r >= 0, r <= y.value)))), False
@@ -227,11 +227,11 @@ def of_modulo(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator
     if not is_false(y.infinite):
         away = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
         beside = both(there, y.infinite)
-        yield implied(both(beside, away), choose_sign(r, y)), False
+        yield implied(both(beside, away), has_sign_of(r, y)), False
         yield implied(both(beside, negation(away)), _bool(r == x.value)), False
 
 
-def choose_sign(r: z3.ArithRef, y: Number) -> z3.BoolRef:
+def has_sign_of(r: z3.ArithRef, y: Number) -> z3.BoolRef:
     """Return the condition that `r` has the sign of `y`."""
     return any_of((both(positive_value(y), _bool(r > 0)), both(negative_value(y), _bool(r < 0))))
 
@@ -241,7 +241,7 @@ def _bool(formula: object) -> z3.BoolRef:
 
 
 def of_square_root(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[Known]:
-    """Yield that a root is at least 0, and between 1 and its square."""
+    """Yield facts about a square root: at least 0, and between 1 and the operand."""
     there = negation(nan)
     yield implied(there, _bool(r >= 0)), False
     yield implied(both(there, _bool(x.value > 0)), _bool(r > 0)), False
@@ -254,7 +254,7 @@ def of_square_root(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[Known
 
 
 def of_arc_tangent(r: z3.ArithRef, y: Number, x: Number) -> Iterator[z3.BoolRef]:
-    """Yield the quadrant of an angle, and the half of it; the sign of zero is not known."""
+    """Yield facts about an angle: its quadrant, and at times its octant; the sign of zero is unknown."""
     yield all_of(map(_bool, (r >= -180, r <= 180)))
     yield implied(positive_value(y), _bool(r >= 0))
     yield implied(negative_value(y), _bool(r <= 0))

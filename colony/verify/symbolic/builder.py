@@ -1,4 +1,4 @@
-"""State of the encoding of a program: constants and facts about them, memory, and reasons."""
+"""The state of an encoding in progress: constants, facts about them, memory, and reasons for inexactness."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from colony.verify.symbolic.logic import is_false, is_true, negation
 from colony.verify.symbolic.system import (
     UNBOUNDED,
     Auxiliary,
-    Blamed,
     Bounds,
     Cell,
     Fact,
     FactKind,
     Inexact,
+    InexactTerm,
     Number,
     Operation,
     Reason,
@@ -30,7 +30,7 @@ Made = TypeVar("Made")
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """The possible values of a number in memory, found by iterating until nothing is added."""
+    """The possible values of a number in memory, found by fixpoint iteration (`shapes.py`)."""
 
     nan: bool
     infinite: bool
@@ -39,27 +39,29 @@ class Shape:
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Builder:
-    """A collector of the parts of a `System`. Mutable. Keeps terms alive, so that their ids stay unique."""
+    """Collects the parts of a `System`. Mutable. It keeps terms alive, so that their ids stay unique."""
 
     precise: bool
     shapes: Mapping[str, Shape]  # of memory, by name, as far as known
     facts: list[Fact] = field(default_factory=list)
     auxiliaries: list[Auxiliary] = field(default_factory=list)
     cells: list[Cell] = field(default_factory=list)
-    inexact: dict[int, Blamed] = field(default_factory=dict)
+    inexact: dict[int, InexactTerm] = field(default_factory=dict)
     kept: list[z3.ExprRef] = field(default_factory=list)
-    held: dict[str, tuple[Number, Number, Number]] = field(default_factory=dict)  # at first, before, after
+    numbers_in_memory: dict[str, tuple[Number, Number, Number]] = field(
+        default_factory=dict
+    )  # initial, old, new
     _made: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     _names: dict[str, int] = field(default_factory=dict)
-    _opened: dict[str, int] = field(default_factory=dict)  # cells by name, of which the next is not known yet
+    _opened: dict[str, int] = field(default_factory=dict)  # indices by name; `next` not set yet
 
     def name(self, hint: str) -> str:
-        """Return a name that no other constant of this program has."""
+        """Return a unique name for a constant."""
         count = self._names[hint] = self._names.get(hint, 0) + 1
         return hint if count == 1 else f"{hint}#{count}"
 
     def once(self, key: tuple[Any, ...], make: Callable[[], Made]) -> Made:
-        """Return the result of `make`, which is called only the first time for each `key`."""
+        """Return the result of `make`, which is called once for each `key`."""
         if key not in self._made:
             self._made[key] = make()
         return cast(Made, self._made[key])
@@ -79,7 +81,7 @@ class Builder:
     # --- facts -----------------------------------------------------------------------------------
 
     def assume(self, about: z3.ExprRef, formula: z3.BoolRef, of_reals: bool = False) -> None:
-        """Assume a formula about a term; `of_reals`: only reals meet it."""
+        """Assume a formula about a term; `of_reals`: it holds only for reals, not for floats."""
         self._add(Fact(FactKind.ASSUMPTION, about, formula, of_reals))
 
     def define(self, about: z3.ExprRef, formula: z3.BoolRef) -> None:
@@ -97,7 +99,7 @@ class Builder:
     def auxiliary(
         self, operation: Operation, operands: tuple[Number, ...], sort: z3.SortRef
     ) -> tuple[z3.ArithRef, bool]:
-        """Return the constant for this operation of these operands, and whether it is new."""
+        """Return the constant for this operation on these operands, and True if it is new."""
         key = (operation, self.key(*operands))
         new = key not in self._made
 
@@ -109,16 +111,18 @@ class Builder:
         return self.once(key, make), new
 
     def overflow(self, x: Number, span: Span) -> z3.BoolRef:
-        """Return the condition that the program's float is infinite, the real `x` not: never, of reals."""
+        """Return the condition that the program's float is infinite but `x` is not; false for reals."""
         constant, new = self.auxiliary(Operation.OVERFLOW, (x,), z3.BoolSort())
         beyond = cast(z3.BoolRef, constant)
         if new:
             self.assume(beyond, negation(beyond), of_reals=True)
-            self.blame_term(beyond, Reason(Inexact.ROUNDING, span, "a number beyond all floats is infinite"))
+            self.mark_inexact(
+                beyond, Reason(Inexact.ROUNDING, span, "a number too large for a float becomes infinite")
+            )
         return beyond
 
     def named(self, x: Scalar, hint: str) -> Scalar:
-        """Return `x` with a constant in place of its value where that is a larger term."""
+        """Return `x` with a constant in place of its value, unless that is a constant already."""
         if not isinstance(x, Number) or x.cases or x.value.num_args() == 0:
             return x
         if x.whole is not None:
@@ -138,30 +142,30 @@ class Builder:
 
     # --- reasons ---------------------------------------------------------------------------------
 
-    def blame(self, x: Number, reason: Reason) -> None:
-        """Note why `x` is inexact; bounds of a finite value are those of the program's float."""
+    def mark_number_inexact(self, x: Number, reason: Reason) -> None:
+        """Record why `x` is inexact; the bounds of a finite value are those of the program's float."""
         term = x.value if x.whole is None else x.whole
-        self.blame_term(term, reason, x.bounds if is_false(x.infinite) else UNBOUNDED)
+        self.mark_inexact(term, reason, x.bounds if is_false(x.infinite) else UNBOUNDED)
 
-    def blame_term(self, term: z3.ExprRef, reason: Reason, bounds: Bounds = UNBOUNDED) -> None:
-        """Note why a term is inexact; a constant value is exact, and ignored."""
+    def mark_inexact(self, term: z3.ExprRef, reason: Reason, bounds: Bounds = UNBOUNDED) -> None:
+        """Record why a term is inexact; a numeral is exact, and ignored."""
         if term.num_args() == 0 and term.decl().kind() != z3.Z3_OP_UNINTERPRETED:
             return
         key = term.get_id()
-        known = self.inexact.setdefault(key, Blamed(term, reason, bounds))
+        known = self.inexact.setdefault(key, InexactTerm(term, reason, bounds))
         if known.reason.text != reason.text or known.bounds != bounds:
-            self.inexact[key] = replace(known, unlike=True)
+            self.inexact[key] = replace(known, ambiguous=True)
 
     # --- memory ----------------------------------------------------------------------------------
 
     def open_cell(self, name: str, sort: z3.SortRef, initial: z3.ExprRef) -> z3.ExprRef:
-        """Return the old value of new memory; to be closed."""
+        """Add a cell and return its old value; `close_cell` must follow."""
         old = z3.Const(name, sort)
         self._opened[name] = len(self.cells)
         self.cells.append(Cell(name=name, old=old, next=old, initial=initial))
         return old
 
     def close_cell(self, name: str, following: z3.ExprRef) -> None:
-        """Say what memory holds after the frame."""
+        """Set the value of a cell after the frame."""
         index = self._opened.pop(name)
         self.cells[index] = replace(self.cells[index], next=following)

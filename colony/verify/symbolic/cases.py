@@ -1,7 +1,7 @@
-"""Numbers that can be only a few floats: what is computed of them is computed by functions of floats.
+"""Numbers that have only a few possible floats as values, and constant folding over these cases.
 
-A constant is one such; others come from enumerators, whole numbers, and choices among constants. Functions of
-them are the interpreter's own, bit for bit.
+Constants are such numbers, as are enumerators, integers, and choices among constants. Folding applies the
+interpreter's own functions, so its results are exact bit for bit.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from colony.verify.symbolic.system import UNBOUNDED, Bounds, Case, Number
 
 Result = TypeVar("Result", float, bool)
 
-MOST_CASES = 64
-"""Maximum number of floats that a number with known cases may be."""
+MAX_CASES = 64
+"""Maximum number of cases of a number."""
 
 GREATEST = Fraction(sys.float_info.max)
 
@@ -42,7 +42,7 @@ def constant(x: float) -> Number:
 
 
 def constant_of(x: Number) -> float | None:
-    """Return the float that `x` is, where it is a constant."""
+    """Return the value of `x` if it is a constant, else None."""
     return x.cases[0][0] if len(x.cases) == 1 else None
 
 
@@ -51,9 +51,9 @@ ANY_ZERO = Number(real(0), FALSE, FALSE, Bounds(Fraction(0), Fraction(0), True),
 
 
 def by_cases(cases: Iterable[Case], loose_zero: bool = False) -> Number:
-    """Return the number that is each float where its condition holds; exactly one of the conditions does.
+    """Return the number that has the value of the case that applies; exactly one does.
 
-    `loose_zero`: the one that is 0 may be -0.0 as well.
+    `loose_zero`: the case 0 may be -0.0 as well.
     """
     merged: dict[tuple[float, float] | None, list[z3.BoolRef]] = {}
     for x, condition in cases:
@@ -73,7 +73,7 @@ def by_cases(cases: Iterable[Case], loose_zero: bool = False) -> Number:
 
 
 def with_cases(value: z3.ArithRef, cases: tuple[Case, ...]) -> Number:
-    """Return the number `value` with known cases."""
+    """Return a number with this term as its value and these cases."""
     nan = any_of(c for x, c in cases if math.isnan(x))
     infinite = any_of(c for x, c in cases if math.isinf(x))
     known = [constant(x).bounds for x, _ in cases if not math.isnan(x)]
@@ -89,7 +89,7 @@ def _float_of(key: tuple[float, float] | None) -> float:
 
 
 def whole_of(x: Number) -> z3.ArithRef | None:
-    """Return `x` as a term of sort Int, where it is whole; for an infinity, its sign."""
+    """Return `x` as a term of sort Int if it is whole, else None; an infinity gives its sign."""
     if x.whole is not None or not x.cases:
         return x.whole
     signs = [(v if math.isfinite(v) else math.copysign(1.0, v), c) for v, c in x.cases if not math.isnan(v)]
@@ -105,7 +105,7 @@ def whole_of(x: Number) -> z3.ArithRef | None:
 
 
 def folded(of: Callable[..., Result], operands: Sequence[Number]) -> list[tuple[Result, z3.BoolRef]]:
-    """Return a function's result in each combination of cases; empty where there are too many.
+    """Return a function's result for each combination of cases; empty if there are too many.
 
     The function must not distinguish the two zeros.
     """
@@ -113,7 +113,10 @@ def folded(of: Callable[..., Result], operands: Sequence[Number]) -> list[tuple[
 
 
 def by_folding(of: Callable[..., float], operands: Sequence[Number]) -> Number | None:
-    """Apply a function bit for bit to numbers that can be only a few floats each; None for others."""
+    """Apply a function to each combination of cases, bit for bit.
+
+    None if there are too many, or if the sign of a loose zero matters.
+    """
     cases: list[Case] = []
     loose = [x.loose_zero for x in operands]
     loose_zero = False
@@ -129,15 +132,15 @@ def by_folding(of: Callable[..., float], operands: Sequence[Number]) -> Number |
 
 
 def _combinations(operands: Sequence[Number]) -> list[tuple[tuple[float, ...], z3.BoolRef]]:
-    """Return all combinations of cases with their conditions; none where they are too many."""
-    if not 0 < math.prod(len(x.cases) for x in operands) <= MOST_CASES:
+    """Return all combinations of cases with their conditions; empty if there are too many."""
+    if not 0 < math.prod(len(x.cases) for x in operands) <= MAX_CASES:
         return []
     rows = product(*(x.cases for x in operands))
     return [(tuple(v for v, _ in row), all_of(condition for _, condition in row)) for row in rows]
 
 
 def hull(x: Bounds, y: Bounds) -> Bounds:
-    """Return bounds of a number that is within `x` or within `y`."""
+    """Return the tightest bounds that contain `x` and `y`."""
     low = None if x.low is None or y.low is None else min(x.low, y.low)
     high = None if x.high is None or y.high is None else max(x.high, y.high)
     return Bounds(low, high, x.whole and y.whole)

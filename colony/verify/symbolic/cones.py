@@ -1,4 +1,4 @@
-"""The cone of a formula: its dependencies through definitions, and through memory on earlier frames."""
+"""Cones of influence: what a formula depends on, through definitions and through memory of earlier frames."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from colony.verify.symbolic.system import Cell, Number, Scalar, System
 class Cone:
     """The part of a system that some terms depend on, in the system's order.
 
-    `constants` are all constants of a frame but the cells: inputs and auxiliary ones. `visited` are the ids
-    of all terms met.
+    `constants` are all constants of a frame except the cells: inputs and auxiliary ones. `visited` are the
+    ids of all terms in the cone.
     """
 
     system: System
@@ -31,15 +31,15 @@ def cone(system: System, terms: Iterable[z3.ExprRef]) -> Cone:
     """Return the cone of influence of `terms`: the least part of `system` that they depend on."""
     graph = system.graph
     cells = {c.old.get_id(): c for c in system.cells}
-    met: set[int] = set()
+    visited: set[int] = set()
     facts: set[int] = set()
     constants: list[z3.ExprRef] = []
     waiting = graph.add(terms)
     while waiting:
         key = waiting.pop()
-        if key in met:
+        if key in visited:
             continue
-        met.add(key)
+        visited.add(key)
         waiting.extend(graph.operands(key))
         constant = graph.constant(key)
         if constant is None:
@@ -53,12 +53,12 @@ def cone(system: System, terms: Iterable[z3.ExprRef]) -> Cone:
         waiting.extend(about)
     return Cone(
         system=system,
-        cells=tuple(c for key, c in cells.items() if key in met),
+        cells=tuple(c for key, c in cells.items() if key in visited),
         definitions=_among(system.definitions, facts),
         assumptions=_among(system.assumptions, facts),
         invariants=_among(system.invariants, facts),
         constants=tuple(sorted(constants, key=lambda c: str(c.decl().name()))),
-        visited=frozenset(met),
+        visited=frozenset(visited),
     )
 
 

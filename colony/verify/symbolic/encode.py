@@ -1,4 +1,4 @@
-"""A program as a transition system: one frame, in the order in which the language computes it."""
+"""Encoding of a program as a transition system: one frame, in the order in which the language computes it."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from colony.verify.symbolic.moment import Moment, missing
 from colony.verify.symbolic.network import NetworkEncoder
 from colony.verify.symbolic.reasons import reasons_of
 from colony.verify.symbolic.sending import limits, send
-from colony.verify.symbolic.shapes import settled
+from colony.verify.symbolic.shapes import with_stable_shapes
 from colony.verify.symbolic.system import Claim, Fact, FactKind, System
 
 
 def encode(program: Program, precise: bool = False) -> System:
-    """Return the meaning of one frame of `program`.
+    """Return one frame of `program` as a transition system.
 
-    `precise` states products and quotients of what varies as such, which z3 often cannot decide, in place of
-    their signs and bounds.
+    With `precise`, products and quotients of variables are encoded exactly, which z3 often cannot decide; by
+    default only their signs and bounds are.
     """
 
-    def attempt(shapes: Mapping[str, Shape]) -> tuple[Builder, System]:
+    def encode_with(shapes: Mapping[str, Shape]) -> tuple[Builder, System]:
         builder = Builder(precise=precise, shapes=dict(shapes))
         return builder, _encode(program, builder)
 
-    return with_reasons(settled(attempt))
+    return with_reasons(with_stable_shapes(encode_with))
 
 
 def _encode(program: Program, builder: Builder) -> System:

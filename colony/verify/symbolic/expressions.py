@@ -1,6 +1,6 @@
-"""The value of an expression in a frame as terms; its memory moves on where it is evaluated.
+"""Expressions as terms; their memory advances where they are evaluated.
 
-Evaluation is strict, as the interpreter's: every operand is evaluated wherever its expression is.
+Evaluation is strict, as in the interpreter: every operand is evaluated wherever its expression is.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Loop = tuple[tuple[str, int], ...]
 
 @dataclass(frozen=True, slots=True)
 class Positions:
-    """The meaning of an index: the condition that it is finite, and for each element that it is meant."""
+    """The meaning of an index: the condition that it is finite, and for each element that it is selected."""
 
     there: z3.BoolRef
     at: tuple[z3.BoolRef, ...]
@@ -42,7 +42,7 @@ def _positions(there: z3.BoolRef, at: Sequence[z3.BoolRef]) -> Positions:
 
 
 def lifted(value: ScalarValue) -> Scalar:
-    """Return a constant of the language."""
+    """Return a value of the language as a constant term."""
     return truth(value) if isinstance(value, bool) else constant(value)
 
 
@@ -68,9 +68,10 @@ def elements(value: Term) -> tuple[Scalar, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expressions:
-    """Evaluates expressions of one owner, wherever `moves`: `own` are its lets, there while it runs.
+    """Encodes expressions of one owner, evaluated where `moves` holds.
 
-    `hint` names the owner, for what memory is called.
+    `own` are the owner's lets, which are present where it is evaluated. `hint` is the prefix for the names of
+    its memory.
     """
 
     builder: Builder
@@ -93,7 +94,7 @@ class Expressions:
         return boolean(self.scalar(e))
 
     def value(self, e: ir.Expression) -> Term:
-        """Return the value of `e`, for which nothing is missing where it matters."""
+        """Return the value of `e`; it is arbitrary where `e` reads something missing."""
         arithmetic = Arithmetic(self.builder, e.span)
         match e:
             case ir.UnaryOperation(operator=operator, operand=operand):
@@ -180,7 +181,7 @@ class Expressions:
                 return tuple(_element(array, positions, j) for j in range(-reach, reach + 1))
 
     def _positions(self, index: ir.Expression, size: int) -> Positions:
-        """Return the conditions under which an index means each element of an array."""
+        """Return the conditions under which an index selects each element of an array."""
         x = self.number(index)
         builder = self.builder
         return builder.once(("positions", builder.key(x), size), lambda: self._found(x, index, size))
@@ -214,7 +215,7 @@ class Expressions:
         return each(lambda *x: function(e.function, x, arithmetic), *values)
 
     def _index_function(self, of: ir.Function, e: ir.Expression) -> Number:
-        """Return the index of the least or greatest; of a slice or window, its index in the whole array."""
+        """Return the index of the least or greatest element; for a slice or window, in the whole array."""
         match e:
             case ir.Slice(indices=indices):
                 values, names = elements(self.value(e)), [constant(float(i)) for i in indices]
@@ -253,7 +254,7 @@ def _size(e: ir.Expression) -> int:
 
 
 def _element(array: Sequence[Scalar], positions: Positions, offset: int) -> Scalar:
-    """Return the element `offset` after the position; NaN or false where there is none."""
+    """Return the element `offset` after the selected one; NaN or false if the index is not finite."""
     none: Scalar = constant(math.nan) if isinstance(array[0], Number) else FALSE
     result: Scalar | None = None
     for k, here in enumerate(positions.at):
@@ -264,7 +265,7 @@ def _element(array: Sequence[Scalar], positions: Positions, offset: int) -> Scal
 
 
 def _index_at(positions: Positions, offset: int) -> Number:
-    """Return the index `offset` after the position; NaN where there is none."""
+    """Return the index `offset` after the selected one; NaN if it is not finite."""
     size = len(positions.at)
     cases = [(float((k + offset) % size), here) for k, here in enumerate(positions.at)]
     return by_cases([*cases, (math.nan, negation(positions.there))])

@@ -27,7 +27,7 @@ from colony.verify.symbolic.numbers import compared, equal, greatest, least, neg
 from colony.verify.symbolic.system import Number, Scalar
 
 Taken = tuple[Scalar, z3.BoolRef]
-"""A value that a reduction may take, and whether it does."""
+"""A value of a reduction, and the condition that it is included."""
 
 
 def number(x: Scalar) -> Number:
@@ -90,7 +90,7 @@ def relation(operator: Binary, x: Scalar, y: Scalar) -> z3.BoolRef:
         case Binary.IMPLIES:
             return implied(boolean(x), boolean(y))
         case _:
-            raise AssertionError(f"`{operator.value}` gives no truth")
+            raise AssertionError(f"`{operator.value}` gives no truth value")
 
 
 def _equal(x: Scalar, y: Scalar) -> z3.BoolRef:
@@ -98,7 +98,7 @@ def _equal(x: Scalar, y: Scalar) -> z3.BoolRef:
 
 
 def function(of: Function, x: Sequence[Scalar], arithmetic: Arithmetic) -> Scalar:
-    """Return a function of the values `x`: all that are reduced, or the arguments in order."""
+    """Return function `of` applied to `x`: the values to reduce, or the arguments in order."""
     match of:
         case Function.CLAMP:
             return arithmetic.clamp(number(x[0]), number(x[1]), number(x[2]))
@@ -140,7 +140,7 @@ def _of_one(of: Function, x: Number, arithmetic: Arithmetic) -> Number:
 
 
 def reduction(of: Function, taken: Sequence[Taken], arithmetic: Arithmetic) -> Scalar:
-    """Return a function of the values that are taken."""
+    """Return function `of` applied to the values that are included."""
     there = [(x, taken_) for x, taken_ in taken if not is_false(taken_)]
     match of:
         case Function.ANY:
@@ -161,7 +161,7 @@ def reduction(of: Function, taken: Sequence[Taken], arithmetic: Arithmetic) -> S
 
 
 def count(truths: Sequence[z3.BoolRef], arithmetic: Arithmetic) -> Number:
-    """Return the number of true conditions, by cases as long as they are few."""
+    """Return the number of true conditions, by cases if they are few."""
     total = constant(0.0)
     for b in truths:
         total = arithmetic.add(total, by_cases(((1.0, b), (0.0, negation(b)))))
@@ -169,8 +169,8 @@ def count(truths: Sequence[z3.BoolRef], arithmetic: Arithmetic) -> Number:
 
 
 def _total(taken: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -> Number:
-    """Return the sum from the left, beginning with the first (so that -0.0 alone stays); 0 of nothing."""
-    total = constant(-0.0)  # adds nothing to any number, -0.0 included
+    """Return the sum from left to right, starting with the first value (a lone -0.0 stays); 0 of nothing."""
+    total = constant(-0.0)  # the neutral element of addition, even for -0.0
     for i, (x, condition) in enumerate(taken):
         added = x if i == 0 else arithmetic.add(total, x)
         total = select_number(condition, added, total)
@@ -180,7 +180,7 @@ def _total(taken: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -
 
 
 def _best(of: Function, taken: Sequence[tuple[Number, z3.BoolRef]]) -> Number:
-    """Return the least or greatest; NaN if any is NaN, or there is none."""
+    """Return the least or greatest value; NaN if any is NaN, or there is none."""
     choose = least if of is Function.MIN else greatest
     best, some = constant(math.nan), FALSE
     for x, condition in taken:
@@ -191,7 +191,7 @@ def _best(of: Function, taken: Sequence[tuple[Number, z3.BoolRef]]) -> Number:
 
 
 def index_of(of: Function, values: Sequence[Number], indices: Sequence[Number]) -> Number:
-    """Return the index that belongs to the first of the least or greatest; NaN loses to any number."""
+    """Return the index of the least or greatest value, the first among equals; any number beats NaN."""
     best, index = values[0], indices[0]
     for x, i in zip(values[1:], indices[1:], strict=True):
         beats = compared(x, best, "<") if of is Function.INDEX_OF_MIN else compared(best, x, "<")

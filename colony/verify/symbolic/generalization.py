@@ -1,10 +1,10 @@
-"""A system in which each inexact term may be any nearby value: proofs about it hold bit for bit.
+"""Generalization of a system over rounding: proofs about the result hold bit for bit.
 
-A float that the program rounds is a real within known bounds, but the reals do not determine which one. So
-each inexact term becomes a constant of its own, free within bounds that rounding does not leave (it is
-monotone); equal terms become the same one, since the program computes them alike. Facts that only reals meet
-are left out, and a number may overflow where it may be beyond all floats. All runs of the program, in floats,
-are runs of the result; so is much else, and a counterexample in it means nothing.
+The reals do not determine which float the program computes, but they bound it. So each inexact term becomes a
+free constant within bounds that rounding, being monotone, does not leave. Equal terms become the same
+constant, since the program computes them alike. Facts that hold only for reals are dropped, and large numbers
+may overflow. The result over-approximates the program: all of its runs in floats are runs of the result, but
+a counterexample in the result means nothing.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from colony.verify.symbolic.substitution import Substitution
 from colony.verify.symbolic.system import (
     ActuatorTerms,
     Auxiliary,
-    Blamed,
     Fact,
     FactKind,
     Inexact,
+    InexactTerm,
     ModuleTerms,
     Number,
     Operation,
@@ -36,14 +36,14 @@ from colony.verify.symbolic.system import (
 )
 
 BEYOND = 2**1023
-"""The least number that can be rounded to an infinity."""
+"""A bound below which no number overflows."""
 
 
 def generalized(system: System) -> System:
-    """Return `system`, made so general that its claims, where they are valid, hold bit for bit in floats.
+    """Return `system` generalized so that claims that are valid in it hold bit for bit in floats.
 
-    Their `inexact` holds only what could not be generalized, and modules in Python, which may answer
-    anything in either. To be used for proofs alone.
+    In it, `inexact` of a claim has only terms that cannot be generalized, and modules in Python, which may
+    answer anything in either system. To be used only for proofs.
     """
     generalization = _Generalization(system)
     changed = generalization.system()
@@ -51,7 +51,7 @@ def generalized(system: System) -> System:
 
 
 class _Generalization:
-    """A generalization in progress: `term` replaces the largest inexact terms in one."""
+    """A generalization in progress: `term` replaces the largest inexact parts of a term."""
 
     def __init__(self, system: System) -> None:
         self.before = system
@@ -128,16 +128,16 @@ class _Generalization:
     # --- facts -----------------------------------------------------------------------------------
 
     def _facts(self) -> Iterable[Fact]:
-        """Return the facts that floats meet, too."""
+        """Yield the facts that also hold for floats."""
         for facts in self.before.facts.values():
             for fact in facts:
                 if not fact.of_reals:
                     yield replace(fact, formula=self.term(fact.formula))
 
     def _bounds(self) -> Iterable[Fact]:
-        for blamed, free in zip(self.terms, self.free, strict=True):
+        for inexact_term, free in zip(self.terms, self.free, strict=True):
             if z3.is_arith(free):
-                for formula in between(cast(z3.ArithRef, free), blamed.bounds):
+                for formula in between(cast(z3.ArithRef, free), inexact_term.bounds):
                     yield Fact(FactKind.ASSUMPTION, free, formula)
 
     def _overflows(self) -> Iterable[Fact]:
@@ -148,16 +148,16 @@ class _Generalization:
                 formula = implied(cast(z3.BoolRef, auxiliary.constant), beyond)
                 yield Fact(FactKind.ASSUMPTION, auxiliary.constant, formula)
 
-    def _left(self) -> dict[int, Blamed]:
+    def _left(self) -> dict[int, InexactTerm]:
         """Return the terms that are still inexact."""
         return {
-            key: blamed
-            for key, blamed in self.before.inexact.items()
-            if blamed.unlike or blamed.reason.kind is Inexact.PYTHON
+            key: inexact_term
+            for key, inexact_term in self.before.inexact.items()
+            if inexact_term.ambiguous or inexact_term.reason.kind is Inexact.PYTHON
         }
 
 
-def _can_be_free(blamed: Blamed) -> bool:
-    """Return True if a term stands for one float, and is not a constant already."""
-    kind = blamed.reason.kind
-    return kind is not Inexact.PYTHON and not blamed.unlike and blamed.term.num_args() > 0
+def _can_be_free(inexact_term: InexactTerm) -> bool:
+    """Return True if a term stands for a single float and is not already a constant."""
+    kind = inexact_term.reason.kind
+    return kind is not Inexact.PYTHON and not inexact_term.ambiguous and inexact_term.term.num_args() > 0

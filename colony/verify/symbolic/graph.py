@@ -1,4 +1,4 @@
-"""The terms of a system as a graph of ids, which is much quicker to walk than terms of z3."""
+"""The terms of a system as a graph of ids, which is much faster to walk than z3's terms."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import z3
 
 
 class Graph:
-    """The structure of terms, recorded when they are first met; keeps terms alive. Mutable."""
+    """The structure of terms, recorded when they are first added. Mutable. It keeps terms alive."""
 
     def __init__(self) -> None:
         self._operands: dict[int, tuple[int, ...]] = {}
@@ -16,7 +16,7 @@ class Graph:
         self._kept: list[z3.ExprRef] = []
 
     def add(self, terms: Iterable[z3.ExprRef]) -> list[int]:
-        """Return the ids of terms; all their parts are known from now on."""
+        """Add terms with all their subterms; return the ids of the terms."""
         roots = list(terms)
         waiting = list(roots)
         while waiting:

@@ -1,4 +1,4 @@
-"""The inputs of a frame: time, sensors, and what modules in Python answer."""
+"""The inputs of a frame: time, sensors, and the answers of modules in Python."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from colony.verify.symbolic.system import (
 
 
 def begin(builder: Builder) -> Moment:
-    """Start the encoding with time: 0 in the first frame, and later in each than in the one before."""
+    """Start the encoding of a frame with time: 0 in the first frame, strictly increasing afterwards."""
     now = z3.Int("now")
     begun_name, last_name = builder.name("begun"), builder.name("last")
     begun = cast(z3.BoolRef, builder.open_cell(begun_name, z3.BoolSort(), FALSE))
@@ -48,7 +48,7 @@ def begin(builder: Builder) -> Moment:
 
 
 def sense(program: Program, builder: Builder, moment: Moment) -> dict[str, SensorInput]:
-    """Return every sensor: in range and of its type where present, else its default or missing."""
+    """Encode every sensor: in range and of its type if present, else its default or missing."""
     inputs = {}
     for sensor in program.robot.sensors:
         present = z3.Bool(f"{sensor.name}?")
@@ -74,7 +74,7 @@ def _elements(sensor: Sensor, builder: Builder) -> tuple[Scalar, ...]:
 
 
 def _reading(name: str, of: ScalarType, low: float | None, high: float | None, builder: Builder) -> Scalar:
-    """Return a value of a type, never NaN; infinite where no range forbids it."""
+    """Return a reading of a type: never NaN, and infinite only if the range allows it."""
     match of:
         case Bool():
             return z3.Bool(name)
@@ -97,7 +97,7 @@ def _reading(name: str, of: ScalarType, low: float | None, high: float | None, b
 
 
 def _beyond(value: z3.ArithRef, low: float | None, high: float | None) -> z3.BoolRef:
-    """Return the signs that an infinite reading may have: no range ends on that side."""
+    """Return the condition that an infinite reading has a sign on whose side the range is unbounded."""
     up = (cast(z3.BoolRef, value == 1),) if high is None else ()
     down = (cast(z3.BoolRef, value == -1),) if low is None else ()
     return any_of((*up, *down))
@@ -114,16 +114,16 @@ def _member(name: str, of: Enum, builder: Builder) -> Number:
 
 
 def python_answers(module: PythonModule, actuator: Actuator | None, builder: Builder) -> PythonInput:
-    """Return anything that may come from `step`: nothing, or fields of their types, any numbers, NaN too."""
+    """Return an arbitrary answer of `step`: nothing, or fields of their types, including NaN."""
     answers = z3.Bool(f"{module.name}.answers")
     fields = actuator.fields if actuator else ()
     made = tuple(_answer(f"{module.name}.{f.name}", f.type, builder) for f in fields)
     text = f"`{module.name}` is written in Python: it may answer anything"
     reason = Reason(Inexact.PYTHON, module.span, text)
-    builder.blame_term(answers, reason)
+    builder.mark_inexact(answers, reason)
     for x in made:
         for term in (x.value, x.nan, x.infinite) if isinstance(x, Number) else (x,):
-            builder.blame_term(term, reason)
+            builder.mark_inexact(term, reason)
     return PythonInput(answers=answers, fields=made)
 
 

@@ -1,4 +1,4 @@
-"""Formulas that stay small: each connective is folded where an operand is known, or stands there twice."""
+"""Constructors of small formulas: connectives with constant or equal operands are simplified."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Sorted = TypeVar("Sorted", bound=z3.ExprRef)
 TRUE: z3.BoolRef = z3.BoolVal(True)
 FALSE: z3.BoolRef = z3.BoolVal(False)
 
-# Terms are made by the thousand. z3's own functions look at every operand's class and sort first; here the
-# sorts are right by type, so these go straight to its C interface, in the main context.
+# Encoding makes thousands of terms. z3's Python functions check the class and sort of every operand; types
+# guarantee them here, so these functions call z3's C interface directly, in the main context.
 _MAIN = z3.main_ctx()
 _CONTEXT = _MAIN.ref()
 
@@ -29,7 +29,7 @@ def _array(terms: Sequence[z3.ExprRef]) -> object:
 
 
 def is_true(x: z3.BoolRef) -> bool:
-    """Return True if `x` is `TRUE`, the only form in which these functions return a known truth."""
+    """Return True if `x` is `TRUE`, the only form in which these functions return it."""
     return x is TRUE
 
 
@@ -44,7 +44,7 @@ def is_negation(x: z3.BoolRef) -> bool:
 
 
 def same(x: z3.ExprRef, y: z3.ExprRef) -> bool:
-    """Return True if these are the very same term: z3 makes equal terms once."""
+    """Return True if the terms are identical: z3 shares equal terms."""
     return x is y or bool(x.get_id() == y.get_id())
 
 
@@ -85,7 +85,7 @@ def any_of(formulas: Iterable[z3.BoolRef]) -> z3.BoolRef:
 def _kept(
     formulas: Iterable[z3.BoolRef], neutral: z3.BoolRef, absorbing: z3.BoolRef
 ) -> list[z3.BoolRef] | None:
-    """Return the relevant formulas, each once; None where a formula, or a pair of opposites, decides."""
+    """Return the distinct operands; None if one, or a pair of opposites, decides the result."""
     kept: dict[int, z3.BoolRef] = {}
     for x in formulas:
         if x is absorbing:
@@ -125,7 +125,7 @@ def equivalent(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
 
 
 def choice(condition: z3.BoolRef, yes: z3.BoolRef, no: z3.BoolRef) -> z3.BoolRef:
-    """Return `if condition then yes else no` of truths."""
+    """Return `if condition then yes else no` for formulas."""
     if is_true(condition) or same(yes, no):
         return yes
     if is_false(condition):
@@ -142,7 +142,7 @@ def choice(condition: z3.BoolRef, yes: z3.BoolRef, no: z3.BoolRef) -> z3.BoolRef
 
 
 def pick(condition: z3.BoolRef, yes: Sorted, no: Sorted) -> Sorted:
-    """Return `if condition then yes else no` of terms of one sort."""
+    """Return `if condition then yes else no` for terms of one sort."""
     if is_true(condition) or same(yes, no):
         return yes
     if is_false(condition):

@@ -1,7 +1,7 @@
-"""The memory functions of the language: cells, and the values read from them.
+"""The memory functions of the language: their cells and values.
 
-Each call moves on where its owner is evaluated (`moves`). Cells that start with the same value and are given
-the same terms are the same forever: they are made once, so that a contract may refer to the memory of a
+The memory of a call advances in frames in which its owner is evaluated (`moves`). Cells with equal initial
+values and equal terms are always equal, so they are shared; thereby a contract may refer to the memory of a
 module or node.
 """
 
@@ -48,26 +48,26 @@ def recall(
     moves: z3.BoolRef,
     hint: str,
 ) -> Scalar:
-    """Return the value of a memory function of scalars now; its cells move on where `moves`."""
+    """Return the value of a memory function of scalars; its cells advance where `moves` holds."""
     memory = Memory(builder, moment, moves, f"{hint}.{e.function.value}")
     match e.function:
-        case ir.Memory.PREVIOUS:
+        case ir.MemoryFunction.PREVIOUS:
             return memory.previous(x[0], types[0], x[1])
-        case ir.Memory.CHANGED:
+        case ir.MemoryFunction.CHANGED:
             return both(memory.evaluated(), negation(equal(x[0], memory.last(x[0], types[0]))))
-        case ir.Memory.RISING:
+        case ir.MemoryFunction.RISING:
             return both(_truth(x[0]), negation(_truth(memory.last(x[0], types[0]))))
-        case ir.Memory.FALLING:
+        case ir.MemoryFunction.FALLING:
             return both(negation(_truth(x[0])), _truth(memory.last(x[0], types[0])))
-        case ir.Memory.HELD:
+        case ir.MemoryFunction.HELD:
             return memory.held(_truth(x[0]), e.duration_ns)
-        case ir.Memory.ELAPSED:
+        case ir.MemoryFunction.ELAPSED:
             return seconds(memory.elapsed_ns(_truth(x[0])), builder, e.span)
-        case ir.Memory.LATCH:
+        case ir.MemoryFunction.LATCH:
             return memory.latch(_truth(x[0]), _truth(x[1]))
-        case ir.Memory.CAPTURED:
+        case ir.MemoryFunction.CAPTURED:
             return memory.captured(x[0], types[0], x[1], types[1])
-        case ir.Memory.EVERY:
+        case ir.MemoryFunction.EVERY:
             return memory.every(e.duration_ns)
         case _:
             assert_never(e.function)
@@ -79,7 +79,7 @@ def _truth(x: Scalar) -> z3.BoolRef:
 
 
 class Memory:
-    """Cells that move on where `moves`, in every frame in which that is true."""
+    """Creates cells that advance in every frame in which `moves` holds."""
 
     def __init__(self, builder: Builder, moment: Moment, moves: z3.BoolRef, hint: str) -> None:
         self.builder = builder
@@ -88,7 +88,7 @@ class Memory:
         self.hint = hint
 
     def evaluated(self) -> z3.BoolRef:
-        """Return the condition that memory moved on in an earlier frame."""
+        """Return the condition that memory advanced in an earlier frame."""
         if is_true(self.moves):
             return self.moment.begun
         key = ("evaluated", *self.builder.keep(self.moves))
@@ -102,7 +102,7 @@ class Memory:
         return ever
 
     def _flag(self, what: str) -> tuple[z3.BoolRef, Callable[[z3.BoolRef], None]]:
-        """Return a new cell, false at first, and the function that sets its value after the frame."""
+        """Return a new cell, initially false, and the function that sets its value after the frame."""
         name = self.builder.name(f"{self.hint}.{what}")
         old = cast(z3.BoolRef, self.builder.open_cell(name, z3.BoolSort(), FALSE))
         return old, lambda x: self.builder.close_cell(name, x)
@@ -110,7 +110,7 @@ class Memory:
     # --- values ----------------------------------------------------------------------------------
 
     def last(self, x: Scalar, of: ScalarType, initial: ScalarValue | None = None) -> Scalar:
-        """Return `x` at the last frame in which memory moved on; `initial` (or whatever) before the first."""
+        """Return `x` in the last frame in which memory advanced; before the first, `initial` or any value."""
         start = any_value(of) if initial is None else initial
         key = ("last", repr(start), *self.builder.keep(self.moves), *self.builder.key(x))
 
@@ -122,14 +122,14 @@ class Memory:
         return self.builder.once(key, make)
 
     def previous(self, x: Scalar, of: ScalarType, initial: Scalar) -> Scalar:
-        """Return `x` at the last frame in which memory moved on, at first `initial`."""
+        """Return `x` in the last frame in which memory advanced, initially `initial`."""
         start = _known(initial)
         if start is not None:
             return self.last(x, of, start)
         return select(self.evaluated(), self.last(x, of), initial)
 
     def captured(self, x: Scalar, of: ScalarType, key: Scalar, key_type: ScalarType) -> Scalar:
-        """Return `x` as it was at the first frame with the present key."""
+        """Return `x` in the first frame with the current key."""
         known = _known(key)
         if known is not None:
             stands = truth(known == known)  # a NaN is never the same key
@@ -170,7 +170,7 @@ class Memory:
         return either(b, both(ever, recent))
 
     def _time_of(self, event: z3.BoolRef) -> tuple[z3.BoolRef, z3.ArithRef]:
-        """Return the condition that `event` was true in an earlier frame, and the last time of it."""
+        """Return the condition that `event` was true in an earlier frame, and the last time it was."""
 
         def make() -> tuple[z3.BoolRef, z3.ArithRef]:
             return self._ever("ever", event), self._time("time", event)
@@ -198,7 +198,7 @@ class Memory:
         return pick(both(b, on), self.moment.now - since, cast(z3.ArithRef, integer(0)))
 
     def every(self, duration_ns: int) -> z3.BoolRef:
-        """Return the condition that is true at first, and then `duration_ns` after it was last true."""
+        """Return the condition that is true initially, and then `duration_ns` after it was last true."""
 
         def make() -> z3.BoolRef:
             time, close = self._open_time("time")
@@ -216,7 +216,7 @@ class Memory:
 def remembered(
     builder: Builder, hint: str, of: ScalarType, initial: ScalarValue
 ) -> tuple[Scalar, Callable[[Scalar], None]]:
-    """Return a scalar's value before the frame, and the function that sets its value afterwards."""
+    """Return a stored scalar's value before the frame, and the function that sets its value after it."""
     name = builder.name(hint)
     if isinstance(of, Bool):
         old = builder.open_cell(name, z3.BoolSort(), truth(bool(initial)))
@@ -266,7 +266,7 @@ def _number(builder: Builder, name: str, start: Number) -> tuple[Scalar, Callabl
 
     def close(x: Scalar) -> None:
         assert isinstance(x, Number)
-        builder.held[name] = (start, old, x)
+        builder.numbers_in_memory[name] = (start, old, x)
         if shape.nan:
             builder.close_cell(f"{name}.nan", x.nan)
         if shape.infinite:
@@ -277,7 +277,7 @@ def _number(builder: Builder, name: str, start: Number) -> tuple[Scalar, Callabl
 
 
 def _signed(x: Number) -> z3.BoolRef:
-    """Return the sign that an infinite number may have."""
+    """Return the condition that an infinite number has a sign within its bounds."""
     up = FALSE if x.bounds.high is not None else cast(z3.BoolRef, x.value > 0)
     down = FALSE if x.bounds.low is not None else cast(z3.BoolRef, x.value < 0)
     return either(up, down)
@@ -295,7 +295,7 @@ def shape_of(x: Number) -> Shape:
 
 
 def _known(x: Scalar) -> ScalarValue | None:
-    """Return the constant that a scalar is."""
+    """Return the value of a constant scalar, None for others."""
     if isinstance(x, Number):
         return constant_of(x)
     return True if is_true(x) else False if is_false(x) else None

@@ -1,4 +1,4 @@
-"""Derived values and modules: when they are missing or silent, what they hold, and how memory moves on."""
+"""Derived values and modules: when they are missing or silent, their values, and their memory."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from colony.verify.symbolic.system import ModuleTerms, Number, PythonInput, Scal
 
 
 class Declarations:
-    """An encoder of a program's declarations, in the order of a frame. Mutable: fills the moment."""
+    """Encodes a program's declarations in the order of a frame. Mutable: it fills `moment`."""
 
     def __init__(self, program: ir.Program, builder: Builder, moment: Moment) -> None:
         self.program = program
@@ -32,7 +32,7 @@ class Declarations:
         self._set_next: dict[str, Callable[[Scalar], None]] = {}
 
     def expressions(self, moves: z3.BoolRef, hint: str, own: frozenset[str] = frozenset()) -> Expressions:
-        """Return an encoder of expressions that moves memory on where `moves` holds."""
+        """Return an encoder of expressions whose memory advances where `moves` holds."""
         return Expressions(builder=self.builder, moment=self.moment, moves=moves, hint=hint, own=own)
 
     # --- states ----------------------------------------------------------------------------------

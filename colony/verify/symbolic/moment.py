@@ -1,4 +1,4 @@
-"""All that expressions of a frame may read, as terms; filled in the order in which a frame is computed."""
+"""The values that expressions of a frame may read, as terms."""
 
 from __future__ import annotations
 
@@ -14,13 +14,16 @@ from colony.verify.symbolic.system import Scalar, Term
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Moment:
-    """The values of one frame. Mutable. A missing value has a term too, which means nothing there."""
+    """The values of one frame. Mutable: filled in the order in which a frame is computed.
+
+    A value has a term even where it is missing; there the term is arbitrary.
+    """
 
     now: z3.ArithRef
     begun: z3.BoolRef
     last: z3.ArithRef
     sensors: dict[str, Term] = field(default_factory=dict)
-    present: dict[str, z3.BoolRef] = field(default_factory=dict)  # of sensors: there themselves
+    present: dict[str, z3.BoolRef] = field(default_factory=dict)  # sensors with a reading
     missing: dict[str, z3.BoolRef] = field(default_factory=dict)  # sensors with neither value nor default
     derived: dict[str, tuple[z3.BoolRef, Term]] = field(default_factory=dict)  # missing, value
     states: dict[str, Scalar] = field(default_factory=dict)

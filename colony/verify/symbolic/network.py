@@ -17,14 +17,14 @@ from colony.verify.symbolic.moment import Moment
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """The output of a wire: for each module the condition that its output arrives, and that any arrives."""
+    """The output of a wire: the condition that each module's command is on it, and that any is."""
 
     by: Mapping[str, z3.BoolRef]
     active: z3.BoolRef
 
 
 class NetworkEncoder:
-    """An encoder of the wires, each after its operands. Mutable."""
+    """Encodes the wires, each after its operands. Mutable."""
 
     def __init__(self, program: ir.Program, builder: Builder, moment: Moment) -> None:
         self.program = program
@@ -60,7 +60,7 @@ class NetworkEncoder:
             self._dominates(operands[i].active, chain.windows_ns[i], f"{wire}.{chain.relation}")
             for i in range(count)
         ]
-        rest = operands[count].active  # what is on the output of the operands from i + 1 on
+        rest = operands[count].active  # the output of the operands from i + 1 on is active
         for i in reversed(range(count)):
             rest = both(rest, negation(dominates[i]))
             if chain.relation == "suppresses":
@@ -68,7 +68,7 @@ class NetworkEncoder:
         return Output(_through(chain, operands, dominates), rest)
 
     def _dominates(self, active: z3.BoolRef, window_ns: int, hint: str) -> z3.BoolRef:
-        """Return the condition that the dominant side is active, or was less than the time constant ago."""
+        """Return the condition that the dominant side is active, or was active less than `window_ns` ago."""
         return Memory(self.builder, self.moment, TRUE, hint).held(active, window_ns)
 
 

@@ -1,6 +1,6 @@
-"""Extended reals: what can be said of them without new constants.
+"""Operations on extended reals that need no new constants.
 
-Comparisons, choices, sums, least and greatest: linear arithmetic with NaN and the infinities beside it.
+These are comparisons, choices, sums, minimum and maximum: linear arithmetic, plus NaN and the infinities.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import cast
 import z3
 
 from colony.verify.symbolic.cases import (
-    MOST_CASES,
+    MAX_CASES,
     by_cases,
     by_folding,
     constant,
@@ -44,7 +44,7 @@ from colony.verify.symbolic.system import UNBOUNDED, Bounds, Number, Scalar
 from colony.verify.symbolic.thresholds import against_constants
 
 EXACT_WHOLE = Fraction(2**53)
-"""All integers up to this are floats: sums of them do not round."""
+"""All integers up to this bound are floats, so their sums are exact."""
 
 
 def of_whole(term: z3.ArithRef, bounds: Bounds = UNBOUNDED) -> Number:
@@ -66,7 +66,7 @@ def always_finite(x: Number) -> bool:
 
 
 def hull_of(x: Number, y: Number) -> Bounds:
-    """Return bounds of both numbers; one that is always NaN adds nothing to them."""
+    """Return bounds that contain both numbers; a number that is always NaN does not count."""
     if is_true(x.nan):
         return y.bounds
     if is_true(y.nan):
@@ -75,7 +75,7 @@ def hull_of(x: Number, y: Number) -> Bounds:
 
 
 def bounds_apart(x: Number, old: Number) -> Bounds | None:
-    """Return the bounds of `x` where it is not just `old`; None if it always is."""
+    """Return the bounds of `x` where it differs from `old`; None if it never does."""
     if same(x.value, old.value):
         return None
     parts = [bounds_apart(branch, old) for branch in x.branches]
@@ -96,7 +96,7 @@ def is_exact_whole(bounds: Bounds) -> bool:
 
 
 def compared(x: Number, y: Number, relation: str) -> z3.BoolRef:
-    """Return `x relation y` for `<`, `<=`, `==`: false where one is NaN."""
+    """Return `x relation y` for `<`, `<=`, `==`; false if one is NaN."""
     rows = folded(_RELATIONS[relation], (x, y))
     if rows:
         return any_of(condition for holds, condition in rows if holds)
@@ -121,7 +121,7 @@ _RELATIONS: dict[str, Callable[[float, float], bool]] = {
 
 
 def _known(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
-    """Return the relation of two numbers that are not NaN, where their bounds decide it."""
+    """Return the relation of two numbers that are not NaN if their bounds decide it, else None."""
     a, b = x.bounds, y.bounds
     below = a.high is not None and b.low is not None and a.high < b.low
     above = a.low is not None and b.high is not None and a.low > b.high
@@ -215,7 +215,7 @@ def select_number(condition: z3.BoolRef, yes: Number, no: Number) -> Number:
     if is_false(condition):
         return no
     otherwise = negation(condition)
-    if yes.cases and no.cases and len(yes.cases) + len(no.cases) <= MOST_CASES:
+    if yes.cases and no.cases and len(yes.cases) + len(no.cases) <= MAX_CASES:
         rows = [
             *((v, both(condition, c)) for v, c in yes.cases),
             *((v, both(otherwise, c)) for v, c in no.cases),
@@ -294,12 +294,12 @@ def scaled(x: Number, factor: Fraction) -> Number:
 
 
 def least(numbers: Sequence[Number]) -> Number:
-    """Return the first of the least; NaN if any is NaN, or there is none."""
+    """Return the least number, the first among equals; NaN if any is NaN, or there is none."""
     return _best(numbers, lambda one, best: compared(one, best, "<"), lower=True)
 
 
 def greatest(numbers: Sequence[Number]) -> Number:
-    """Return the first of the greatest; NaN if any is NaN, or there is none."""
+    """Return the greatest number, the first among equals; NaN if any is NaN, or there is none."""
     return _best(numbers, lambda one, best: compared(best, one, "<"), lower=False)
 
 

@@ -1,4 +1,4 @@
-"""Reasons for inexactness: why a formula in a cone is not bit for bit what the program computes."""
+"""Reasons for inexactness: why a formula differs from what the program computes bit for bit."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from colony.verify.symbolic.system import Reason, System
 
 
 def reasons_of(system: System, *terms: z3.ExprRef) -> tuple[Reason, ...]:
-    """Return all inexact terms that `terms` depend on, over all frames; each reason once.
+    """Return the reasons of all inexact terms that `terms` depend on over all frames, each once.
 
-    Comparisons, choices, least and greatest, negation, constants, and whatever is only copied are exact.
+    Comparisons, choices, minimum and maximum, negation, constants and copies are exact.
     """
-    met = cone(system, terms).visited
-    found = {blamed.reason: None for key, blamed in system.inexact.items() if key in met}
+    visited = cone(system, terms).visited
+    found = {inexact_term.reason: None for key, inexact_term in system.inexact.items() if key in visited}
     return tuple(found)

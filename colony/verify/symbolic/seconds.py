@@ -18,5 +18,7 @@ def seconds(nanoseconds: z3.ArithRef, builder: Builder, span: Span) -> Number:
     """Return a time that is at least 0, a term of sort Int in nanoseconds, as a number of seconds."""
     value = z3.ToReal(nanoseconds) * _NANOSECOND
     result = Number(value, FALSE, FALSE, Bounds(Fraction(0)), nanoseconds=nanoseconds)
-    builder.blame(result, Reason(Inexact.ROUNDING, span, "a time in seconds: reals in place of floats"))
+    builder.mark_number_inexact(
+        result, Reason(Inexact.ROUNDING, span, "a time in seconds: reals in place of floats")
+    )
     return result

@@ -1,4 +1,4 @@
-"""The command sent: the winner's within limits and range, or the idle one (language reference, Limit)."""
+"""The command sent: the winner's command, limited and clamped, or the idle command."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from colony.verify.symbolic.system import ActuatorTerms, Inexact, ModuleTerms, N
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """A limit in the frame: where it applies, and what it is then (finite)."""
+    """A limit in the frame: the condition that it applies, and its bound, which is finite."""
 
     limit: ir.Limit
     applies: z3.BoolRef
@@ -49,7 +49,7 @@ def limits(program: ir.Program, builder: Builder, moment: Moment) -> list[Bound]
 
 
 def as_finite(x: Number) -> Number:
-    """Return the condition that `x` is finite."""
+    """Return `x`, assumed to be finite."""
     known = x.cases if all(math.isfinite(v) for v, _ in x.cases) else ()
     return replace(x, nan=FALSE, infinite=FALSE, cases=known)
 
@@ -61,7 +61,7 @@ def send(
     builder: Builder,
     moment: Moment,
 ) -> ActuatorTerms:
-    """Encode the command sent; the idle command where a field of the winner's command is not finite."""
+    """Encode the command sent: the idle command if a field of the winner's command is not finite."""
     wins = {m: w for m, w in moment.wins[actuator.name].items() if not is_false(w)}
     commands = [modules[m].command for m in wins]
     fit = [
@@ -86,7 +86,7 @@ def send(
 def _field(
     field: ir.ActuatorField, fit: Sequence[z3.BoolRef], values: Sequence[Scalar], bounds: Sequence[Bound]
 ) -> Scalar:
-    """Return one field of the winner's command, which is fit to be sent, within limits and range."""
+    """Return one field of the winner's command, taken to be finite, within limits and range."""
     if not values:
         return FALSE if isinstance(field.type, Bool) else constant(0.0)
     result = _plain(values[-1])
@@ -117,6 +117,6 @@ def _leaves(x: Scalar, field: ir.ActuatorField, builder: Builder) -> z3.BoolRef:
         return TRUE
     most = constant(sys.float_info.max * field.factor)
     leaves = both(compared(x, most, "<="), compared(negated(most), x, "<="))
-    text = f"`{field.name}` may be beyond all floats in {field.unit}"
-    builder.blame_term(leaves, Reason(Inexact.ROUNDING, field.span, text))
+    text = f"`{field.name}` may be too large for a float in {field.unit}"
+    builder.mark_inexact(leaves, Reason(Inexact.ROUNDING, field.span, text))
     return leaves

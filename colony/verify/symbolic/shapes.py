@@ -1,9 +1,9 @@
-"""Possible values of numbers in memory, found by encoding a frame repeatedly.
+"""Possible values of numbers in memory, by abstract interpretation: widening, then one narrowing.
 
-Each number is first assumed to keep its initial value. The values that the frame then gives it are added, and
-ends that move are given up, until nothing new is added: the result is preserved by every frame. It is mostly
-too wide, as one wide number widens others; so the search narrows once, to the values then written to memory,
-and takes those if they are preserved as well.
+Each number is first assumed to keep its initial value. A frame is encoded repeatedly; each time the values
+that it writes are added and moving bounds are dropped, until every frame preserves the result. That is mostly
+too wide, as one wide number widens others. So the search narrows once, to the values written to memory, and
+takes those if every frame preserves them, too.
 """
 
 from __future__ import annotations
@@ -18,32 +18,32 @@ from colony.verify.symbolic.memory import shape_of
 from colony.verify.symbolic.numbers import bounds_apart
 from colony.verify.symbolic.system import Bounds, System
 
-Attempt = Callable[[Mapping[str, Shape]], tuple[Builder, System]]
-"""An encoder with memory of given shapes, by name; other memory keeps its first shape."""
+EncodeWithShapes = Callable[[Mapping[str, Shape]], tuple[Builder, System]]
+"""A function that encodes a frame with given shapes of memory, by name; others keep their initial shape."""
 
 DESCENTS = 3
-"""Number of times that the values written to memory may turn out slightly too narrow."""
+"""Number of attempts to narrow."""
 
 
-def settled(attempt: Attempt) -> System:
+def with_stable_shapes(encode_with: EncodeWithShapes) -> System:
     """Return the system whose shapes of memory are preserved by every frame."""
     shapes: dict[str, Shape] = {}
     while True:
-        builder, system = attempt(shapes)
+        builder, system = encode_with(shapes)
         wider = _wider(builder)
         if not wider:
             break
-        shapes |= {name: _given_up(old, new) for name, (old, new) in wider.items()}
+        shapes |= {name: _without_moved_ends(old, new) for name, (old, new) in wider.items()}
     narrower = shapes | _written(builder)
     if narrower == shapes:
         return system
-    tighter = _descended(attempt, narrower)
+    tighter = _narrowed(encode_with, narrower)
     return system if tighter is None else tighter
 
 
-def _descended(attempt: Attempt, shapes: dict[str, Shape]) -> System | None:
+def _narrowed(encode_with: EncodeWithShapes, shapes: dict[str, Shape]) -> System | None:
     for _ in range(DESCENTS):
-        builder, system = attempt(shapes)
+        builder, system = encode_with(shapes)
         wider = _wider(builder)
         if not wider:
             return system
@@ -52,9 +52,9 @@ def _descended(attempt: Attempt, shapes: dict[str, Shape]) -> System | None:
 
 
 def _written(builder: Builder) -> dict[str, Shape]:
-    """Return, for memory that changes, its initial shape and what is written to it, taken to be finite."""
+    """Return the shapes of memory that changes by the values written to it, which are taken to be finite."""
     found = {}
-    for name, (start, _, _) in builder.held.items():
+    for name, (start, _, _) in builder.numbers_in_memory.items():
         if name in builder.shapes:
             first = shape_of(start)
             found[name] = Shape(first.nan, first.infinite, _needed(builder, name).bounds)
@@ -62,8 +62,8 @@ def _written(builder: Builder) -> dict[str, Shape]:
 
 
 def _needed(builder: Builder, name: str) -> Shape:
-    """Return the values of a number in memory: its initial value, and those that a frame changes it to."""
-    start, old, after = builder.held[name]
+    """Return the shape of a number's initial value and of the values that a frame changes it to."""
+    start, old, after = builder.numbers_in_memory[name]
     bounds, apart = start.bounds, bounds_apart(after, old)
     if apart is not None:
         bounds = apart if is_true(start.nan) else hull(bounds, apart)
@@ -72,9 +72,9 @@ def _needed(builder: Builder, name: str) -> Shape:
 
 
 def _wider(builder: Builder) -> dict[str, tuple[Shape, Shape]]:
-    """Return memory whose shape was too narrow: that shape, and a wider one."""
+    """Return the shapes that are too narrow, each with a wider one."""
     found = {}
-    for name, (start, _, _) in builder.held.items():
+    for name, (start, _, _) in builder.numbers_in_memory.items():
         assumed, needed = builder.shapes.get(name, shape_of(start)), _needed(builder, name)
         bounds = hull(assumed.bounds, needed.bounds)
         joined = Shape(assumed.nan or needed.nan, assumed.infinite or needed.infinite, bounds)
@@ -83,8 +83,8 @@ def _wider(builder: Builder) -> dict[str, tuple[Shape, Shape]]:
     return found
 
 
-def _given_up(assumed: Shape, needed: Shape) -> Shape:
-    """Return `needed`, without the ends that moved."""
+def _without_moved_ends(assumed: Shape, needed: Shape) -> Shape:
+    """Return `needed` without the bounds that moved."""
     old, new = assumed.bounds, needed.bounds
     low = new.low if new.low == old.low else None
     high = new.high if new.high == old.high else None

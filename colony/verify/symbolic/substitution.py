@@ -1,4 +1,4 @@
-"""Replacement of the same parts in many terms."""
+"""Substitution of the same subterms in many terms."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _MAIN = z3.main_ctx()
 
 
 class Substitution:
-    """Puts `after[i]` in place of `before[i]`, the largest first. Mutable: remembers what it has replaced.
+    """Replaces `before[i]` by `after[i]`, the largest first. Mutable: it caches results.
 
-    `z3.substitute` looks at every pair at every call, which is most of the time where there are thousands of
-    terms; this hands z3 the same two arrays each time.
+    `z3.substitute` checks every pair in every call, which dominates the run time with thousands of terms;
+    this passes z3 the same two arrays each time.
     """
 
     def __init__(self, before: Sequence[z3.ExprRef], after: Sequence[z3.ExprRef]) -> None:

@@ -4,9 +4,9 @@ All formulas are over constants of three kinds: the *inputs* of the frame (free 
 *cells* of memory as they were before the frame, and *auxiliary* constants that `definitions` and
 `assumptions` tie to the rest. A trace is unrolled by renaming them frame by frame (`unrolling.py`).
 
-Time is a whole number (z3's Int) of nanoseconds since the first frame, which is at 0. Numbers are extended
-reals: rounding and overflow are left out, NaN and the infinities are not, nor is the sign of zero. `Reason`
-states which of these a formula depends on.
+Time is an integer (z3's Int) of nanoseconds since the first frame, which is at 0. Numbers are extended reals:
+they have NaN, the infinities and the sign of zero, but no rounding and no overflow. `Reason` states where a
+formula depends on that.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from colony.verify.symbolic.graph import Graph
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Bounds of a number that is not NaN: both ends included, None for no end.
+    """Bounds of a number that is not NaN: both included, None for unbounded.
 
-    An end also rules out the infinity beyond it. `whole`: it is an integer, or infinite.
+    A bound also rules out the infinity beyond it. `whole`: the number is an integer, or infinite.
     """
 
     low: Fraction | None = None
@@ -39,20 +39,24 @@ class Bounds:
 UNBOUNDED = Bounds()
 
 Case: TypeAlias = tuple[float, z3.BoolRef]
-"""A float that a number may be, and when it is that."""
+"""A float that a number may be, and the condition that it is."""
 
 
 @dataclass(frozen=True, slots=True)
 class Number:
     """An extended real.
 
-    Where `nan`, it is NaN; else where `infinite`, infinite with the sign of `value` (which is not 0 then);
-    else `value`. `nan` and `infinite` are the constant false wherever that is known.
+    It is NaN if `nan` holds, else infinite with the sign of `value` (which is then not 0) if `infinite`
+    holds, else `value`. `nan` and `infinite` are the constant false wherever that is known.
 
-    The other attributes are facts about it: `bounds`; `whole`, the same value as a term of sort Int, where it
-    is whole; `cases`, where it can be only a few floats (one: a constant), of which exactly one applies, and
-    the case 0 may be -0.0 as well if `loose_zero`; `nanoseconds`, of a time; `branches`, the numbers of which
-    it is one, where it was made by a choice.
+    Attributes:
+        value, nan, infinite: See above.
+        bounds: Bounds of the number.
+        whole: The same value as a term of sort Int, if it is whole.
+        cases: Possible values if they are a few floats (one for a constant); exactly one case applies.
+        loose_zero: True if the case 0 may be -0.0 as well.
+        nanoseconds: The same value in nanoseconds, if it is a time.
+        branches: The two numbers that it is chosen from, if it results from a choice.
     """
 
     value: z3.ArithRef
@@ -92,23 +96,23 @@ class Reason:
 
 
 @dataclass(frozen=True, slots=True)
-class Blamed:
-    """An inexact term, why, and the bounds that the program's float is within.
+class InexactTerm:
+    """An inexact term, the reason, and bounds of the float that the program computes.
 
-    `unlike`: it stands for floats that may differ, as the program computes it in several ways.
+    `ambiguous`: it stands for several floats that may differ, as the program computes it in several ways.
     """
 
     term: z3.ExprRef
     reason: Reason
     bounds: Bounds = UNBOUNDED
-    unlike: bool = False
+    ambiguous: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
     """A memory cell: `old` is its constant before the frame, `next` the formula for its value after it.
 
-    `initial` is a value of z3; `name` is unique, and shows people whose memory it is.
+    `initial` is a value of z3; `name` is unique, and names the owner of the memory.
     """
 
     name: str
@@ -119,7 +123,7 @@ class Cell:
 
 @unique
 class Operation(Enum):
-    """The operation that an auxiliary constant results from; partial operations mean nothing elsewhere."""
+    """The operation whose result an auxiliary constant is; arbitrary where the operation is undefined."""
 
     PRODUCT = auto()
     QUOTIENT = auto()
@@ -135,10 +139,10 @@ class Operation(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Auxiliary:
-    """The constant that stands for the value of `operation` of `operands`; what is known of it is assumed.
+    """The constant for the result of `operation` on `operands`, constrained by assumptions and definitions.
 
-    FLOOR and ROUND are of sort Int and exact. OVERFLOW is a truth: whether the program's float is infinite
-    though the operand is not; false of reals. Others are abstracted (PRODUCT, QUOTIENT: unless `precise`).
+    FLOOR and ROUND are of sort Int and exact. OVERFLOW is a bool: the program's float is infinite though the
+    operand is not; it is false for reals. The others are abstracted (PRODUCT and QUOTIENT unless `precise`).
     """
 
     constant: z3.ArithRef | z3.BoolRef
@@ -148,10 +152,10 @@ class Auxiliary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorInput:
-    """The input of a sensor in the frame. `present`: its server gave a good value.
+    """The input of a sensor in the frame. `present`: it has a valid reading.
 
-    `elements` are its values in base units (one for a scalar), within the range; where it is not present
-    they mean nothing.
+    `elements` are its values in base units (one for a scalar), within the range; they are arbitrary if it is
+    not present.
     """
 
     present: z3.BoolRef
@@ -160,7 +164,7 @@ class SensorInput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PythonInput:
-    """The answer of a module in Python: whether it commands, and the fields (free, may be any number)."""
+    """The answer of a module in Python: the condition that it commands, and unconstrained fields."""
 
     answers: z3.BoolRef
     fields: tuple[Scalar, ...]
@@ -168,7 +172,7 @@ class PythonInput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModuleTerms:
-    """A module in the frame. `applicable` and `command` mean something only where not `silent`.
+    """A module in the frame. `applicable` and `command` are arbitrary if it is silent.
 
     `active` is `applicable and not silent`.
     """
@@ -183,8 +187,8 @@ class ModuleTerms:
 class ActuatorTerms:
     """The output of an actuator. `wins` gives for each module of its wiring the condition that it wins.
 
-    `commanded`: the winner's command was sent (not so where it was not finite). `sent` are the fields after
-    limits and clamping, in base units; for `idle hold` they mean something only where `commanded`.
+    `commanded`: the winner's command is sent, as it is finite. `sent` are the fields after limits and
+    clamping, in base units; for `idle hold` they are arbitrary if not `commanded`.
     """
 
     wins: Mapping[str, z3.BoolRef]
@@ -194,12 +198,12 @@ class ActuatorTerms:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """A contract in the frame: where it `speaks` (nothing that it reads is missing), `holds` must be true."""
+    """A contract in the frame: if it `speaks` (nothing that it reads is missing), `holds` must be true."""
 
     name: str
     speaks: z3.BoolRef
     holds: z3.BoolRef
-    inexact: tuple[Reason, ...] = ()  # of everything that it depends on, over all frames
+    inexact: tuple[Reason, ...] = ()  # of all terms that it depends on, over all frames
     span: Span = field(default=NOWHERE)
 
 
@@ -214,7 +218,7 @@ class FactKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A formula that says what the values of `about` are. `of_reals`: rounded floats need not meet it."""
+    """A formula that constrains the term `about`. `of_reals`: floats need not satisfy it."""
 
     kind: FactKind
     about: z3.ExprRef
@@ -229,10 +233,10 @@ class System:
     `now` is the time of the frame and an input, 0 in the first; `begun` is a cell, false before the first
     frame, and `last` the cell with the time of the last frame. `assumptions` (sensors in range, time rising,
     what bounds abstracted functions) and `definitions` (`constant == term`) hold in every frame. `invariants`
-    are true of the cells before every frame that a run can reach, and are preserved: they may be assumed in
-    an induction. `facts` gives, by the id of a constant, those of the three that say what it is; a
-    formula without it needs none of them. `inexact` gives, by id, the terms that are not bit for bit. `graph`
-    remembers the terms met, and is what makes looking for cones quick.
+    hold for the cells before every reachable frame, and are inductive: they may be assumed in an induction.
+    `facts` gives, by the id of a term, those of the three that are about it; a formula without the term needs
+    none of them. `inexact` gives, by id, the inexact terms. `graph` stores the structure of terms, which
+    makes the search for cones fast.
     """
 
     program: Program
@@ -247,9 +251,9 @@ class System:
     invariants: tuple[z3.BoolRef, ...]
     auxiliaries: tuple[Auxiliary, ...]  # each before those that are computed from it
     facts: Mapping[int, tuple[Fact, ...]]
-    inexact: Mapping[int, Blamed]
+    inexact: Mapping[int, InexactTerm]
     graph: Graph = field(compare=False, repr=False)
-    derived: Mapping[str, tuple[z3.BoolRef, Term]]  # lets at file level: whether missing, and the value
+    derived: Mapping[str, tuple[z3.BoolRef, Term]]  # lets at file level: missing, value
     states: Mapping[str, Scalar]  # file level `name` and `module.name`: old values
     locals: Mapping[str, Term]  # lets of modules, by full name
     modules: Mapping[str, ModuleTerms]

@@ -1,4 +1,4 @@
-"""Several frames of a system in a row: its constants renamed frame by frame."""
+"""Unrolling of a system over consecutive frames: its constants renamed frame by frame."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ Sorted = TypeVar("Sorted", bound=z3.ExprRef)
 
 
 class Unrolling:
-    """Frames 0, 1, ... of `system`, of what is in `cone` (all of it where that is None).
+    """Frames 0, 1, ... of the part of `system` in `cone` (of all of it if None).
 
-    Mutable: remembers what it has renamed. Constants of frame i are called `name@i`; a cell at i is what it
-    is before frame i.
+    Mutable: it caches renamed terms. Constants of frame i are called `name@i`; a cell at i has its value
+        before
+    frame i.
     """
 
     def __init__(self, system: System, cone: Cone | None = None) -> None:
@@ -27,7 +28,7 @@ class Unrolling:
         self._renamings: list[Substitution] = []
 
     def at(self, i: int, term: Sorted) -> Sorted:
-        """Return `term` in frame i. Constants outside the cone keep their names: ask only for terms in it."""
+        """Return `term`, which must be within the cone, in frame i."""
         while len(self._renamings) <= i:
             frame = len(self._renamings)
             named = [z3.Const(f"{c.decl().name()}@{frame}", c.sort()) for c in self._constants]
@@ -35,7 +36,7 @@ class Unrolling:
         return self._renamings[i](term)
 
     def step(self, i: int) -> tuple[z3.BoolRef, ...]:
-        """Return the formulas of frame i, and of the memory from it to frame i + 1."""
+        """Return the formulas of frame i and of its transition to frame i + 1."""
         return (*self.frame(i), *self.moves(i))
 
     def frame(self, i: int) -> tuple[z3.BoolRef, ...]:

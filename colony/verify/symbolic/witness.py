@@ -1,4 +1,4 @@
-"""Readings and answers of a z3 model, in the form that people read and the interpreter runs."""
+"""The snapshots of a z3 model: its readings and answers as the interpreter takes them."""
 
 from __future__ import annotations
 
@@ -15,49 +15,49 @@ from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Number, Scalar, SensorInput
 from colony.verify.symbolic.unrolling import Unrolling
 
-_DIGITS = 30  # of an algebraic number, more than a float has
+_DIGITS = 30  # digits of an algebraic number; more than a float has
 
 
 def snapshots(model: z3.ModelRef, unrolling: Unrolling, count: int) -> tuple[Snapshot, ...]:
     """Return the first `count` frames of a model of `unrolling`.
 
     Numbers are the floats nearest to the model's reals, within the sensor's range; times are exact. A sensor
-    on which nothing depends is missing.
+    is missing if nothing depends on it.
     """
     return tuple(_snapshot(model, unrolling, i) for i in range(count))
 
 
 def _snapshot(model: z3.ModelRef, unrolling: Unrolling, i: int) -> Snapshot:
-    system, met = unrolling.system, unrolling.cone.visited
+    system, visited = unrolling.system, unrolling.cone.visited
     sensors = {s.name: s for s in system.program.robot.sensors}
     readings = {
         name: _reading(model, unrolling, i, sensors[name], given)
         for name, given in system.sensors.items()
-        if _depends(given, met) and _truth(model, unrolling.at(i, given.present))
+        if _depends(given, visited) and _truth(model, unrolling.at(i, given.present))
     }
     answers = {
         name: tuple(value_in(model, unrolling, i, x) for x in given.fields)
         for name, given in system.python.items()
-        if given.answers.get_id() in met and _truth(model, unrolling.at(i, given.answers))
+        if given.answers.get_id() in visited and _truth(model, unrolling.at(i, given.answers))
     }
     return Snapshot(_time(model, unrolling, i), readings, answers)
 
 
 def _time(model: z3.ModelRef, unrolling: Unrolling, i: int) -> int:
-    """Return the time of frame i: one frame period after another where nothing depends on time."""
+    """Return the time of frame i; frames are one period apart if nothing depends on time."""
     system = unrolling.system
     if system.now.get_id() not in unrolling.cone.visited:
         return i * system.program.robot.frame_ns
     return int(_rational(_evaluated(model, unrolling.at(i, system.now))))
 
 
-def _depends(given: SensorInput, met: frozenset[int]) -> bool:
+def _depends(given: SensorInput, visited: frozenset[int]) -> bool:
     """Return True if any formula depends on the sensor."""
     terms = [given.present]
     for x in given.elements:
         terms += [x.infinite] if isinstance(x, Number) else [x]
     values = [x.value for x in given.elements if isinstance(x, Number)]
-    return any(term.get_id() in met for term in (*terms, *values) if not z3.is_false(term))
+    return any(term.get_id() in visited for term in (*terms, *values) if not z3.is_false(term))
 
 
 def _reading(model: z3.ModelRef, unrolling: Unrolling, i: int, sensor: Sensor, given: SensorInput) -> Value:
@@ -67,7 +67,7 @@ def _reading(model: z3.ModelRef, unrolling: Unrolling, i: int, sensor: Sensor, g
 
 
 def _sensed(x: ScalarValue, of: ScalarType, sensor: Sensor) -> ScalarValue:
-    """Return a value that the sensor can have: a model may give anything where nothing depends on it."""
+    """Return a value that the sensor can have: a model is arbitrary where nothing depends on it."""
     if isinstance(of, Enum):
         members = [v for _, v in of.members]
         return x if x in members else members[0]

@@ -1,1 +1,1 @@
-"""Tools for tests: strategies, random programs and frames, and comparisons of executors."""
+"""Testing tools: strategies, random programs and frames, and comparisons of executors."""

@@ -46,10 +46,10 @@ EXECUTORS: Mapping[str, Factory] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disagreement:
-    """The first frame in which `executor` does not do what the reference does.
+    """The first frame in which the outcome of `executor` is not that of the reference interpreter.
 
-    `trace` ends with that frame. `found` is an outcome, or what was raised instead of one. `str` renders it
-    for people: the frames, and what differs.
+    `trace` ends with that frame. `found` is an outcome, or the exception raised instead of one. `str` renders
+    the frames and what differs.
     """
 
     executor: str
@@ -70,7 +70,7 @@ class Disagreement:
 
 
 def reference(program: Program, trace: Sequence[Frame]) -> tuple[Outcome, ...]:
-    """Return what the reference interpreter does over `trace`, from its initial memory."""
+    """Return the outcomes of the reference interpreter over `trace`, from its initial memory."""
     interpreter = Interpreter(program)
     return tuple(interpreter.step(frame) for frame in trace)
 
@@ -82,11 +82,10 @@ def disagreement(
     expected: Sequence[Outcome] | None = None,
     compilation: Compilation | None = None,
 ) -> Disagreement | None:
-    """Return how the first executor that differs from the reference over `trace` does; None if none does.
+    """Return the disagreement of the first executor that differs from the reference over `trace`, if any.
 
-    Each executor starts from its initial memory. What an executor raises is a disagreement too; what
-    compiling raises is raised. `expected` is what `reference` gave and `compilation` what compiling gives,
-    where they are known already.
+    Each executor starts from its initial memory. An exception of an executor is a disagreement, too; one of
+    the compiler is raised. `expected` (from `reference`) and `compilation` are computed if not given.
     """
     outcomes = reference(program, trace) if expected is None else expected
     compilation = compile_program(program) if compilation is None else compilation
@@ -119,15 +118,15 @@ def _first_difference(
 
 
 class Clients:
-    """The clients of a program (an `ir.frame.Executor`). Mutable: it has all of the memory.
+    """The clients of a program (an `ir.frame.Executor`). Mutable: it holds all memory.
 
-    They run as in the runtime, on what they need of the program: each alone, or all in one process. A
-    decision is what the server would make of their requests: in each frame exactly the winner must be active
-    by its own knowledge, with its command, or the reason why it has none. Python modules run alone, and their
-    answers are given to the clients. Records and breaches are the reference's: clients know none.
+    They run as in the runtime, each on its own view of the program, or all in one process. A decision is what
+    the server would make of their requests: in each frame exactly the winner must find itself active, with a
+    command or the reason why it has none. Python modules run alone, and the clients receive their answers.
+    Records and breaches are the reference's, since clients have none.
 
     Raises:
-        DiagnosticError: a Python module's class cannot be imported or built.
+        DiagnosticError: the class of a Python module cannot be imported or built.
     """
 
     def __init__(self, compilation: Compilation, *, alone: bool) -> None:
@@ -176,21 +175,21 @@ def frame_in_base_units(program: Program, frame: Frame) -> Frame:
 CLIENTS: Mapping[str, Factory] = MappingProxyType(
     {"clients alone": partial(Clients, alone=True), "clients together": partial(Clients, alone=False)}
 )
-"""The clients of the compiled form, each for itself and all in one process."""
+"""The clients of the compiled form, each by itself and all in one process."""
 
 ALL_EXECUTORS: Mapping[str, Factory] = MappingProxyType({**EXECUTORS, **CLIENTS})
-"""All of them."""
+"""All executors, the clients included."""
 
 
 def client_disagreement(program: Program, trace: Sequence[Frame]) -> Disagreement | None:
-    """Return the first frame in which the clients, alone or together, do not do what the reference does."""
+    """Return the first disagreement of the clients, alone or together, with the reference, if any."""
     return disagreement(program, trace, CLIENTS)
 
 
-def _decided(program: Program, like: Decision, steps: Mapping[tuple[str, str], ClientStep]) -> Decision:
+def _decided(program: Program, expected: Decision, steps: Mapping[tuple[str, str], ClientStep]) -> Decision:
     """Return the decision that the server would make from all requests of an actuator's clients."""
-    active = [(m, step) for (a, m), step in steps.items() if a == like.actuator and step.active]
-    actuator = next(a for a in program.robot.actuators if a.name == like.actuator)
+    active = [(m, step) for (a, m), step in steps.items() if a == expected.actuator and step.active]
+    actuator = next(a for a in program.robot.actuators if a.name == expected.actuator)
     winner = " and ".join(m for m, _ in active) or None
     values = active[0][1].values if len(active) == 1 else None
     sent = actuator.idle if values is None else values

@@ -4,14 +4,13 @@
         print(report.drawn)
     report.disagreement, report.breaches, report.modules
 
-Traces come from a seed, and each is drawn with what the earlier ones and the program's own tests did in mind
-(`guided.py`), so that what is rare is met, too. A trace in which something is wrong is shrunk to
-what it takes.
+Traces come from a seed. Each is guided by what earlier traces and the program's own tests reached
+(`guided.py`), so that rare situations are tested, too. A trace that shows a fault is shrunk.
 
-Modules in Python are run for real, by every executor with an object of its own. What such a module answers
-must depend on its params and on what it was given since it was built, and on nothing else: no clock, no
-randomness, no file that changes. Executors could not agree on any other; so two reference interpreters are
-held against each other first, and the module in which they part is reported.
+Modules in Python are run, by every executor with an object of its own. The answers of such a module must
+depend on its params and on its inputs since it was built, and on nothing else: no clock, no randomness, no
+file that changes. Otherwise no two executors could agree. So two reference interpreters are compared first,
+and a module that answers differently in them is reported.
 """
 
 from __future__ import annotations
@@ -32,11 +31,11 @@ from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, Disagreement, Factory, disagreement
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.example_frames import frames_of
-from colony.verify.testing.guided import LONGEST, Guide
+from colony.verify.testing.guided import MAX_PREFIX_FRAMES, Guide
 from colony.verify.testing.shrinking import shrunk
 
 FRAMES = 12
-"""The most frames of a trace."""
+"""Maximum number of frames of a new trace."""
 
 Trial = Callable[[Compilation, Sequence[Frame], int], Disagreement | None]
 """A check over a trace, given a seed for its own random draws, such as faults."""
@@ -44,9 +43,9 @@ Trial = Callable[[Compilation, Sequence[Frame], int], Disagreement | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModuleCoverage:
-    """Numbers of frames in which a module won, was active, and was silent for want of a sensor.
+    """Numbers of frames in which a module won, was active, and was silent because a reading was missing.
 
-    `won` is None of a module that commands nothing.
+    `won` is None for a module that commands nothing.
     """
 
     name: str
@@ -57,16 +56,16 @@ class ModuleCoverage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Breach:
-    """A contract that is broken in the last frame of `trace`; `met` counts the frames that broke it."""
+    """A contract that is broken in the last frame of `trace`; `frames` counts the frames that broke it."""
 
     contract: Contract
     trace: tuple[Frame, ...]
-    met: int = 1
+    frames: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nondeterministic:
-    """A Python class of which two objects, given the same frames, answered differently in the last one."""
+    """A Python class whose two instances answered the last of the same frames differently."""
 
     module: PythonModule
     trace: tuple[Frame, ...]
@@ -76,8 +75,8 @@ class Nondeterministic:
 class Report:
     """The findings after `drawn` of `asked` traces with `frames` frames in all.
 
-    `finished`: no more follow, because all are drawn, or because of a disagreement or a module that
-    is not deterministic.
+    `finished` is true if no report follows: all traces are drawn, or there is a disagreement, or a module
+    that is not deterministic.
     """
 
     seed: int
@@ -107,25 +106,25 @@ def try_traces(
 ) -> Iterator[Report]:
     """Draw `count` traces of `program`, and yield a report after each. The last one is `finished`.
 
-    The same for the same program, count and seed. What is found is reported as it was drawn, and once more
-    when it is shrunk. `executors` are held against the reference interpreter, `trials` are tried besides. A
-    trace that shows a disagreement ends it; a contract that is broken does not.
+    The reports are the same for the same program, count and seed. A finding is reported as it was drawn, and
+    again when it is shrunk. `executors` are compared with the reference interpreter, and `trials` are run in
+    addition. A disagreement ends the test; a broken contract does not.
 
     Raises:
         DiagnosticError: a module in Python cannot be imported or built.
     """
-    examination = _Examination(program, count, seed, executors, trials, max_frames)
-    while not examination.report.finished:
-        examination.go_on()
-        yield examination.report
+    test = _TraceTest(program, count, seed, executors, trials, max_frames)
+    while not test.report.finished:
+        test.advance()
+        yield test.report
 
 
-# --- how -------------------------------------------------------------------------------------------
+# --- the test in progress ------------------------------------------------------------------------
 
 
 @runtime_checkable
 class _Restartable(Executor, Protocol):
-    """An executor that can restart with another trace, which is quicker than making one."""
+    """An executor that can restart for another trace, which is faster than making a new one."""
 
     def restart(self) -> None: ...
 
@@ -139,8 +138,8 @@ class _Run(NamedTuple):
     patterns: tuple[Hashable, ...]
 
 
-class _Examination:
-    """An examination in progress. Mutable: the report, and executors that are reused."""
+class _TraceTest:
+    """A test of one program over many traces. Mutable: the report, and executors that are reused."""
 
     def __init__(
         self,
@@ -153,48 +152,48 @@ class _Examination:
     ) -> None:
         self._program, self._executors, self._trials = program, executors, trials
         self._compilation = compile_program(program)
-        self._made: dict[str, Executor] = {}
+        self._executors_in_use: dict[str, Executor] = {}
         self._guide = Guide(program, max_frames)
         self._machines = [
             StateValue(type=d.type, name=d.name) for d in program.derived if isinstance(d, Machine)
         ]
-        for example in program.tests:  # ways that people found worth writing down
-            written = frames_of(program, example)[:LONGEST]
+        for example in program.tests:  # situations that an author found worth a test
+            written = frames_of(program, example)[:MAX_PREFIX_FRAMES]
             self._guide.learn(written, self._reference(written).patterns)
         self._python = [m for m in program.modules if isinstance(m, PythonModule)]
         self._to_shrink: list[Callable[[], None]] = []
         self._counts: Counter[tuple[str, str]] = Counter()
         self.report = Report(seed=seed, asked=count, drawn=0, frames=0, modules=self._modules())
 
-    def go_on(self) -> None:
-        """Examine one more trace, or shrink the finding of the last one."""
+    def advance(self) -> None:
+        """Test another trace, or shrink a finding of the last one."""
         if self._to_shrink:
             self._to_shrink.pop(0)()
         elif self.report.disagreement is None and self.report.drawn < self.report.asked:
-            self._one_more()
+            self._next_trace()
         if not self._to_shrink:
-            known = self.report
-            stopped = known.disagreement is not None or known.nondeterministic is not None
-            self._know(finished=stopped or known.drawn >= known.asked)
+            report = self.report
+            stopped = report.disagreement is not None or report.nondeterministic is not None
+            self._update(finished=stopped or report.drawn >= report.asked)
 
-    def _one_more(self) -> None:
+    def _next_trace(self) -> None:
         number = self.report.drawn
         trace = self._guide.draw(Choices(Random(f"{self.report.seed}/{number}")))
         run = self._reference(trace)
-        self._know(drawn=number + 1, frames=self.report.frames + len(trace))
+        self._update(drawn=number + 1, frames=self.report.frames + len(trace))
         nondeterministic = self._nondeterministic(trace, run)
         if nondeterministic is not None:
-            self._know(nondeterministic=nondeterministic)
+            self._update(nondeterministic=nondeterministic)
             return
         self._guide.learn(trace, run.patterns)
         self._count(run)
         for name in dict.fromkeys(name for outcome in run.outcomes for name in outcome.breaches):
             self._breach(name, trace, run)
         if not self._difference(trace, run.outcomes):
-            self._try(trace, number)
+            self._run_trials(trace, number)
 
-    def _know(self, **news: object) -> None:
-        self.report = replace(self.report, **news)  # type: ignore[arg-type]
+    def _update(self, **changes: object) -> None:
+        self.report = replace(self.report, **changes)  # type: ignore[arg-type]
 
     # --- the reference ---------------------------------------------------------------------------
 
@@ -224,7 +223,7 @@ class _Examination:
         return None
 
     def _suspect(self, one: _Run, other: _Run, at: int) -> PythonModule:
-        """Return the module that answered differently, by activity, by its command, or by its exception."""
+        """Return the module whose activity, command or exception differs between two runs."""
         for module in self._python:
             seen = [
                 (
@@ -238,14 +237,14 @@ class _Examination:
                 return module
         return self._python[0]
 
-    # --- what came of it -------------------------------------------------------------------------
+    # --- coverage and contracts ------------------------------------------------------------------
 
     def _count(self, run: _Run) -> None:
         for outcome, active, silent in zip(run.outcomes, run.active, run.silent, strict=True):
             self._counts.update((name, "won") for name in {d.by for d in outcome.decisions if d.by})
             self._counts.update((name, "active") for name in active)
             self._counts.update((name, "silent") for name in silent)
-        self._know(modules=self._modules())
+        self._update(modules=self._modules())
 
     def _modules(self) -> tuple[ModuleCoverage, ...]:
         commanding = {m.name: m.actuator is not None for m in self._program.modules}
@@ -264,10 +263,10 @@ class _Examination:
         at = [i for i, outcome in enumerate(run.outcomes) if name in outcome.breaches]
         known = {b.contract.name: b for b in self.report.breaches}
         if name in known:
-            self._put(replace(known[name], met=known[name].met + len(at)))
+            self._put_breach(replace(known[name], frames=known[name].frames + len(at)))
             return
         contract = next(c for c in self._program.contracts if c.name == name)
-        self._put(Breach(contract=contract, trace=trace[: at[0] + 1], met=len(at)))
+        self._put_breach(Breach(contract=contract, trace=trace[: at[0] + 1], frames=len(at)))
 
         def broken(frames: tuple[Frame, ...]) -> int | None:
             interpreter = Interpreter(self._program)
@@ -275,14 +274,14 @@ class _Examination:
 
         def shrink() -> None:
             found = next(b for b in self.report.breaches if b.contract.name == name)
-            self._put(replace(found, trace=shrunk(self._program, found.trace, broken)))
+            self._put_breach(replace(found, trace=shrunk(self._program, found.trace, broken)))
 
         self._to_shrink.append(shrink)
 
-    def _put(self, breach: Breach) -> None:
+    def _put_breach(self, breach: Breach) -> None:
         """Insert a breach in the order of the program."""
         known = {b.contract.name: b for b in self.report.breaches} | {breach.contract.name: breach}
-        self._know(breaches=tuple(known[c.name] for c in self._program.contracts if c.name in known))
+        self._update(breaches=tuple(known[c.name] for c in self._program.contracts if c.name in known))
 
     # --- executors and trials --------------------------------------------------------------------
 
@@ -290,25 +289,31 @@ class _Examination:
         """Return True if one of the executors differs from the reference."""
         for name, make in self._executors.items():
             found = disagreement(
-                self._program, trace, {name: partial(self._used_again, name)}, expected, self._compilation
+                self._program,
+                trace,
+                {name: partial(self._reused_executor, name)},
+                expected,
+                self._compilation,
             )
-            if not isinstance(self._made.get(name), _Restartable):
-                self._made.pop(name, None)
+            if not isinstance(self._executors_in_use.get(name), _Restartable):
+                self._executors_in_use.pop(name, None)
             if found is not None:
-                self._found(found, trace, partial(disagreement, self._program, executors={name: make}))
+                self._record_disagreement(
+                    found, trace, partial(disagreement, self._program, executors={name: make})
+                )
                 return True
         return False
 
-    def _used_again(self, name: str, compilation: Compilation) -> Executor:
-        """Return an executor in its initial memory: the one that had the last trace, or a new one."""
-        used = self._made.get(name)
+    def _reused_executor(self, name: str, compilation: Compilation) -> Executor:
+        """Return an executor in its initial memory: the last one if it can restart, or a new one."""
+        used = self._executors_in_use.get(name)
         if isinstance(used, _Restartable):
             used.restart()
             return used
-        made = self._made[name] = self._executors[name](compilation)
+        made = self._executors_in_use[name] = self._executors[name](compilation)
         return made
 
-    def _try(self, trace: tuple[Frame, ...], number: int) -> None:
+    def _run_trials(self, trace: tuple[Frame, ...], number: int) -> None:
         for name, trial in self._trials.items():
             seed = self.report.seed * 1_000_003 + number
 
@@ -320,25 +325,25 @@ class _Examination:
 
             found = attempt(trace)
             if found is not None:
-                self._found(found, trace, attempt)
+                self._record_disagreement(found, trace, attempt)
                 return
 
-    def _found(
+    def _record_disagreement(
         self,
         found: Disagreement,
         trace: tuple[Frame, ...],
         attempt: Callable[[tuple[Frame, ...]], Disagreement | None],
     ) -> None:
-        """Record that executors disagree; shrink later, where it recurs without the traces before."""
-        self._know(disagreement=found)
+        """Record that executors disagree, and have it shrunk if it recurs without the traces before."""
+        self._update(disagreement=found)
 
         def fails(frames: tuple[Frame, ...]) -> int | None:
             return None if attempt(frames) is None else len(frames) - 1
 
         def shrink() -> None:
             if fails(trace) is None:
-                self._know(disagreement=replace(found, executor=f"{found.executor}, after other traces"))
+                self._update(disagreement=replace(found, executor=f"{found.executor}, after other traces"))
             else:
-                self._know(disagreement=attempt(shrunk(self._program, trace, fails)) or found)
+                self._update(disagreement=attempt(shrunk(self._program, trace, fails)) or found)
 
         self._to_shrink.append(shrink)

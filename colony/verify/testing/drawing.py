@@ -1,4 +1,4 @@
-"""Small choices, on which the strategies are built."""
+"""The random choices of which all strategies are built."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ T = TypeVar("T")
 
 
 class Choices:
-    """Choices from a source of random numbers: a real one, or one of hypothesis, which then shrinks them.
+    """Choices from a source of random numbers: `random`, or one of hypothesis, which can shrink them.
 
-    Each is made so that it shrinks to the first, the fewest, or no. They are drawn from one `randoms()`, not
-    by a strategy each: those cost more, and hypothesis repeats parts drawn by equal strategies, which makes
-    five of six drawn programs nearly the same.
+    A choice shrinks to the first option, the smallest number, or False. All choices are drawn from one
+    `randoms()` rather than each by a strategy of its own: those cost more, and hypothesis repeats what equal
+    strategies drew, which makes five of six drawn programs nearly the same.
     """
 
     def __init__(self, random: Random) -> None:
@@ -29,7 +29,7 @@ class Choices:
         return fewest + self.upto(most - fewest)
 
     def several(self, fewest: int, most: int) -> int:
-        """Choose a number from `fewest` to `most`, rather a large one."""
+        """Choose a number from `fewest` to `most`, more often a large one."""
         return fewest + max(self.upto(most - fewest), self.upto(most - fewest))
 
     def one(self, of: Sequence[T]) -> T:

@@ -13,7 +13,7 @@ from colony.verify.snapshot import Snapshot
 def snapshots_of(program: Program, example: Example) -> tuple[Snapshot, ...]:
     """Return what an example gives in each of its frames.
 
-    An element that is set in an array that is missing is left out, as is what the example expects.
+    Assignments to elements of a missing array are left out, as are the expectations.
     """
     return tuple(
         Snapshot(t_ns, {name: value for name, value in given.items() if value is not None})

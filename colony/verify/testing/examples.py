@@ -1,7 +1,7 @@
 """Execution of a program's examples (its `test` blocks) in the reference interpreter.
 
-An expectation that is false, or that says nothing because it reads something missing, fails; and so does a
-contract that is broken in any frame of an example.
+An example fails if an expectation is false, if an expectation has no value because it reads something
+missing, or if a contract is broken in any frame.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from colony.text.wording import counted
 from colony.verify.reference.boundary import default_of
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
+from colony.verify.source_text import source_text
 from colony.verify.testing.example_frames import assigned
-from colony.verify.written import written
 
 FailureKind = Literal["false", "says nothing", "contract broken", "no array to set an element in"]
 
@@ -36,10 +36,11 @@ _CODES: dict[FailureKind, str] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExampleFailure:
-    """One way in which an example did not come out as written, at its first frame.
+    """A failed expectation or contract of an example, at the first frame in which it fails.
 
-    `expected` is the condition as written (a contract with its name); `found` says what was there instead,
-    a line a fact. `frames` is how many frames of the step (of the example, for a contract) failed so.
+    `expected` is the condition as written (a contract with its name); `found` lists the actual values, one
+    fact a line. `frames` is the number of frames of the step (of the example, for a contract) with this
+    failure.
     """
 
     kind: FailureKind
@@ -68,7 +69,7 @@ class ExampleResult:
 def run_examples(program: Program, only: Collection[str] = ()) -> tuple[ExampleResult, ...]:
     """Run every example of `program`, each from the program's initial memory, in the order written.
 
-    With `only`, those whose names contain one of these texts.
+    With `only`, run only the examples whose names contain one of these texts.
     """
     chosen = (e for e in program.tests if not only or any(text in e.name for text in only))
     return tuple(run_example(program, example) for example in chosen)
@@ -85,7 +86,7 @@ def run_example(program: Program, example: Example) -> ExampleResult:
 
 
 def facts_of_breach(program: Program, contract: str, snapshots: Iterable[Snapshot]) -> tuple[str, ...]:
-    """Return what the things that a contract names are in the frame of a run that breaks it, a fact each."""
+    """Return the values that a contract names in the frame of a run that breaks it, one fact each."""
     names = [s.name for s in program.robot.sensors]
     steps = tuple(
         Step(
@@ -103,7 +104,7 @@ def facts_of_breach(program: Program, contract: str, snapshots: Iterable[Snapsho
 def failures_as_diagnostics(results: Iterable[ExampleResult]) -> tuple[Diagnostic, ...]:
     """Return an error for each failure.
 
-    T001 is false, T002 says nothing, T003 a broken contract, T004 no such array.
+    T001: false; T002: no value; T003: a broken contract; T004: an element of a missing array was set.
     """
     return tuple(_diagnostic(result, failure) for result in results for failure in result.failures)
 
@@ -115,7 +116,7 @@ def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
         case "false":
             message = f"{when}{more}: expected `{failure.expected}`"
         case "says nothing":
-            message = f"{when}{more}: `{failure.expected}` says nothing: it reads something missing"
+            message = f"{when}{more}: `{failure.expected}` has no value: it reads something missing"
         case "contract broken":
             message = f"{when}{more}: contract {failure.expected} does not hold"
         case "no array to set an element in":
@@ -158,9 +159,9 @@ class _Run:
         before = self.readings.get(sensor.name)
         self.readings[sensor.name] = assigned(sensor, given, before)
         if given.index is not None and before is None:
-            stands_in = default_of(sensor) is not None
-            hint = f"give all of it first: `{sensor.name} = ...`" + (
-                ": its default only stands in for it" if stands_in else ""
+            has_default = default_of(sensor) is not None
+            hint = f"assign the whole array first: `{sensor.name} = ...`" + (
+                "; the sensor's default does not count" if has_default else ""
             )
             self.fail("no array to set an element in", given, given.span, t_ns, sensor.name, (hint,))
 
@@ -169,10 +170,10 @@ class _Run:
         if value is not True:
             kind: FailureKind = "says nothing" if value is None else "false"
             found = tuple(self.found(expectation, outcome))
-            self.fail(kind, (key, kind), expectation.span, t_ns, written(expectation), found)
+            self.fail(kind, (key, kind), expectation.span, t_ns, source_text(expectation), found)
 
     def broken(self, contract: Contract, t_ns: int, outcome: Outcome) -> None:
-        text = written(contract.expression)
+        text = source_text(contract.expression)
         expected = f"`{contract.name}: {text}`" if text else f"`{contract.name}`"
         found = tuple(self.found(contract.expression, outcome))
         self.fail("contract broken", contract.name, contract.span, t_ns, expected, found)
@@ -180,13 +181,13 @@ class _Run:
     def fail(
         self, kind: FailureKind, key: object, span: Span, t_ns: int, expected: str, found: tuple[str, ...]
     ) -> None:
-        """Note a failure; the same one of a later frame is only counted."""
+        """Record a failure, or count it if it occurred in an earlier frame."""
         before = self.failures.get(key)
         if before is None:
             before = ExampleFailure(kind=kind, span=span, t_ns=t_ns, expected=expected, found=found, frames=0)
         self.failures[key] = replace(before, frames=before.frames + 1)
 
-    # --- what was there instead ------------------------------------------------------------------
+    # --- actual values ---------------------------------------------------------------------------
 
     def found(self, expression: ir.Expression, outcome: Outcome) -> Iterator[str]:
         """Yield a fact for each name in `expression`, each once, and for each record."""
@@ -244,9 +245,9 @@ def _decider(decision: Decision) -> str:
     return f"by {decision.by}" + (f", whose command is {decision.fault}" if decision.fault else "")
 
 
-# --- values for people ---------------------------------------------------------------------------
+# --- the text of values --------------------------------------------------------------------------
 
-_MOST_ELEMENTS = 8
+_MAX_ELEMENTS = 8
 
 
 def shown(value: Value, of: Type, unit: str = "") -> str:
@@ -257,8 +258,8 @@ def shown(value: Value, of: Type, unit: str = "") -> str:
     if not isinstance(value, tuple):
         return _scalar(value, element_type(of), unit)
     assert isinstance(of, Array)
-    parts = [_scalar(x, of.element, unit) for x in value[:_MOST_ELEMENTS]]
-    return f"[{', '.join(parts)}{', ...' if len(value) > _MOST_ELEMENTS else ''}]"
+    parts = [_scalar(x, of.element, unit) for x in value[:_MAX_ELEMENTS]]
+    return f"[{', '.join(parts)}{', ...' if len(value) > _MAX_ELEMENTS else ''}]"
 
 
 def _scalar(value: ScalarValue, of: Scalar, unit: str) -> str:
@@ -277,5 +278,5 @@ def _scalar(value: ScalarValue, of: Scalar, unit: str) -> str:
 
 
 def _number(x: float) -> str:
-    """Return up to 9 digits, as a person writes them."""
+    """Return a number with up to 9 significant digits."""
     return f"{x:.9g}"

@@ -1,7 +1,7 @@
 """Expressions of a wanted type, as text that the front end accepts.
 
-Types, dimensions and array lengths are right by construction. All that is compound stands in parentheses,
-so precedence plays no part here (the parser's own tests have that).
+Types, dimensions and array lengths are right by construction. Compound expressions are in parentheses, so
+precedence does not matter here (the parser's own tests cover it).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from colony.ir.types import BOOL, PLAIN, Array, Bool, Enum, Quantity, Scalar, Type, element_type
+from colony.ir.types import BOOL, DIMENSIONLESS, Array, Bool, Enum, Quantity, Scalar, Type, element_type
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.scope import (
@@ -47,7 +47,7 @@ class Expressions:
                 return self.quantity(dimension, depth)
 
     def any_value(self, of: Type, depth: int) -> str:
-        """Draw an expression of a scalar type, or of an array of a length that there is."""
+        """Draw an expression of a scalar type, or of an array type with the length of an array in scope."""
         if isinstance(of, Array):
             return self.array(element_type(of), of.size, depth)
         return self.scalar(of, depth)
@@ -398,7 +398,7 @@ class Expressions:
 
     def _element(self, one: NamedArray, depth: int) -> str:
         """Return an element by a constant index, or by one that is computed from a reading."""
-        numbers = self.scope.of(PLAIN)
+        numbers = self.scope.of(DIMENSIONLESS)
         if numbers and self.choices.rarely(3):
             return f"{one.text}[{self.choices.one(numbers)} + {self.quantity(NUMBER, depth - 1)}]"
         if self.choices.rarely(2):
@@ -407,11 +407,13 @@ class Expressions:
 
     def _comprehension(self, function: str, of: Scalar, depth: int) -> str:
         if self.scope.loops >= 2:
-            return self.scalar(PLAIN if function == "count" else of, 0)
+            return self.scalar(DIMENSIONLESS if function == "count" else of, 0)
         low = self.choices.between(-1, 1)
         high = low + self.choices.between(-1, 2)
         variable = f"k{self.scope.loops}"
-        inner = replace(self.scope, loops=self.scope.loops + 1).with_names(Named(text=variable, type=PLAIN))
+        inner = replace(self.scope, loops=self.scope.loops + 1).with_names(
+            Named(text=variable, type=DIMENSIONLESS)
+        )
         writer = Expressions(self.choices, inner)
         body = writer.scalar(of, depth)
         condition = f" if {writer.bool(depth - 1)}" if self.choices.rarely(2) else ""

@@ -1,4 +1,4 @@
-"""Frames for a program: sensor readings near what it compares with, and times near what it waits for."""
+"""Random frames for a program: readings near its thresholds, and times near its durations."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from colony.ir import expression as ir
 from colony.ir.frame import Frame
 from colony.ir.program import Program, PythonModule
 from colony.ir.types import Quantity
-from colony.ir.walk import nodes
+from colony.ir.walk import all_subexpressions
 from colony.ir.wiring import joints_of
 from colony.text.units import TIME
 from colony.verify.testing.drawing import Choices
@@ -23,14 +23,14 @@ def draw_frame(choices: Choices, program: Program, t_ns: int) -> Frame:
 def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
     """Draw a trace; see `colony.verify.testing.strategies.traces`."""
     thresholds = thresholds_of(program)
-    # A few readings a sensor, met again and again: memory shows only where values come back. In a calm trace
-    # most sensors stand still: what needs several conditions at once is met only there.
+    # Few readings a sensor, used again and again, since memory has effects only where values recur. In a calm
+    # trace most sensors do not change: conditions that need several readings at once hold only there.
     # Sensors that nothing reads matter only for what is recorded of them.
-    calm, read = choices.rarely(3), sensors_read(program)
+    is_calm, read = choices.rarely(3), sensors_read(program)
     pools = {}
     for s in program.robot.sensors:
-        still = s.name not in read or (calm and not choices.rarely(4))
-        count = 1 if still else choices.several(1, 4)
+        is_constant = s.name not in read or (is_calm and not choices.rarely(4))
+        count = 1 if is_constant else choices.several(1, 4)
         pools[s.name] = [draw_reading(choices, s, thresholds) for _ in range(count)]
     gaps = gaps_of(program)
     frames = [*_written(choices, program, max_frames)]
@@ -51,13 +51,13 @@ def _written(choices: Choices, program: Program, max_frames: int) -> tuple[Frame
 
 def thresholds_of(program: Program) -> Thresholds:
     """Return the numbers that the program's expressions name, by dimension."""
-    return thresholds_among(nodes(program))
+    return thresholds_among(all_subexpressions(program))
 
 
 def sensors_read(program: Program) -> frozenset[str]:
     """Return the sensors that some expression or module in Python reads."""
     found: set[str] = set()
-    for node in nodes(program):
+    for node in all_subexpressions(program):
         match node:
             case ir.SensorValue(name=name) | ir.Fresh(name=name, derived=False):
                 found.add(name)
@@ -70,7 +70,7 @@ def sensors_read(program: Program) -> frozenset[str]:
 
 
 def gaps_of(program: Program) -> list[int]:
-    """Return times between frames: a frame, a few, and whatever the program waits for, to the nanosecond."""
+    """Return times between frames: one to three periods, and the program's durations give or take 1 ns."""
     frame = program.robot.frame_ns
     gaps = {frame: None, 2 * frame: None, 3 * frame: None, 1: None}
     for duration in (*durations_of(program), *_times_compared(program)):
@@ -85,7 +85,7 @@ def durations_of(program: Program) -> list[int]:
     found: dict[int, None] = {}
     for joint in joints_of(program).joints:
         found[joint.window_ns] = None
-    for node in nodes(program):
+    for node in all_subexpressions(program):
         if isinstance(node, ir.MemoryCall):
             found[node.duration_ns] = None
     for module in program.modules:
@@ -98,7 +98,7 @@ def durations_of(program: Program) -> list[int]:
 def _times_compared(program: Program) -> list[int]:
     """Return the first few times that `elapsed` and `now` may be compared with, in nanoseconds."""
     found: dict[int, None] = {}
-    for node in nodes(program):
+    for node in all_subexpressions(program):
         match node:
             case ir.Constant(type=Quantity(dimension=dimension), value=float(seconds)):
                 if dimension == TIME and 0 < seconds < _LONGEST_S:

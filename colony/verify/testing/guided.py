@@ -1,8 +1,8 @@
-"""Traces for one program, drawn with regard to earlier ones.
+"""Coverage-guided traces: later traces continue from rare situations that earlier traces reached.
 
-Most of what a behavior can do needs several conditions at once, one after the other: traces that know nothing
-of each other rarely meet them. So the first way to every pattern of activity is kept, and later traces go on
-from there: they begin with such a way, rather with one to a rare pattern, and change few readings a frame.
+Most of what a behavior can do needs several conditions in sequence, which independent random traces rarely
+produce. So the shortest trace to every pattern of activity is kept as a prefix. Later traces begin with such
+a prefix, more often one to a rare pattern, and change a few readings a frame.
 """
 
 from __future__ import annotations
@@ -16,25 +16,26 @@ from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace, gaps_of, sensors_read, thresholds_of
 from colony.verify.testing.readings import draw_reading
 
-LONGEST = 48
-"""Number of frames of a way; a trace that continues from it may have a few more."""
+MAX_PREFIX_FRAMES = 48
+"""Maximum number of frames of a prefix; a trace that continues from it may have a few more."""
 
 _FEW = 4
 
 
 @dataclass(frozen=False, slots=True)
-class _Place:
-    """The shortest way to a pattern that is known, and in how many frames the pattern was met."""
+class _KnownPattern:
+    """The shortest known trace to a pattern, and the number of frames in which the pattern occurred."""
 
-    way: tuple[Frame, ...]
-    met: int = 1
+    prefix: tuple[Frame, ...]
+    frames: int = 1
 
 
 class Guide:
-    """A drawer of a program's traces that learns from them. Mutable: the places that it knows.
+    """A generator of traces that learns from their outcomes. Mutable: the patterns that it knows.
 
     Args:
-        max_frames: of a trace, unless it goes on from a longer way.
+        program: the program to draw traces for.
+        max_frames: maximum number of frames of a trace, unless it continues from a longer prefix.
     """
 
     def __init__(self, program: Program, max_frames: int) -> None:
@@ -44,40 +45,40 @@ class Guide:
         self._gaps = gaps_of(program)
         read = sensors_read(program)
         self._sensors = tuple(s for s in program.robot.sensors if s.name in read)
-        self._places: dict[Hashable, _Place] = {}
+        self._known: dict[Hashable, _KnownPattern] = {}
 
     def draw(self, choices: Choices) -> tuple[Frame, ...]:
-        """Draw a trace: a new one, or one that goes on from a known place."""
-        if not self._places or choices.rarely(3):
+        """Draw a trace: a new one, or one that continues from a known pattern."""
+        if not self._known or choices.rarely(3):
             return draw_trace(choices, self._program, self._max_frames)
-        frames = list(self._place(choices).way)
+        frames = list(self._pick_known(choices).prefix)
         for _ in range(choices.between(1, max(_FEW, self._max_frames - len(frames)))):
             last = frames[-1]
             frames.append(Frame(last.t_ns + choices.one(self._gaps), self._next(choices, last)))
         return tuple(frames)
 
     def learn(self, trace: Sequence[Frame], patterns: Sequence[Hashable]) -> None:
-        """Learn what every frame of a trace did, as a pattern; ways beyond `LONGEST` frames are not kept."""
-        for i, pattern in enumerate(patterns[:LONGEST]):
-            known = self._places.get(pattern)
+        """Learn the pattern of each frame of a trace, up to `MAX_PREFIX_FRAMES` frames."""
+        for i, pattern in enumerate(patterns[:MAX_PREFIX_FRAMES]):
+            known = self._known.get(pattern)
             if known is None:
-                self._places[pattern] = _Place(tuple(trace[: i + 1]))
+                self._known[pattern] = _KnownPattern(tuple(trace[: i + 1]))
                 continue
-            known.met += 1
-            if i + 1 < len(known.way):
-                known.way = tuple(trace[: i + 1])
+            known.frames += 1
+            if i + 1 < len(known.prefix):
+                known.prefix = tuple(trace[: i + 1])
 
-    def _place(self, choices: Choices) -> _Place:
-        """Return the least visited of three random places."""
-        places = [*self._places.values()]
-        return min((choices.one(places) for _ in range(3)), key=lambda place: place.met)
+    def _pick_known(self, choices: Choices) -> _KnownPattern:
+        """Return the rarest of three randomly chosen patterns."""
+        patterns = [*self._known.values()]
+        return min((choices.one(patterns) for _ in range(3)), key=lambda known: known.frames)
 
     def _next(self, choices: Choices, last: Frame) -> dict[str, Reading]:
-        """Return the readings of a frame, with a few changed, or some as they were elsewhere."""
+        """Return the readings of the next frame: a few change, at random or to those of another pattern."""
         readings = dict(last.readings)
         if not self._sensors or choices.rarely(4):
             return readings
-        elsewhere = self._place(choices).way[-1].readings if choices.rarely(3) else None
+        elsewhere = self._pick_known(choices).prefix[-1].readings if choices.rarely(3) else None
         for _ in range(choices.between(1, 3)):
             sensor = choices.one(self._sensors)
             if elsewhere is not None:

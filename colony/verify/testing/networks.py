@@ -1,7 +1,7 @@
-"""Wirings as directed acyclic graphs: every shape that the network language can say.
+"""Random wirings as directed acyclic graphs, of every shape that the network language can express.
 
-Wires are drawn one after the other, each over the modules and wires before it, so that sharing (fan-out)
-comes by itself and cycles cannot.
+Wires are drawn one after the other, each over the modules and wires before it. So sharing (fan-out) is common
+and cycles are impossible.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from colony.ir.program import (
     Wire,
     Wiring,
 )
-from colony.ir.types import BOOL, PLAIN
+from colony.ir.types import BOOL, DIMENSIONLESS
 from colony.text.wording import duration_text
 from colony.verify.testing.drawing import Choices
 
@@ -71,7 +71,7 @@ class Wirings:
                 return frozenset[str | None]().union(*map(self.outputs, operands))
 
     def _another(self, among: Sequence[Port]) -> Port:
-        """Return one of `among`, mostly not the one before: a module that only meets itself shows nothing."""
+        """Return one of `among`, mostly not the last one: a module wired to itself tests nothing."""
         others = [p for p in among if p.name != self._before] or list(among)
         port = self.choices.one(among if self.choices.rarely(6) else others)
         self._before = port.name
@@ -84,7 +84,9 @@ class Wirings:
             return Use(name=self._another(among).name)
         relation: Literal["suppresses", "inhibits"] = "suppresses" if kind <= 5 else "inhibits"
         count = self.choices.between(2, 3)
-        inhibiting = self.ports[::-1]  # the latest first: seldom what they inhibit, which would be dead
+        inhibiting = self.ports[
+            ::-1
+        ]  # the latest first: rarely a part of what they inhibit, which would never be active
         operands = [
             self.draw(among if relation == "suppresses" or i == count - 1 else inhibiting, depth - 1)
             for i in range(count)
@@ -138,7 +140,7 @@ def draw_network(choices: Choices, max_modules: int, max_wires: int) -> Program:
 
 def _module(i: int, actuator: str | None) -> Module:
     """Return a module that is applicable where the sensor `p<i>` is true, and commands its own number."""
-    number = Constant(type=PLAIN, value=float(i + 1))
+    number = Constant(type=DIMENSIONLESS, value=float(i + 1))
     return Module(
         name=f"m{i}",
         when=SensorValue(type=BOOL, name=f"p{i}"),
@@ -149,7 +151,7 @@ def _module(i: int, actuator: str | None) -> Module:
 def _actuator(name: str) -> Actuator:
     return Actuator(
         name=name,
-        fields=(ActuatorField(name="level", type=PLAIN),),
+        fields=(ActuatorField(name="level", type=DIMENSIONLESS),),
         server="RServer",
         command=name,
         idle=(0.0,),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from colony.ir.types import BOOL, PLAIN, Array, Enum, Quantity, Scalar, Type
+from colony.ir.types import BOOL, DIMENSIONLESS, Array, Enum, Quantity, Scalar, Type
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.expressions import Expressions
@@ -42,7 +42,7 @@ def _more(constants: Constants, dimension: Dimension, name: str) -> Constants:
 
 
 class _Text:
-    """A program being written. Mutable: its lines, and what may be read so far."""
+    """A program being written. Mutable: its lines, and the names declared so far."""
 
     def __init__(self, choices: Choices, python: bool) -> None:
         self.choices = choices
@@ -191,7 +191,7 @@ class _Text:
     def machine(self) -> None:
         phases = WORDS[: self.choices.between(2, 3)]
         transitions = []
-        # Each phase is led to once, at least: one that nothing names does not exist.
+        # Each phase is the target of a transition: a machine has only the phases that it names.
         for target in (*phases[1:], *(self.choices.one(phases) for _ in range(self.choices.upto(2)))):
             sources = [p for p in phases if p != target]
             source = "any" if self.choices.rarely() else self.choices.one(sources)
@@ -226,7 +226,7 @@ class _Text:
         self.ports.append(Port(name=name, actuators=frozenset({actuator})))
 
     def own_memory(self, name: str) -> list[Named]:
-        """Return lets and a state of a module; their names hide one another's across modules, on purpose."""
+        """Write lets and a state of a module, with the same names in every module, and return them."""
         members: list[Named] = []
         for i in range(self.choices.upto(2)):
             type_ = self.some_type()
@@ -245,11 +245,11 @@ class _Text:
         if actuator == "drive":
             velocity, turn = self.write(Quantity(SPEED), 2), self.write(Quantity(TURN_RATE), 2)
             return f"drive(velocity = {velocity}, turn = {turn})"
-        level, on, mood = self.write(PLAIN, 2), self.write(BOOL, 1), self.write(MOOD, 1)
+        level, on, mood = self.write(DIMENSIONLESS, 2), self.write(BOOL, 1), self.write(MOOD, 1)
         return f"light(mood = {mood}, level = {level}, on = {on})"
 
     def python_module(self, name: str) -> None:
-        self.add(f'module {name} from python "colony.verify.testing.python_modules:Moody" {{')
+        self.add(f'module {name} from python "colony.verify.testing.python_modules:ErraticModule" {{')
         self.add(f"  param seed = {self.choices.upto(7)}")
         reads = list(dict.fromkeys(self.choices.one(self.scope.names).text for _ in range(2)))
         self.add(f"  reads {', '.join(reads)}")
@@ -267,15 +267,15 @@ class _Text:
                 continue
             name = self.lines[start].split()[1]
             dimension = self.own_params.get(f"{name}.gain")
-            anew = ""
+            overrides = ""
             if dimension is not None:
-                anew = f"(gain = {Expressions(self.choices, self.scope).literal(dimension)})"
-            self.add(f"module other = {name}{anew}")
+                overrides = f"(gain = {Expressions(self.choices, self.scope).literal(dimension)})"
+            self.add(f"module other = {name}{overrides}")
             actuators = next(p.actuators for p in self.ports if p.name == name)
             self.ports.append(Port(name="other", actuators=actuators))
 
     def watches(self) -> None:
-        """Write modules that show values as they are, bit for bit; elsewhere most only decide something."""
+        """Write modules that command the values of expressions, so that every bit of them is compared."""
         for i, of in enumerate(self.seen):
             self.add(f"module watch{i} {{\n  when true\n  do probe{i}(seen = {self.write(of, 3)})\n}}")
 
@@ -314,7 +314,7 @@ class _Text:
         names.append(Named(text="drive.turn", type=Quantity(TURN_RATE)))
         if self.light:
             names += [Named(text="light.on", type=BOOL), Named(text="light.mood", type=MOOD)]
-            names.append(Named(text="light.level", type=PLAIN))
+            names.append(Named(text="light.level", type=DIMENSIONLESS))
         constants = self.params
         for name, dimension in self.own_params.items():
             constants = _more(constants, dimension, name)

@@ -1,4 +1,4 @@
-"""A module in Python for drawn programs: it answers in every way in which a module may, right and wrong."""
+"""A module in Python for drawn programs: it gives every kind of answer, valid and invalid."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 
 
-class Moody:
-    """Commands `drive(velocity, turn)` by turns: well, not at all, not finite, and wrong in several ways.
+class ErraticModule:
+    """Commands `drive(velocity, turn)` validly, not at all, and wrongly in several ways, in turn.
 
-    Deterministic: what it answers depends on `seed`, on how often it was called, and on what it reads.
-    `seed` is a number; velocities are in mm/s, turns in deg/s.
+    Deterministic: the answer depends on `seed`, on the number of calls, and on the readings. `seed` is a
+    number; velocities are in mm/s, turns in deg/s.
     """
 
     def __init__(self, seed: float) -> None:
@@ -29,7 +29,7 @@ class Moody:
             case 2:
                 return {"turn": self._calls, "velocity": 7}
             case 3:
-                raise RuntimeError("in a bad mood")
+                raise RuntimeError("a deliberate failure")
             case 4:
                 return {"velocity": True, "turn": 0.0}
             case 5:

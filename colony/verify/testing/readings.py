@@ -1,4 +1,4 @@
-"""Readings for a sensor: at, beside and between what a program compares it with, and wrong in many ways."""
+"""Random readings for a sensor: at, next to and between a program's thresholds, and invalid in many ways."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ODD_READINGS: tuple[Reading, ...] = (
     (1.0, math.nan),
     3,
 )
-"""Readings that are wrong for most sensors, each in its way."""
+"""Readings that are invalid for most sensors, each for another reason."""
 
 PLAIN_NUMBERS = (0.0, 1.0, 2, -1, -0.0, 2.5, 100.0, 0.5, -7.25, 1e12)
 """Plain numbers in declared units, for any sensor."""
@@ -35,7 +35,7 @@ PLAIN_NUMBERS = (0.0, 1.0, 2, -1, -0.0, 2.5, 100.0, 0.5, -7.25, 1e12)
 Thresholds = Mapping[Dimension, tuple[float, ...]]
 """Numbers of each dimension, in base units, sorted."""
 
-_MOST_THRESHOLDS = 40
+_MAX_THRESHOLDS = 40
 
 
 def thresholds_among(nodes: Iterable[ir.Expression]) -> Thresholds:
@@ -54,11 +54,11 @@ def thresholds_among(nodes: Iterable[ir.Expression]) -> Thresholds:
             for value in constant.value if isinstance(constant.value, tuple) else (constant.value,):
                 if math.isfinite(value):
                     found.setdefault(of.dimension, {})[sign * value] = None
-    return {dimension: tuple(sorted([*of][:_MOST_THRESHOLDS])) for dimension, of in found.items()}
+    return {dimension: tuple(sorted([*of][:_MAX_THRESHOLDS])) for dimension, of in found.items()}
 
 
 def draw_reading(choices: Choices, sensor: Sensor, thresholds: Thresholds) -> Reading:
-    """Draw a reading of a sensor in its declared unit; now and then it is missing, or one that cannot be."""
+    """Draw a reading of a sensor in its declared unit, occasionally a missing or invalid one."""
     if choices.rarely(16):
         return None
     if choices.rarely(20):
@@ -77,8 +77,8 @@ def _elements(
 ) -> list[ScalarValue | int]:
     """Draw elements: all equal; equal but for a run, which may wrap around; from a few values or many.
 
-    A program asks for the least of a region, or how many are near: elements that have nothing to do with each
-    other would give it the same answer every time.
+    Programs compute the minimum of a region, or count the elements below a threshold. With independent
+    elements the results would be nearly the same every time.
     """
 
     def draw() -> ScalarValue | int:

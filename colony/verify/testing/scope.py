@@ -1,4 +1,4 @@
-"""The parts of drawn expressions: literals of each dimension, and the names that a place may use."""
+"""The leaves of drawn expressions: literals of each dimension, and the names in scope."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LITERALS: dict[Dimension, tuple[str, ...]] = {
     SPEED: ("100 mm/s", "0 mm/s", "0.3 m/s", "600 mm/s", "1 ft/s", "7 inch/min"),
     TURN_RATE: ("30 deg/s", "0 deg/s", "1 rad/s", "90 deg/s", "600 deg/min"),
 }
-"""A few magnitudes each, so that values often meet; some overflow when multiplied."""
+"""Literals of few magnitudes, so that values are often equal; some overflow when multiplied."""
 
 ODD_NUMBERS = ("sqrt(-1)", "(1 / 0)", "(-1 / 0)", "(-1 / (1 / 0))", "(sqrt(-1) + 1)")
 """NaN (twice: most mistakes are about it), the infinities, and -0.0."""
@@ -28,7 +28,7 @@ DURATIONS_MS = (100, 50, 150, 20, 1000)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Named:
-    """Something that an expression may read; `fresh` says whether `fresh(..)` may ask for it."""
+    """A value that an expression may read; `fresh` is true if `fresh(...)` accepts it."""
 
     text: str
     type: Type
@@ -45,7 +45,7 @@ class NamedArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scope:
-    """The names that expressions of one place may use. `promises` are bools that only contracts may read."""
+    """The names that an expression may use. `promises` are conditions that only contracts may read."""
 
     names: tuple[Named, ...] = ()
     enums: tuple[Enum, ...] = ()

@@ -1,7 +1,8 @@
-"""Minimization of a run that shows something: few frames, simple readings, regular times.
+"""Minimization of a run that shows a finding: few frames, simple readings, regular times.
 
 Delta debugging (Zeller and Hildebrandt, 2002) over frames, then over the readings of one sensor after the
-other, then over times, until nothing more can go. Every step is tried: what is left does show it.
+other, then over times, until nothing can be simplified any further. Every step is checked, so the result
+shows the same finding.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from colony.ir.types import Array, Quantity, ScalarValue, any_value, element_typ
 from colony.verify.reference.boundary import sense
 from colony.verify.snapshot import Snapshot
 
-PATIENCE = 6000
+MAX_SHRINK_FRAMES = 6000
 """The largest number of frames computed to shrink a trace; then the best trace so far is returned."""
 
 Given = TypeVar("Given", Frame, Snapshot)
 
 Shows = Callable[[tuple[Given, ...]], int | None]
-"""The index of the frame that shows it, None if none does; the frames after it do not matter."""
+"""A function that returns the index of the first frame that shows the finding, None if no frame does."""
 
 
 class Simpler(Protocol):
@@ -34,24 +35,24 @@ class Simpler(Protocol):
     def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterable[Reading]:
         """Return simpler readings for one frame; `before` is the reading of the frame before.
 
-        Nothing that is as simple as `reading` may be among it, or there would be no end.
+        All of them must be strictly simpler than `reading`, or shrinking would not terminate.
         """
 
 
 def shrunk(
-    program: Program, trace: Sequence[Frame], shows: Shows[Frame], patience: int = PATIENCE
+    program: Program, trace: Sequence[Frame], shows: Shows[Frame], frame_budget: int = MAX_SHRINK_FRAMES
 ) -> tuple[Frame, ...]:
-    """Return the least trace found that shows what `trace` does; its last frame is the one that shows it.
+    """Return the smallest trace found that shows the same finding as `trace`, in its last frame.
 
-    Frames keep their order. `trace` itself must show it.
+    Frames keep their order. `trace` itself must show the finding.
     """
-    shrinker = Shrinker(program.robot, tuple(trace), shows, _Plainer(), patience)
+    shrinker = Shrinker(program.robot, tuple(trace), shows, _PlainReadings(), frame_budget)
     shrinker.run()
     return shrinker.trace
 
 
 class Shrinker(Generic[Given]):
-    """A stepwise minimizer of a run. Mutable: the best run so far, and the patience that is left."""
+    """A stepwise minimizer of a run. Mutable: the best run so far, and the frame budget that is left."""
 
     def __init__(
         self,
@@ -59,36 +60,36 @@ class Shrinker(Generic[Given]):
         trace: tuple[Given, ...],
         shows: Shows[Given],
         simpler: Simpler,
-        patience: int,
+        frame_budget: int,
     ) -> None:
         self._robot = robot
         self._shows: Shows[Given] = shows
         self._simpler = simpler
-        self._patience = patience
+        self._frames_left = frame_budget
         self.trace: tuple[Given, ...] = trace
         self.take(trace)
 
     def run(self) -> None:
-        """Shrink until nothing more can go, or patience ends."""
+        """Shrink until nothing more can go, or the frame budget is spent."""
         before: tuple[Given, ...] = ()
-        while repr(before) != repr(self.trace) and self._patience > 0:
+        while repr(before) != repr(self.trace) and self._frames_left > 0:
             before = self.trace
             self._fewer_frames()
             self._simpler_readings()
             self._regular_times()
 
     def take(self, candidate: tuple[Given, ...]) -> bool:
-        """Go on with a candidate if it shows it, up to the frame that does; return whether it does."""
-        if not candidate or len(candidate) > self._patience:
+        """Adopt a candidate that shows the finding, cut after that frame; return True if it does."""
+        if not candidate or len(candidate) > self._frames_left:
             return False
-        self._patience -= len(candidate)
+        self._frames_left -= len(candidate)
         at = self._shows(candidate)
         if at is not None:
             self.trace = candidate[: at + 1]
         return at is not None
 
     def _fewer_frames(self) -> None:
-        """Leave out half of them, a quarter, ..., single ones, from the end; the last frame as well."""
+        """Leave out halves of the trace, quarters, ..., single frames, from the end, last one included."""
         size = max(1, len(self.trace) // 2)
         while size:
             end = len(self.trace)
@@ -100,7 +101,7 @@ class Shrinker(Generic[Given]):
     # --- times -----------------------------------------------------------------------------------
 
     def _regular_times(self) -> None:
-        """Begin at 0, and let each frame follow after one frame period, or after few."""
+        """Begin at 0, and let each frame follow after one frame period, or after as few as possible."""
         period, first = self._robot.frame_ns, self.trace[0].t_ns
         if first:
             self.take(tuple(f._replace(t_ns=f.t_ns - first) for f in self.trace))
@@ -112,7 +113,7 @@ class Shrinker(Generic[Given]):
                 self._sooner(i)
 
     def _sooner(self, i: int) -> None:
-        """Let frame `i` follow after as few whole periods as will do, which bisection finds."""
+        """Let frame `i` follow after as few whole periods as possible, found by bisection."""
         period, gap = self._robot.frame_ns, self._gap(i)
         if gap == period or self._moved(i, period):
             return
@@ -157,7 +158,7 @@ class Shrinker(Generic[Given]):
                     i += 1
 
     def _set(self, sensor: Sensor, i: int, reading: Reading) -> bool:
-        """Try another reading from frame `i` on as long as the sensor gives the same, or there alone."""
+        """Try another reading in frame `i` and the equal ones that follow, or in frame `i` alone."""
         end, same = i + 1, repr(self._reading(sensor, self.trace[i]))
         while end < len(self.trace) and repr(self._reading(sensor, self.trace[end])) == same:
             end += 1
@@ -173,14 +174,14 @@ class Shrinker(Generic[Given]):
 
 
 def with_reading(frame: Given, sensor: str, reading: Reading) -> Given:
-    """Return a frame in which a sensor gives something else; None for nothing."""
+    """Return a frame with another reading of a sensor; None makes it missing."""
     readings: dict[str, Any] = {**frame.readings, sensor: reading}
     if reading is None and isinstance(frame, Snapshot):
-        del readings[sensor]  # it holds only what is there
+        del readings[sensor]  # a snapshot has no entries for missing sensors
     return frame._replace(readings=readings)
 
 
-class _Plainer:
+class _PlainReadings:
     """Plainer readings in declared units: false, the first enumerator, 0, and rounder numbers."""
 
     def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterator[Reading]:

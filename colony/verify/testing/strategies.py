@@ -1,4 +1,4 @@
-"""Hypothesis strategies for behaviors and what happens to them, to property-test one's own with.
+"""Hypothesis strategies for behaviors and traces, for property tests of your own behaviors.
 
     from hypothesis import given
     from colony.dsl.load import load_file
@@ -13,8 +13,8 @@
         for frame in trace:
             assert "never_ram" not in interpreter.step(frame).breaches
 
-What is drawn is valid by construction, shrinks towards small programs, short traces and ordinary readings,
-and holds what goes wrong in practice: missing and faulty sensors, times a nanosecond off, NaN, sharing.
+Examples are valid by construction and shrink towards small programs, short traces and ordinary readings. They
+include what goes wrong in practice: missing and faulty sensors, times a nanosecond off, NaN, sharing.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Run = tuple[Program, tuple[Frame, ...]]
 
 
 def networks(*, max_modules: int = 6, max_wires: int = 5) -> st.SearchStrategy[Program]:
-    """Draw programs that are all network: any wiring of modules that are applicable as their sensors say.
+    """Draw programs that consist of a network: arbitrary wirings of modules controlled by bool sensors.
 
     Module `m<i>` is applicable where the bool sensor `p<i>` is true, and silent where that is missing; so a
     trace can drive any pattern of activity. Wirings are directed acyclic graphs over one or two actuators,
@@ -60,10 +60,10 @@ def texts(*, python: bool = True) -> st.SearchStrategy[str]:
 
 
 def programs(*, python: bool = True) -> st.SearchStrategy[Program]:
-    """Draw programs as the front end makes them of `texts`.
+    """Draw the programs of `texts`.
 
     Raises:
-        DiagnosticError: while drawing, if the front end refuses a text; that is a bug in one of the two.
+        DiagnosticError: the front end rejects a drawn text, which is a bug in one of the two.
     """
     from colony.dsl.load import load_text
 
@@ -82,10 +82,10 @@ def frames(program: Program, *, t_ns: int = 0) -> st.SearchStrategy[Frame]:
 def traces(program: Program, *, max_frames: int = 8) -> st.SearchStrategy[tuple[Frame, ...]]:
     """Draw up to `max_frames` frames of `program`, at least one, in declared units.
 
-    Times rise by frames and by the durations that the program waits for, exactly or a nanosecond off.
-    Readings are at, between and a float beside the numbers that the program names; they come back, go
-    missing, and are of the wrong type, length or range. Arrays are mostly alike but for some elements in a
-    row. Some traces begin as a test of the program does.
+    Times advance by frame periods and by durations of the program, exactly or a nanosecond off. Readings are
+    at, between and one float next to the constants of the program; they recur, are missing, and have the
+    wrong type, length or range. The elements of an array are mostly equal, but for a run of others. Some
+    traces begin as a test of the program does.
     """
     expect_program(program)
     if max_frames < 1:
@@ -94,12 +94,12 @@ def traces(program: Program, *, max_frames: int = 8) -> st.SearchStrategy[tuple[
 
 
 def network_runs(*, max_modules: int = 6, max_wires: int = 5, max_frames: int = 8) -> st.SearchStrategy[Run]:
-    """Draw a network with a trace. More varied than `networks().flatmap(traces)`: drawn as one."""
+    """Draw a network together with a trace, which varies more than `networks().flatmap(traces)`."""
     return choices().map(lambda c: _network_run(c, max_modules, max_wires, max_frames))
 
 
 def runs(*, python: bool = True, max_frames: int = 8) -> st.SearchStrategy[Run]:
-    """Draw a program with a trace. More varied than `programs().flatmap(traces)`: drawn as one."""
+    """Draw a program together with a trace, which varies more than `programs().flatmap(traces)`."""
     return choices().map(lambda c: _run(c, python, max_frames))
 
 

@@ -1,12 +1,12 @@
 """The layout of a network's picture, in rows and columns.
 
 As in the colony figures of the literature, wires run to the right, one row a module, the dominant side above.
-A node stands in the row of its inferior wire, which goes straight through it; the dominant wire ends in
+A node is in the row of its inferior wire, which goes straight through it; the dominant wire ends in
 a later column than anything between the two rows, and comes down into the node without crossing a wire.
 
-That is a tree. Of a graph it makes several: a node that is used in more than one place gets a diagram of
-its own, which ends in its name, and each use is a stub with that name. A module that is used again is a
-stub as well, at all places but its first.
+This draws a tree. A graph is split into several trees: a node that is used in more than one place gets a
+diagram of its own, which ends in its name, and each use is a stub with that name. A module that is used
+several times is a stub as well, at all places but the first.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from colony.compile.network import ModuleLeaf, Network, NetworkNode
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """A module (column 0), a stub (column 0, `stub` set), or a node (column 1 and on).
+    """A module (column 0), a stub (column 0, `stub` set), or a node (column 1 and beyond).
 
-    `name` is what stands in a module or stub, or beside the wire that leaves a node, if it has a name.
+    `name` is the text in a module or stub, or next to the wire that leaves a node, if it has a name.
     """
 
     node: int
@@ -45,7 +45,7 @@ class Connection:
 class Diagram:
     """One tree, ending in an actuator, or in the name of a wire; `root` is the place whose wire that is.
 
-    `used` says whether a wire's name stands in another diagram: other wires drive nothing.
+    `used` is true if another diagram uses the wire; otherwise the wire drives nothing.
     """
 
     ends_in: str
@@ -58,7 +58,7 @@ class Diagram:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Diagrams from top to bottom; rows go on from one to the next."""
+    """Diagrams from top to bottom, with rows numbered through all of them."""
 
     diagrams: tuple[Diagram, ...]
 
@@ -88,7 +88,7 @@ class _Drawing:
         nameless = [at for at in (*shared, *self.unused) if at not in self.names]
         self.names |= {at: f"wire {i}" for i, at in enumerate(nameless, start=1) if inputs(self.nodes[at])}
         self.waiting: deque[int] = deque()
-        self.met: set[int] = set()
+        self.seen: set[int] = set()
         self.row = 0
 
     def diagrams(self) -> Iterator[Diagram]:
@@ -111,7 +111,7 @@ class _Drawing:
         """Lay out one tree, rows from the dominant side down, columns once the inputs have theirs."""
         places: list[Place] = []
         connections: list[Connection] = []
-        done: list[int] = []  # places of inputs whose node is still to come
+        done: list[int] = []  # places of inputs whose node is not laid out yet
         stack = [(root, False)]
         while stack:
             at, entered = stack.pop()
@@ -141,13 +141,13 @@ class _Drawing:
         )
 
     def leaf(self, at: int, node: NetworkNode) -> Place:
-        again = at in self.met
-        self.met.add(at)
+        is_repeated = at in self.seen
+        self.seen.add(at)
         if isinstance(node, ModuleLeaf):
-            name, stub = node.module, again
+            name, stub = node.module, is_repeated
         else:
             name, stub = self.names[at], True
-            if not again:
+            if not is_repeated:
                 self.waiting.append(at)
         self.row += 1
         return Place(node=at, row=self.row - 1, column=0, name=name, stub=stub)

@@ -1,4 +1,4 @@
-"""The network as a networkx graph: for analyses of one's own, and GraphML for other tools."""
+"""The network as a networkx graph, for your own analyses, and as GraphML, for other tools."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The picture of a network as SVG, laid out by `layout.py`: no other program is needed to draw it.
 
-Modules carry `data-module` and nodes `data-node` attributes, so that a live page can light them up.
+Modules have `data-module` and nodes `data-node` attributes, so that a live page can highlight them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ BETWEEN_DIAGRAMS = 26.0
 BOX_HEIGHT = 34.0
 RADIUS = 15.0
 BEND = 10.0
-LEAST_PITCH = 66.0
+MIN_PITCH = 66.0
 TITLE_HEIGHT = 34.0
 LEGEND_LINE = 17.0
 
@@ -83,9 +83,9 @@ class _Picture:
     def _columns(self) -> list[float]:
         """Return the x of each column (of modules, their right side), and at last that of the actuators."""
         places = [place for d in self.drawn.diagrams for place in d.places]
-        pitches = [LEAST_PITCH] * (1 + max((place.column for place in places), default=0))
+        pitches = [MIN_PITCH] * (1 + max((place.column for place in places), default=0))
         for d in self.drawn.diagrams:
-            short = [d.places[d.root]]  # wires that their name must fit on: those to the next column
+            short = [d.places[d.root]]  # wires to the next column, on which their names must fit
             for connection in d.connections:
                 source, target = d.places[connection.source], d.places[connection.target]
                 if target.column == source.column + 1:
@@ -151,10 +151,10 @@ class _Picture:
         return f'<path class="wire {kind}" d="{path}" marker-end="url(#{kind})"/>'
 
     def _ending(self, diagram: Diagram) -> str:
-        """Draw the wire that leaves the diagram, and what it goes to."""
+        """Draw the wire that leaves the diagram, and its destination."""
         root = diagram.places[diagram.root]
         start = self._point(diagram, root)
-        x = self._end_x() if diagram.actuator else start.x + LEAST_PITCH - RADIUS
+        x = self._end_x() if diagram.actuator else start.x + MIN_PITCH - RADIUS
         wire = f'<path class="wire" d="M {_n(start.x)} {_n(start.y)} H {_n(x)}" marker-end="url(#inferior)"/>'
         if diagram.actuator:
             return f"{wire}\n{_flag('actuator', x, start.y, self.end, diagram.ends_in)}"
@@ -209,7 +209,7 @@ def _text(x: float, y: float, text: str, kind: str = "") -> str:
 
 
 def _flag(kind: str, x: float, y: float, width: float, text: str) -> str:
-    """Draw a box that points to the right: stubs, the names that they stand for, and actuators."""
+    """Draw a box that points to the right: for stubs, named wires and actuators."""
     half, point = BOX_HEIGHT / 2, 11.0
     path = (
         f"M {_n(x + 4)} {_n(y - half)} H {_n(x + width - point)} L {_n(x + width)} {_n(y)} "

@@ -1,8 +1,8 @@
-"""The decoding of single columns' classes to texts, each with its probability as a whole.
+"""Decodes the classes of columns to texts with their probabilities.
 
-A text is written in the columns in many ways: each character over one column or several, with blanks between
-them, and always between two equal ones. Its probability is the sum over all ways (connectionist temporal
-classification; Graves et al., ICML 2006).
+A text has many alignments to the columns: each character over one column or several, with optional blanks
+between characters, and at least one between two equal ones. Its probability is the sum over all alignments
+(connectionist temporal classification; Graves et al., ICML 2006).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from colony.nav.maps.signs import CHARACTERS
 from colony.vision.letters.network import BLANK
-from colony.vision.letters.prior import LONGEST
+from colony.vision.letters.prior import MAX_CHARACTERS
 
 Floats = npt.NDArray[np.float32]
 
@@ -25,7 +25,7 @@ _BEAM = 12
 
 
 def likely_texts(log_probabilities: Floats) -> dict[str, float]:
-    """Return the most probable texts with their probabilities, by a beam search of a dozen beginnings.
+    """Return the most probable texts with their probabilities, by a beam search over a dozen prefixes.
 
     Args:
         log_probabilities: the log probability of each class at each column, (columns, classes).
@@ -49,7 +49,7 @@ def _longer(
     characters: Sequence[tuple[str, float]],
     column: npt.NDArray[np.float64],
 ) -> dict[str, tuple[float, float]]:
-    """Extend the beginnings by a column, each with the probabilities to end in a blank, or not."""
+    """Extend the prefixes by a column; each has the probabilities to end in a blank, and in a character."""
     longer: dict[str, tuple[float, float]] = {}
     for text, (ended, going) in beam.items():
         both = ended + going
@@ -57,7 +57,7 @@ def _longer(
         again = going * float(column[CHARACTERS.index(last)]) if last else 0.0
         old = longer.get(text, (0.0, 0.0))
         longer[text] = (old[0] + both * blank, old[1] + again)
-        if len(text) == LONGEST:
+        if len(text) == MAX_CHARACTERS:
             continue
         for character, probability in characters:
             start = (ended if character == last else both) * probability
@@ -72,8 +72,8 @@ class States(NamedTuple):
 
     Attributes:
         classes: the class of each state.
-        valid: True for the states that a text has; the rest only fills up its row.
-        leaps: True for states that may follow the one before the last, without the blank between.
+        valid: True for the states of a text; the rest is padding.
+        leaps: True for states that may be entered from two states before, without the blank between.
     """
 
     classes: npt.NDArray[np.intp]

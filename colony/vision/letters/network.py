@@ -1,10 +1,11 @@
-"""The network that reads characters: a small convolutional one.
+"""The network that reads characters: a small convolutional network.
 
-For each of 32 columns of a strip it gives the probability of each character, and of none. Three convolutions
-of 3 by 3, each followed by a rectification and the first two by pooling; then one over the whole height, one
-along the columns, and a linear layer to the classes. Characters need a small receptive field; a separate
-head, a hidden layer over all columns, decides whether the strip as a whole is a plate. The weights are
-learned by `python -m colony.vision.training` and stored as 8-bit integers with a scale for each channel.
+For each of 32 columns of a strip it gives the probability of each character, and of none. It has three
+convolutions of 3 by 3, each followed by rectification and the first two by pooling; then one over the whole
+height, one along the columns, and a linear layer to the classes. Characters need a small receptive field
+only; a separate head, a hidden layer over all columns, decides whether the whole strip is a plate. The
+weights are learned by `python -m colony.vision.training` and stored as 8-bit integers with a scale for each
+channel.
 """
 
 from __future__ import annotations
@@ -25,10 +26,10 @@ Floats = npt.NDArray[np.float32]
 
 CLASSES = len(CHARACTERS) + 1
 BLANK = len(CHARACTERS)
-"""The class of a column that has no character of its own: before, between and after them."""
+"""Class of a column without a character of its own: before, between and after the characters."""
 
 FRAMES = 32
-"""Number of columns for which the network gives classes: one for two columns of the strip."""
+"""Number of columns for which the network gives classes: one per two columns of the strip."""
 
 HEAD_AFTER = 4
 """Number of convolutions before the head."""
@@ -53,13 +54,13 @@ class Layer:
     bias: Floats
 
 
-class Look(NamedTuple):
+class NetworkOutput(NamedTuple):
     """The output of the network for a strip.
 
     Attributes:
-        log_probabilities: the log probability of each class at each column, (32, 37), if the strip is a
+        log_probabilities: log probability of each class at each column, (32, 37), given that the strip is a
             plate.
-        plate: the log odds that the strip is a plate.
+        plate: log odds that the strip is a plate.
     """
 
     log_probabilities: Floats
@@ -73,8 +74,8 @@ class LetterNet:
     Attributes:
         layers: the layers; the last one is linear and gives the classes.
         head: the hidden layer, and the linear one that decides whether the strip is a plate.
-        sharpness, trust: factors of the log probability of a text and of its log prior. They calibrate the
-            readings: these are right as often as their confidence says.
+        sharpness, trust: factors of the log probability of a text and of its log prior, which calibrate the
+            confidence of readings.
         facts: description of the training: seed, steps, fonts, accuracies.
     """
 
@@ -84,7 +85,7 @@ class LetterNet:
     trust: float
     facts: str
 
-    def look(self, strip: Floats) -> Look:
+    def run(self, strip: Floats) -> NetworkOutput:
         """Run the network on a strip, (24, 64)."""
         x, plate = strip[:, :, None], 0.0
         for i, (pad, pool) in enumerate(zip(PADS, POOLS, strict=True), 1):
@@ -95,7 +96,7 @@ class LetterNet:
         scores = _convolved(x, self.layers[-1], (0, 0))[0]
         scores -= scores.max(axis=1, keepdims=True)
         normalized: Floats = scores - np.log(np.exp(scores).sum(axis=1, keepdims=True))
-        return Look(normalized, plate)
+        return NetworkOutput(normalized, plate)
 
 
 @cache
@@ -138,7 +139,7 @@ def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> LetterNet:
     names = [f"{part}{i}" for i in range(count) for part in ("kernel", "scale", "bias")]
     missing = [name for name in [*names, "sharpness", "trust", "facts"] if name not in arrays]
     if missing:
-        again = "train them anew: python -m colony.vision.training"
+        again = "train them again: python -m colony.vision.training"
         raise ValueError(f"the weights in {WEIGHTS_FILE} lack {', '.join(missing)}; {again}")
     layers = []
     for i in range(count):
@@ -182,7 +183,7 @@ def _convolved(x: Floats, layer: Layer, pad: tuple[int, int]) -> Floats:
 
 
 def _pooled(x: Floats, pool: tuple[int, int]) -> Floats:
-    """Return the maximum of each cell of so many rows and columns."""
+    """Return the maximum of each cell of `pool` rows and columns."""
     rows, columns, channels = x.shape
     high, wide = pool
     if wide > 1:

@@ -1,8 +1,8 @@
-"""The prior of the texts on door plates: the probability of a text as a room's number or a word on a door.
+"""The prior of the texts on door plates: the probability of a text as a room number or a word on a door.
 
-Rooms are numbers of one to five digits, perhaps with a letter before or after them. Some doors have a word
-that many buildings share. The rest is any string of letters, or of letters and digits. The prior is no list
-of the rooms of a building; a map's rooms are given as a lexicon.
+Room numbers have one to five digits, perhaps with a letter before or after them. Some doors have words that
+are common to many buildings. The rest are arbitrary strings of letters, or of letters and digits. The prior
+lists no building's rooms; those of a map are given as a lexicon.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SHAPES = {
 }  # fmt: skip
 """Frequencies of the shapes of texts: a 0 is any digit, an A any letter.
 
-Beside digits, the letters I and O are left out, as rules for the numbers of rooms do.
+Next to digits, the letters I and O are left out, as in the usual rules for room numbers.
 """
 
 ROOM_LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"
@@ -29,7 +29,7 @@ WORDS = (
     "JAN", "JANIT", "KITCH", "LAB", "LADIE", "LIBRA", "LIFT", "LOBBY", "LOUNG", "MAIL", "MECH", "MEETI",
     "MEN", "OFFIC", "PRINT", "ROOM", "SHOP", "STAFF", "STAIR", "STORA", "STUDY", "TOILE", "WC", "WOMEN",
 )  # fmt: skip
-"""Words on doors anywhere; a plate has at most five characters."""
+"""Common words on doors, cut to five characters."""
 
 WORD_SHARE = 0.06
 """Fraction of plates that have one of these words."""
@@ -37,10 +37,10 @@ WORD_SHARE = 0.06
 ANYTHING_SHARE = 0.01
 """Fraction of plates that have arbitrary digits and letters."""
 
-LONGEST = 5
+MAX_CHARACTERS = 5
 """Largest number of characters on a plate."""
 
-KNOWN = 0.97
+LEXICON_PROBABILITY = 0.97
 """Probability that a plate has one of a lexicon's texts, if a lexicon is given."""
 
 
@@ -49,12 +49,12 @@ def log_prior(text: str, lexicon: Collection[str] = ()) -> float:
 
     Args:
         text: digits and capital letters, not empty.
-        lexicon: texts one of which a plate has nearly always (`KNOWN`), all of them equally often.
+        lexicon: texts of which a plate nearly always (`LEXICON_PROBABILITY`) has one, all equally often.
     """
     share = _share(text)
     if lexicon:
-        here = KNOWN / len(lexicon) if text in lexicon else 0.0
-        share = here + (1.0 - KNOWN) * share
+        here = LEXICON_PROBABILITY / len(lexicon) if text in lexicon else 0.0
+        share = here + (1.0 - LEXICON_PROBABILITY) * share
     return math.log(share / _random_share(text))
 
 
@@ -71,4 +71,4 @@ def _share(text: str) -> float:
 
 
 def _random_share(text: str) -> float:
-    return 1.0 / (LONGEST * 36.0 ** len(text))
+    return 1.0 / (MAX_CHARACTERS * 36.0 ** len(text))

@@ -1,12 +1,12 @@
-"""Progress of a robot along a straight track: odometry and landmarks in a one-dimensional Kalman filter.
+"""The progress of a robot along a straight track: a one-dimensional Kalman filter of odometry and landmarks.
 
-The odometry gives the *reported* progress, in mm along the track. True progress is that plus an error. Over a
-way d, the error grows by the odometry's scale error times d, and by the slip of the wheels; a landmark at a
-known place measures the error itself. Two states, the error and the scale error, follow from that, with their
-covariance. The scale error outlives a track: it is the robot's.
+The odometry gives the *reported* progress, in mm along the track. The true progress is that plus an error.
+Over a distance d, the error grows by the odometry's scale error times d, and by the slip of the wheels; a
+landmark at a known place measures the error itself. So the filter has two states, the error and the scale
+error, with their covariance. The scale error is kept from track to track, as it is a property of the robot.
 
-A wheel that slips on a metal joint loses some centimeters at once. Such a jump is no scale error, and would
-spoil it: a landmark that is further off than both could explain moves the error alone.
+A wheel that slips on a metal joint loses some centimeters at once. Such a jump must not change the scale
+error: a landmark whose innovation exceeds a gate updates the error alone.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ START_SIGMA_MM = 150.0
 """Standard deviation of the place at the start of a track, after a corner."""
 
 SCALE_SIGMA = 0.012
-"""Standard deviation of the odometry's scale before any landmark."""
+"""Initial standard deviation of the odometry's scale error."""
 
-SLIP_MM2_A_MM = 0.03
-"""Growth of the error's variance a mm of way: 40 mm lost, in 50 m in the mean."""
+SLIP_MM2_PER_MM = 0.03
+"""Growth of the error's variance per mm traveled: 40 mm after 50 m."""
 
 _JUMP_SIGMAS = 2.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scale:
-    """The odometry's scale error, which is 0.01 where it says 990 mm for a meter, and its variance."""
+    """The odometry's scale error, 0.01 if it reports 990 mm for a meter, and its variance."""
 
     error: float = 0.0
     variance: float = SCALE_SIGMA**2
@@ -36,7 +36,7 @@ class Scale:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reckoning:
-    """The estimate where the reported progress is `at_mm`.
+    """The estimate at the reported progress `at_mm`.
 
     `error_mm` is true less reported progress, with its `variance`; `scale` is the scale error with its own
     variance; `covariance` is that of the two.
@@ -54,7 +54,7 @@ class Reckoning:
         return self.at_mm + self.error_mm
 
     def moved(self, at_mm: float) -> Reckoning:
-        """Return the reckoning where the reported progress is `at_mm`."""
+        """Return the prediction at the reported progress `at_mm`."""
         way = at_mm - self.at_mm
         return replace(
             self,
@@ -62,12 +62,12 @@ class Reckoning:
             error_mm=self.error_mm + self.scale.error * way,
             variance=self.variance
             + max(2.0 * way * self.covariance + way * way * self.scale.variance, 0.0)
-            + SLIP_MM2_A_MM * abs(way),
+            + SLIP_MM2_PER_MM * abs(way),
             covariance=self.covariance + way * self.scale.variance,
         )
 
-    def fixed(self, error_mm: float, variance: float) -> Reckoning:
-        """Return the reckoning after a landmark measured the error, with this variance."""
+    def updated(self, error_mm: float, variance: float) -> Reckoning:
+        """Return the reckoning updated with a landmark's measurement of the error."""
         innovation = error_mm - self.error_mm
         spread = self.variance + variance
         jumped = innovation * innovation > _JUMP_SIGMAS**2 * spread
@@ -87,12 +87,12 @@ class Reckoning:
             scale=learned,
         )
 
-    def told(self, correction_mm: float) -> Reckoning:
+    def corrected(self, correction_mm: float) -> Reckoning:
         """Return the reckoning after the reported progress was corrected by `correction_mm`."""
         return replace(self, at_mm=self.at_mm + correction_mm, error_mm=self.error_mm - correction_mm)
 
     def anchored(self, error_mm: float, sigma_mm: float) -> Reckoning:
-        """Return the reckoning with an error that is known by other means; learn nothing else from it."""
+        """Return the reckoning with an error from another source; the scale error stays."""
         return replace(self, error_mm=error_mm, variance=sigma_mm**2, covariance=0.0)
 
     @property

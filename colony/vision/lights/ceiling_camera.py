@@ -1,10 +1,10 @@
 """The geometry of the camera that looks up at the ceiling (thesis section 5.6, Table 5.3, Figure 5.15).
 
-It stands upright on the robot: a column of its image is a line across the robot, columns growing forward, and
-a row is a line along it, rows growing to the right. So the ceiling lights of a corridor wander through each
-row from its end to its beginning while the robot goes along below them.
+A column of its image is a line across the robot, columns growing forward, and a row is a line along it, rows
+growing to the right. So the ceiling lights of a corridor move through each row from its end to its start
+while the robot drives below them.
 
-The simulator's ceiling is rendered with the same geometry; a test holds one against the other.
+The simulator's ceiling is rendered with the same geometry; a test compares the two.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ class CeilingCamera:
 
     Attributes:
         columns, rows: size of the image, in pixels.
-        length_deg, across_deg: the full angles that the columns and the rows see, below 180.
+        length_deg, across_deg: full angles of view along and across the robot, below 180.
         height_mm: distance from the lens to the ceiling.
-        ahead_mm, left_mm: where it is mounted, from the robot's center.
+        ahead_mm, left_mm: place of the lens relative to the robot's center.
 
     Positions in the image are in pixels, pixel i reaching from i - 0.5 to i + 0.5; offsets on the ceiling are
     in mm ahead and to the left of the robot's center.
@@ -54,12 +54,12 @@ class CeilingCamera:
             raise ValueError(f"mounted at {self.ahead_mm!r}, {self.left_mm!r}; expected finite offsets in mm")
 
     @property
-    def mm_a_column(self) -> float:
+    def mm_per_column(self) -> float:
         """Length of the ceiling that a column covers, along the robot."""
         return 2.0 * self.height_mm * math.tan(math.radians(self.length_deg / 2.0)) / self.columns
 
     @property
-    def mm_a_row(self) -> float:
+    def mm_per_row(self) -> float:
         """Width of the ceiling that a row covers, across the robot."""
         return 2.0 * self.height_mm * math.tan(math.radians(self.across_deg / 2.0)) / self.rows
 
@@ -69,20 +69,20 @@ class CeilingCamera:
         return self.rows // 4, self.rows // 2, 3 * self.rows // 4
 
     def ahead_of(self, column: float) -> float:
-        """Return how far ahead of the robot's center this column of the image sees the ceiling, in mm."""
-        return self.ahead_mm + self.mm_a_column * (column - (self.columns - 1) / 2.0)
+        """Return the distance ahead of the robot's center that a column sees on the ceiling, in mm."""
+        return self.ahead_mm + self.mm_per_column * (column - (self.columns - 1) / 2.0)
 
     def left_of(self, row: float) -> float:
-        """Return how far to the left of the robot's center this row of the image sees the ceiling, in mm."""
-        return self.left_mm + self.mm_a_row * ((self.rows - 1) / 2.0 - row)
+        """Return the distance to the left of the robot's center that a row sees on the ceiling, in mm."""
+        return self.left_mm + self.mm_per_row * ((self.rows - 1) / 2.0 - row)
 
     def column_of(self, ahead_mm: float) -> float:
-        """Return the column that sees the ceiling so far ahead; it may be outside of the image."""
-        return (self.columns - 1) / 2.0 + (ahead_mm - self.ahead_mm) / self.mm_a_column
+        """Return the column that sees the ceiling at a distance ahead; it may be outside of the image."""
+        return (self.columns - 1) / 2.0 + (ahead_mm - self.ahead_mm) / self.mm_per_column
 
     def row_of(self, left_mm: float) -> float:
-        """Return the row that sees the ceiling so far to the left; it may be outside of the image."""
-        return (self.rows - 1) / 2.0 - (left_mm - self.left_mm) / self.mm_a_row
+        """Return the row that sees the ceiling at a distance to the left; it may be outside of the image."""
+        return (self.rows - 1) / 2.0 - (left_mm - self.left_mm) / self.mm_per_row
 
 
 UPWARD = CeilingCamera()

@@ -1,20 +1,20 @@
 """Ceiling lights in scan lines: a few rows of an image of the ceiling (thesis section 5.6).
 
 *Edges.* The gradient at a pixel border is the mean of the pixels after it less the mean of those before it.
-An edge is where its magnitude is greatest and above a threshold that comes from the line itself: from its
-noise, which the differences of neighboring pixels show whatever the ceiling looks like. So a dim light, and
-one on a ceiling in the sun, have edges as one on a dark ceiling has. Where the gradient's peak has its center
-of gravity is the edge, to a small part of a pixel.
+An edge is a peak of its magnitude above a threshold that is derived from the noise of the line, which is
+estimated from the differences of neighboring pixels on any ceiling. So a dim light, and one on a sunlit
+ceiling, have edges like one on a dark ceiling. The edge is at the centroid of the peak, to a small part of a
+pixel.
 
-*Lights.* An edge from dark to bright and one from bright to dark are a light where they are as far apart as a
-light is long. One of them alone is a light that goes on beyond the image, where that is so close that the
-other edge could not be in it.
+*Lights.* An edge from dark to bright and one from bright to dark are a light if they are as far apart as a
+light is long. One of them alone is a light that extends beyond the image, if it is so close to the border
+that the other edge could not be in the image.
 
-*Fusion.* Where the robot's heading is tilted against the corridor by b, the edges of a light shift from line
-to line: a point of the ceiling u ahead and v to the left of the robot is u cos b - v sin b ahead along the
-corridor, which must be the same for all points of an edge. Lines agree where one tilt explains their edges.
-A light that two lines agree upon is taken; one that is in a single line, as when the robot is far from the
-middle of the corridor, is taken where it is whole and its edges are very clear.
+*Fusion.* If the robot's heading is tilted against the corridor by b, the edges of a light shift from line to
+line: a point of the ceiling u ahead and v to the left of the robot is u cos b - v sin b ahead along the
+corridor, which must be the same for all points of an edge. Lines agree if one tilt explains their edges. A
+light is accepted if two lines agree on it. One in a single line, as when the robot is far from the middle of
+the corridor, is accepted if it is whole and its edges are very clear.
 """
 
 from __future__ import annotations
@@ -30,46 +30,47 @@ from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, CeilingCamera
 
 Lines = NDArray[np.uint8]
 
-REACH = 6
+GRADIENT_PIXELS = 6
 """Number of pixels on each side of a border that the gradient covers."""
 
-NOISES = 5.5
-"""The least gradient of an edge, in standard deviations of the gradient of a line without any edge."""
+MIN_GRADIENT_SIGMAS = 5.5
+"""Least gradient of an edge, in standard deviations of the gradient of a line without edges."""
 
-LEAST_GRADIENT = 16.0
-"""The least gradient of an edge, in gray levels, however quiet the line is: more than that of the seams
-between the tiles of a ceiling."""
+MIN_GRADIENT = 16.0
+"""Least gradient of an edge in any line, in gray levels: more than that of the seams between the tiles of a
+ceiling."""
 
-WIDE = 16
+STEP_PIXELS = 16
 """Number of pixels on each side over which an edge's step is measured, `_GAP` pixels away from it."""
 
-STEP = 0.6
-"""An edge is one between two levels: its gradient is this part of the step at least, so that it is sharp and
-no sunshine, and the step this part of the gradient, so that it is no thin line, as seams are."""
+MIN_STEP_RATIO = 0.6
+"""Least ratio of an edge's gradient to its step, which rejects soft sunlight, and of its step to its
+gradient,
+which rejects thin lines, as of seams."""
 
-CLEAR_PARTIAL = 3.0
-"""Least gradient, in units of the threshold, of a lone edge as a light that goes on beyond the image."""
+MIN_PARTIAL_STRENGTH = 3.0
+"""Least gradient, in units of the threshold, of a lone edge of a light that extends beyond the image."""
 
-CLEAR = 1.3
+MIN_SINGLE_STRENGTH = 1.3
 """Least gradient, in units of the threshold, of the edges of a light in a single line."""
 
-STEEPEST_DEG = 25.0
-"""The largest tilt of the heading against the corridor that lines may agree upon."""
+MAX_TILT_DEG = 25.0
+"""Largest tilt of the heading against the corridor that lines may agree on."""
 
 _LENGTH_TOLERANCE_MM = 45.0
 _AGREEMENT_MM = 30.0
 _STRONG = 4.0
 _MAD_TO_SIGMA = 1.4826
-_MOST_EDGES = 12
+_MAX_EDGES = 12
 _GAP = 3
-_OFFSETS = np.arange(-REACH, REACH + 1, dtype=np.float64)
+_OFFSETS = np.arange(-GRADIENT_PIXELS, GRADIENT_PIXELS + 1, dtype=np.float64)
 
 
 class LineLight(NamedTuple):
-    """A light in one line: where its edges are, in mm ahead of the robot; None: beyond the image.
+    """A light in one line: the places of its edges, in mm ahead of the robot; None for one beyond the image.
 
-    `strength` is the gradient of its weaker edge in units of the least one, `quality` in [0, 1] how clear its
-    edges are and how well its length is a light's; a light with one edge has at most half.
+    `strength` is the gradient of its weaker edge in units of the threshold. `quality` in [0, 1] rates the
+    clarity of its edges and the fit of its length; a light with one edge has at most half.
     """
 
     near_mm: float | None
@@ -82,7 +83,7 @@ class Light(NamedTuple):
     """A ceiling light: its center is `ahead_mm` ahead of the robot, along the corridor, and negative behind.
 
     `tilt_deg` is the robot's heading less the corridor's, counterclockwise, None if the lines do not show it;
-    `lines` is the number of lines that agree upon it, `whole` is True if both of its edges are seen,
+    `lines` is the number of lines that agree on it, `whole` is True if both of its edges are visible,
     `quality` is in [0, 1].
     """
 
@@ -101,7 +102,7 @@ class _Edge(NamedTuple):
 
 
 def ceiling_lights(lines: Lines, camera: CeilingCamera, *, tilt_deg: float = 0.0) -> tuple[Light, ...]:
-    """Return the lights that the lines agree upon, best first, none overlapping a better one.
+    """Return the lights that the lines agree on, best first, none overlapping a better one.
 
     Args:
         lines: n x columns, the scan lines of the camera.
@@ -112,16 +113,16 @@ def ceiling_lights(lines: Lines, camera: CeilingCamera, *, tilt_deg: float = 0.0
     found = line_lights(lines, camera)
     if not any(found):
         return ()
-    claims = [claim for claim in _claims(found, lefts, tilt_deg) if claim is not None]
+    candidates = [candidate for candidate in _candidates(found, lefts, tilt_deg) if candidate is not None]
     chosen: list[Light] = []
-    for light in sorted(claims, key=lambda light: -light.quality):
+    for light in sorted(candidates, key=lambda light: -light.quality):
         if all(abs(light.ahead_mm - other.ahead_mm) > LIGHT_LENGTH_MM for other in chosen):
             chosen.append(light)
     return tuple(chosen)
 
 
 def line_lights(lines: Lines, camera: CeilingCamera) -> tuple[tuple[LineLight, ...], ...]:
-    """Return the lights in each line, by itself.
+    """Return the lights in each single line.
 
     Raises:
         ValueError: the lines are not as long as the camera's.
@@ -138,16 +139,24 @@ def _edges(lines: Lines) -> list[list[_Edge]]:
     """Return the edges of each line, in the order of their columns."""
     sums = np.zeros((lines.shape[0], lines.shape[1] + 1))
     np.cumsum(lines, axis=1, out=sums[:, 1:])
-    gradient = (sums[:, 2 * REACH :] - 2.0 * sums[:, REACH:-REACH] + sums[:, : -2 * REACH]) / REACH
+    gradient = (
+        sums[:, 2 * GRADIENT_PIXELS :]
+        - 2.0 * sums[:, GRADIENT_PIXELS:-GRADIENT_PIXELS]
+        + sums[:, : -2 * GRADIENT_PIXELS]
+    ) / GRADIENT_PIXELS
     scaled = gradient / _least_gradients(lines)[:, None]
     size = np.abs(scaled)
     peak = size > 1.0
     peak[:, 1:] &= size[:, 1:] >= size[:, :-1]
     peak[:, :-1] &= size[:, :-1] > size[:, 1:]
-    peak[:, [0, -1]] = False  # the true peak may be further out
+    peak[:, [0, -1]] = False  # the true peak may be outside of the image
     line, border = np.nonzero(peak)
-    height, step = gradient[line, border], _steps(sums, line, border + REACH)
-    sharp = (height * step > 0.0) & (abs(height) >= STEP * abs(step)) & (abs(step) >= STEP * abs(height))
+    height, step = gradient[line, border], _steps(sums, line, border + GRADIENT_PIXELS)
+    sharp = (
+        (height * step > 0.0)
+        & (abs(height) >= MIN_STEP_RATIO * abs(step))
+        & (abs(step) >= MIN_STEP_RATIO * abs(height))
+    )
     found: list[list[_Edge]] = [[] for _ in lines]
     for row, at in zip(line[sharp].tolist(), border[sharp].tolist(), strict=True):
         found[row].append(_refined(gradient[row], at, float(scaled[row, at])))
@@ -157,23 +166,25 @@ def _edges(lines: Lines) -> list[list[_Edge]]:
 def _least_gradients(lines: Lines) -> NDArray[np.float64]:
     """Return the least gradient of an edge in each line, by the noise of neighboring pixels."""
     steps = np.abs(np.diff(lines.astype(np.int16), axis=1))
-    # The median of whole gray levels is a coarse measure: half a level is added for what rounding hides.
+    # The median of whole gray levels is coarse: half a level is added for the rounding.
     middle = steps.shape[1] // 2
     noise = (np.partition(steps, middle, axis=1)[:, middle] + 0.5) * (_MAD_TO_SIGMA / math.sqrt(2.0))
-    least: NDArray[np.float64] = np.maximum(LEAST_GRADIENT, NOISES * math.sqrt(2.0 / REACH) * noise)
+    least: NDArray[np.float64] = np.maximum(
+        MIN_GRADIENT, MIN_GRADIENT_SIGMAS * math.sqrt(2.0 / GRADIENT_PIXELS) * noise
+    )
     return least
 
 
 def _steps(
     sums: NDArray[np.float64], line: NDArray[np.intp], border: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """Return the change of the level across borders, from `WIDE` pixels before to `WIDE` after them.
+    """Return the change of the level across borders, from `STEP_PIXELS` pixels before to `WIDE` after them.
 
     There are fewer pixels where the image ends. Border i is between columns i - 1 and i.
     """
     last = sums.shape[1] - 1
     after, before = np.minimum(border + _GAP, last - 1), np.maximum(border - _GAP, 1)
-    end, first = np.minimum(after + WIDE, last), np.maximum(before - WIDE, 0)
+    end, first = np.minimum(after + STEP_PIXELS, last), np.maximum(before - STEP_PIXELS, 0)
     above = (sums[line, end] - sums[line, after]) / (end - after)
     below = (sums[line, before] - sums[line, first]) / (before - first)
     step: NDArray[np.float64] = above - below
@@ -182,17 +193,19 @@ def _steps(
 
 def _refined(gradient: NDArray[np.float64], border: int, rise: float) -> _Edge:
     """Return an edge at the centroid of the gradient about its peak: a step makes a triangle of it."""
-    half = min(REACH - 1, border, len(gradient) - 1 - border)
+    half = min(GRADIENT_PIXELS - 1, border, len(gradient) - 1 - border)
     weights = np.maximum(gradient[border - half : border + half + 1] * math.copysign(1.0, rise), 0.0)
-    center = border + float(weights @ _OFFSETS[REACH - half : REACH + half + 1]) / float(weights.sum())
-    return _Edge(center + REACH - 0.5, rise)
+    center = border + float(weights @ _OFFSETS[GRADIENT_PIXELS - half : GRADIENT_PIXELS + half + 1]) / float(
+        weights.sum()
+    )
+    return _Edge(center + GRADIENT_PIXELS - 0.5, rise)
 
 
 def _separate(edges: list[_Edge]) -> list[_Edge]:
-    """Keep the strongest of edges of the same sign closer than `REACH`, and a limited number in all."""
+    """Keep the strongest of edges of the same sign within `GRADIENT_PIXELS`, and a limited number in all."""
     kept: list[_Edge] = []
-    for edge in sorted(edges, key=lambda edge: -abs(edge.rise))[:_MOST_EDGES]:
-        if all(abs(edge.column - k.column) > REACH or edge.rise * k.rise < 0.0 for k in kept):
+    for edge in sorted(edges, key=lambda edge: -abs(edge.rise))[:_MAX_EDGES]:
+        if all(abs(edge.column - k.column) > GRADIENT_PIXELS or edge.rise * k.rise < 0.0 for k in kept):
             kept.append(edge)
     return sorted(kept)
 
@@ -201,7 +214,7 @@ def _separate(edges: list[_Edge]) -> list[_Edge]:
 
 
 def _paired(edges: list[_Edge], camera: CeilingCamera) -> tuple[LineLight, ...]:
-    """Return the pairs of edges that are lights, and the edges whose other one is beyond the image."""
+    """Return the pairs of edges that are lights; without any, the single edges of partial lights."""
     lights = [
         light
         for near in edges
@@ -215,19 +228,19 @@ def _paired(edges: list[_Edge], camera: CeilingCamera) -> tuple[LineLight, ...]:
 
 
 def _pair(near: _Edge, far: _Edge, camera: CeilingCamera) -> LineLight | None:
-    length_mm = (far.column - near.column) * camera.mm_a_column
+    length_mm = (far.column - near.column) * camera.mm_per_column
     excess = max(LIGHT_LENGTH_MM - length_mm, length_mm - _longest_mm(), 0.0)
     if excess > _LENGTH_TOLERANCE_MM:
         return None
     strength = min(near.rise, -far.rise)
     quality = min(1.0, strength / _STRONG) * (1.0 - excess / _LENGTH_TOLERANCE_MM)
-    # Two edges of a light are equally high; those of two different things seldom are.
+    # The two edges of a light have equal gradients; those of different objects seldom do.
     quality *= strength / max(near.rise, -far.rise)
     return LineLight(camera.ahead_of(near.column), camera.ahead_of(far.column), strength, quality)
 
 
 def _partial(edge: _Edge, camera: CeilingCamera) -> LineLight | None:
-    if abs(edge.rise) < CLEAR_PARTIAL:
+    if abs(edge.rise) < MIN_PARTIAL_STRENGTH:
         return None
     at_mm = camera.ahead_of(edge.column)
     longest = _longest_mm() + _LENGTH_TOLERANCE_MM
@@ -240,21 +253,21 @@ def _partial(edge: _Edge, camera: CeilingCamera) -> LineLight | None:
 
 
 def _longest_mm() -> float:
-    return LIGHT_LENGTH_MM / math.cos(math.radians(STEEPEST_DEG))
+    return LIGHT_LENGTH_MM / math.cos(math.radians(MAX_TILT_DEG))
 
 
 # --- agreement -------------------------------------------------------------------------------------
 
 
-def _claims(
+def _candidates(
     found: tuple[tuple[LineLight, ...], ...], lefts: list[float], tilt_deg: float
 ) -> list[Light | None]:
-    """Return what each line, each pair of lines and all lines together could mean."""
+    """Return the candidates from each line, each pair of lines and all lines together."""
     seen = [(light, left) for lights, left in zip(found, lefts, strict=True) for light in lights]
-    claims = [_single(light, left, tilt_deg, len(lefts)) for light, left in seen]
+    candidates = [_single(light, left, tilt_deg, len(lefts)) for light, left in seen]
     groups = (group for count in range(2, len(lefts) + 1) for group in combinations(seen, count))
-    claims += [_agreed(group, tilt_deg, len(lefts)) for group in groups if _of_different_lines(group)]
-    return claims
+    candidates += [_agreed(group, tilt_deg, len(lefts)) for group in groups if _of_different_lines(group)]
+    return candidates
 
 
 def _of_different_lines(group: tuple[tuple[LineLight, float], ...]) -> bool:
@@ -262,7 +275,7 @@ def _of_different_lines(group: tuple[tuple[LineLight, float], ...]) -> bool:
 
 
 def _single(light: LineLight, left_mm: float, tilt_deg: float, lines: int) -> Light | None:
-    if light.near_mm is None or light.far_mm is None or light.strength < CLEAR:
+    if light.near_mm is None or light.far_mm is None or light.strength < MIN_SINGLE_STRENGTH:
         return None
     tilt = math.radians(tilt_deg)
     center = (light.near_mm + light.far_mm) / 2.0
@@ -276,7 +289,7 @@ def _agreed(group: tuple[tuple[LineLight, float], ...], tilt_deg: float, lines: 
     far = [(light.far_mm, left) for light, left in group if light.far_mm is not None]
     slope = _slope(near, far)
     tilt = math.radians(tilt_deg) if slope is None else math.atan(slope)
-    if abs(tilt) > math.radians(STEEPEST_DEG):
+    if abs(tilt) > math.radians(MAX_TILT_DEG):
         return None
     cosine, sine = math.cos(tilt), math.sin(tilt)
     half = LIGHT_LENGTH_MM / 2.0
@@ -287,12 +300,12 @@ def _agreed(group: tuple[tuple[LineLight, float], ...], tilt_deg: float, lines: 
         return None
     fit = 1.0 - spread / _AGREEMENT_MM
     quality = sum(light.quality for light, _ in group) / lines * (0.5 + 0.5 * fit)
-    told = None if slope is None else math.degrees(tilt)
-    return Light(ahead, told, len(group), bool(near) and bool(far), quality)
+    measured = None if slope is None else math.degrees(tilt)
+    return Light(ahead, measured, len(group), bool(near) and bool(far), quality)
 
 
 def _slope(near: list[tuple[float, float]], far: list[tuple[float, float]]) -> float | None:
-    """Return the shift of the edges ahead for each mm to the left: least squares, with an offset an edge."""
+    """Return the shift of the edges ahead per mm to the left: least squares, with an offset per edge."""
     products = squares = 0.0
     for points in (near, far):
         if len(points) > 1:

@@ -1,10 +1,10 @@
 """The count of ceiling lights as printed: each change to light, verified by the distance (section 5.6).
 
-The distance is that from the light before. The thesis leaves open where in an image a light counts, how far
-the distance may be off, and what happens after a missed light. Here there is light where the robot's center
-is below one and beyond its middle, which is the place that the map knows: so what is left is an overshoot, as
-printed. The distance may be off by a part of itself, and the next light that is seen counts for both, since
-the map knows that distance too. A last light that is out is never passed, and nothing is corrected.
+The distance is that from the previous light. The thesis leaves open where in an image a light counts, how
+large the error of the distance may be, and what happens after a missed light. Here a light counts when the
+robot's center is below it and beyond its middle, its place on the map: so the rest is an overshoot, as
+printed. The tolerance of the distance grows with the distance. The light after a missed one counts for both,
+since the map also has their distance. A last light that is out is never passed, and nothing is corrected.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM
-from colony.vision.lights.track import LightGoal, Passing, Seen
+from colony.vision.lights.track import LightDetections, LightGoal, LightPassing
 
 TOLERANCE_MM = 600.0
-"""Tolerance of the distance to the light before, besides a part of that distance."""
+"""Tolerance of the distance from the previous light."""
 
 TOLERANCE_PART = 0.1
 """Additional tolerance, as a part of the distance."""
@@ -26,15 +26,15 @@ class ThesisTrack:
     """The progress of a goal.
 
     `since_mm` is the reported progress at the last valid light, `light` is True if the last image showed a
-    light above the robot, `passed` is the number of lights that count, `found` is what the last image adds to
-    that.
+    light above the robot, `passed` is the number of lights that count, `found` is the passing found in the
+    last image.
     """
 
     goal: LightGoal
     passed: int = 0
     since_mm: float = 0.0
     light: bool = False
-    found: Passing | None = None
+    found: LightPassing | None = None
 
     @classmethod
     def start(cls, goal: LightGoal, passed: int = 0) -> ThesisTrack:
@@ -43,32 +43,32 @@ class ThesisTrack:
 
     @property
     def done(self) -> bool:
-        """All lights count as passed."""
+        """True if all lights count as passed."""
         return self.passed >= len(self.goal.lights_mm)
 
-    def seen(self, seen: Seen) -> ThesisTrack:
+    def observed(self, detections: LightDetections) -> ThesisTrack:
         """Return the track after an image."""
-        above = [light for light in seen.lights if -LIGHT_LENGTH_MM / 2.0 <= light.ahead_mm <= 0.0]
+        above = [light for light in detections.lights if -LIGHT_LENGTH_MM / 2.0 <= light.ahead_mm <= 0.0]
         if not above or self.light or self.done:
             return replace(self, light=bool(above))
-        place = seen.progress_mm + above[0].ahead_mm
+        place = detections.progress_mm + above[0].ahead_mm
         number = self._verified(place - self.since_mm)
         if number is None:
             return replace(self, light=True)
-        return replace(self, light=True, since_mm=place, found=Passing(number, True, -above[0].ahead_mm))
+        return replace(self, light=True, since_mm=place, found=LightPassing(number, True, -above[0].ahead_mm))
 
-    def passing(self, progress_mm: float) -> tuple[ThesisTrack, Passing | None]:
-        """Return the track, and the light that was found last, once for each light."""
+    def passing(self, progress_mm: float) -> tuple[ThesisTrack, LightPassing | None]:
+        """Return the track, and the passing of the last light, once for each light."""
         if self.found is None:
             return self, None
         return replace(self, passed=self.found.number, found=None), self.found
 
     def to_next(self, progress_mm: float) -> float | None:
-        """Return None: only images show the next light."""
+        """Return None: the next light is recognized in images only."""
         return None
 
     def _verified(self, distance_mm: float) -> int | None:
-        """Return the number of lights that count, if the distance from the last one is one of the map's."""
+        """Return the number of lights passed by the distance from the last one; None if none agrees."""
         before = self.goal.lights_mm[self.passed - 1] if self.passed else 0.0
         for index in range(self.passed, len(self.goal.lights_mm)):
             mapped = self.goal.lights_mm[index] - before

@@ -1,18 +1,19 @@
-"""CTracker: counts the ceiling lights that the robot passes, and measures its place (sections 5.6 and 5.8).
+"""CTracker: counts the ceiling lights that the robot passes, and measures its position (sections 5.6, 5.8).
 
-It waits for $TrackData, reads the lights to come from LightOffset, and looks at the ceiling twice a second or
-more often. CeilingLight is the number of lights passed; at each, $LightDet is upped. After the last one
-Overshoot is how far beyond it the robot is, and $EndLMode is upped. A restarted tracker resumes where the one
-before it ended (`track_goals.py`). Lights are given up if the robot meanwhile has a goal of another kind,
-from another Planner.
+It waits for $TrackData, reads the distances of the lights from LightOffset, and observes the ceiling at least
+twice a second. At each light it sets CeilingLight to the number of lights passed, and ups $LightDet. After
+the last one it sets Overshoot to the robot's distance beyond it, and ups $EndLMode. A restarted tracker
+resumes where its predecessor ended (`track_goals.py`). It gives a goal up if another Planner meanwhile sets
+one of another kind.
 
-The map knows the place of a light to centimeters, so each valid light also gives the robot's place along the
-corridor, and its tilted edges the heading. That goes to the pose estimator as LightFix; the tracker corrects
-nothing itself. In turn it trusts the reported position as far as the estimator does. Without a pose
-estimator, it reckons by itself, from light to light, and learns the scale of the odometry.
+The map has the place of a light to centimeters, so each valid light also measures the robot's position along
+the corridor, and its tilted edges measure the heading. The tracker publishes both for the pose estimator as
+LightFix, and corrects nothing itself. In turn it assumes the estimator's uncertainty of the reported
+position. Without a pose estimator, it reckons by itself, from light to light, and estimates the scale of the
+odometry.
 
-One script does that for any number of cameras: their lights meet in the same track, where one that is seen by
-two cameras is still one light. That is cheaper than the child processes of the thesis, and needs no token.
+One script serves any number of cameras: their detections update the same track, so that a light in two
+cameras is still one light. That is cheaper than the child processes of the thesis, and needs no token.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from collections import deque
 from collections.abc import Generator, Sequence
 from typing import Any
 
-from colony.nav.asks import values
+from colony.nav.calls import read_variables
 from colony.nav.pose.fixes import Fix, Row, fix_list
 from colony.nav.pose.pose import PoseEstimate, pose_of
 from colony.nav.shared import (
@@ -39,9 +40,9 @@ from colony.runtime.library import data, robot
 from colony.runtime.library.robot import Position
 from colony.vision.lights.along_track import Scale
 from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
-from colony.vision.lights.looks import SILENT, Looker, cameras_looker, hurry
+from colony.vision.lights.observing import NO_ANSWER_ERRORS, CeilingObserver, ceiling_observer, ensure_period
 from colony.vision.lights.thesis_track import ThesisTrack
-from colony.vision.lights.track import LightTrack, Passing, Seen, Sighting
+from colony.vision.lights.track import LightDetections, LightPassing, LightTrack, ProgressMeasurement
 from colony.vision.lights.track_goals import (
     Unfinished,
     end_goal,
@@ -53,7 +54,7 @@ from colony.vision.lights.track_goals import (
 )
 from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S
 
-ASK_AGAIN_S = 1.0
+GOAL_CHECK_INTERVAL_S = 1.0
 """Seconds between two checks, while tracking, for a new goal that replaces the present one."""
 
 TILT_SIGMA_DEG = 0.5
@@ -74,57 +75,57 @@ def light_tracker(
     geometry: CeilingCamera | Sequence[CeilingCamera] = UPWARD,
     thesis: bool = False,
 ) -> Script:
-    """Return CTracker, which looks at its cameras itself.
+    """Count the lights of each goal, forever.
 
     Args:
-        cameras: the cameras; without any, lights are passed by the position alone.
+        cameras: the cameras' servers; without any, lights are passed by the position alone.
         geometry: geometry of all cameras, or of each.
-        thesis: count as printed, and publish no fix.
+        thesis: True to count as printed in the thesis, without fixes.
 
     Raises:
-        ValueError: there is not a geometry for each camera; later, in the script: the variables of a goal are
-            not what the Planner should have set.
+        ValueError: the number of geometries is not that of the cameras; later, in the script: the variables
+            of a goal are inconsistent.
     """
     geometries = (geometry,) * len(cameras) if isinstance(geometry, CeilingCamera) else tuple(geometry)
     if len(geometries) != len(cameras):
         raise ValueError(f"{len(cameras)} cameras with {len(geometries)} geometries; expected one for each")
     period = THESIS_PERIOD_S if thesis else PERIOD_S
-    return _tracker(cameras_looker(cameras, geometries), cameras, period, thesis)
+    return _tracker(ceiling_observer(cameras, geometries), cameras, period, thesis)
 
 
-def _tracker(looker: Looker, cameras: Sequence[str], period_s: float, thesis: bool) -> Script:
-    yield from hurry(cameras, period_s)
+def _tracker(observer: CeilingObserver, cameras: Sequence[str], period_s: float, thesis: bool) -> Script:
+    yield from ensure_period(cameras, period_s)
     for name in (TRACK_DATA, LIGHT_DETECTED, END_L_MODE):
         yield from do("DServer", data.create_semaphore(name, 0))
     scale = Scale()
-    again = yield from new_goal()
-    left = None if again else (yield from unfinished_goal())
+    has_goal = yield from new_goal()
+    unfinished = None if has_goal else (yield from unfinished_goal())
     while True:
-        if left is None and not again:
+        if unfinished is None and not has_goal:
             yield from do("DServer", data.wait(TRACK_DATA))
-        goal, passed = left or Unfinished((yield from take_goal()), 0)
-        left = None
+        goal, passed = unfinished or Unfinished((yield from take_goal()), 0)
+        unfinished = None
         track: Track = (
             ThesisTrack.start(goal, passed)
             if thesis
             else LightTrack.start(goal, scale, passed, blind=not cameras)
         )
-        tracking = _Tracking(track, looker, period_s)
-        again = yield from tracking.run()
+        tracking = _Tracking(track, observer, period_s)
+        has_goal = yield from tracking.run()
         scale = tracking.scale(scale)
 
 
 class _Tracking:
-    """One goal. Mutable: the track, and the robot's last positions, oldest first."""
+    """The tracking of one goal. Mutable: the track, and the robot's last positions, oldest first."""
 
-    def __init__(self, track: Track, looker: Looker, period_s: float) -> None:
+    def __init__(self, track: Track, observer: CeilingObserver, period_s: float) -> None:
         self._track = track
-        self._looker = looker
+        self._observer = observer
         self._period_s = period_s
         self._positions: deque[Position] = deque(maxlen=_POSITIONS)
-        self._looked_at_mm: float | None = None
-        self._asked_ns: int | None = None
-        self._told_ns = -1
+        self._observed_at_mm: float | None = None
+        self._checked_ns: int | None = None
+        self._published_ns = -1
 
     def scale(self, known: Scale) -> Scale:
         """Return the present estimate of the odometry's scale."""
@@ -139,7 +140,7 @@ class _Tracking:
         wait_s = 0.0
         while True:
             now_ns = yield from sleep(wait_s)
-            if self._is_time_to_ask(now_ns):
+            if self._goal_check_is_due(now_ns):
                 if (yield from new_goal()):
                     return True
                 if (yield from is_given_up()):
@@ -149,90 +150,94 @@ class _Tracking:
             pose = yield from self._pose()
             try:
                 here = yield from do("RServer", robot.position())
-            except SILENT:
+            except NO_ANSWER_ERRORS:
                 continue
             if not self._positions or here.t_ns > self._positions[-1].t_ns:
                 self._positions.append(here)
-            self._believe(pose)
-            yield from self._look(here)
+            self._adopt_uncertainty(pose)
+            yield from self._observe(here)
             while not self._track.done:
                 progress = self._progress(self._positions[-1])
                 self._track, passing = self._track.passing(progress)
                 if passing is None:
                     break
                 if self._track.done and (yield from new_goal()):
-                    return True  # its Planner must not be notified of the end of this one
-                yield from self._tell(passing)
+                    return True  # the new goal's Planner must not be notified of the end of this one
+                yield from self._publish(passing)
             if self._track.done:
                 return False
             wait_s = self._wait_s()
 
-    def _is_time_to_ask(self, now_ns: int) -> bool:
-        if self._asked_ns is None:
-            self._asked_ns = now_ns
-        if now_ns - self._asked_ns < ASK_AGAIN_S * 1e9:
+    def _goal_check_is_due(self, now_ns: int) -> bool:
+        if self._checked_ns is None:
+            self._checked_ns = now_ns
+        if now_ns - self._checked_ns < GOAL_CHECK_INTERVAL_S * 1e9:
             return False
-        self._asked_ns = now_ns
+        self._checked_ns = now_ns
         return True
 
-    def _look(self, here: Position) -> Generator[Step, Any, None]:
-        """Take in what the cameras show. While the robot stands, one look is enough."""
+    def _observe(self, here: Position) -> Generator[Step, Any, None]:
+        """Update the track with the cameras' new images; while the robot stands, one image is enough."""
         goal = self._track.goal
         at_mm = goal.progress(here.x, here.y)
-        if self._looked_at_mm is not None and abs(at_mm - self._looked_at_mm) < _STANDING_MM:
+        if self._observed_at_mm is not None and abs(at_mm - self._observed_at_mm) < _STANDING_MM:
             return
-        looks = yield from self._looker(goal.tilt(here.heading))
-        for look in looks:
-            then = position_at(tuple(self._positions), look.t_ns)
-            if here.t_ns - look.t_ns > _OLDEST_IMAGE_S * 1e9:
+        observations = yield from self._observer(goal.tilt(here.heading))
+        for image in observations:
+            then = position_at(tuple(self._positions), image.t_ns)
+            if here.t_ns - image.t_ns > _OLDEST_IMAGE_S * 1e9:
                 continue
-            self._looked_at_mm = at_mm
-            seen = Seen(look.lights, goal.progress(then.x, then.y), goal.tilt(then.heading), look.t_ns)
-            self._track = self._track.seen(seen)
-            if isinstance(self._track, LightTrack) and self._track.found is not None:
-                yield from self._tell_fix(self._track.found, None)
+            self._observed_at_mm = at_mm
+            detections = LightDetections(
+                image.lights, goal.progress(then.x, then.y), goal.tilt(then.heading), image.t_ns
+            )
+            self._track = self._track.observed(detections)
+            if isinstance(self._track, LightTrack) and self._track.relocation is not None:
+                yield from self._publish_fix(self._track.relocation, None)
 
-    def _tell(self, passing: Passing) -> Generator[Step, Any, None]:
-        """Return a light was passed."""
-        if passing.sighting is not None:
-            yield from self._tell_fix(passing.sighting, passing.turned_deg)
-        told: dict[str, object] = {CEILING_LIGHT: passing.number}
+    def _publish(self, passing: LightPassing) -> Generator[Step, Any, None]:
+        """Publish that a light was passed."""
+        if passing.measurement is not None:
+            yield from self._publish_fix(passing.measurement, passing.heading_error_deg)
+        variables: dict[str, object] = {CEILING_LIGHT: passing.number}
         if self._track.done:
-            told[OVERSHOOT] = passing.beyond_mm
-        yield from do("DServer", data.set_many(told))
+            variables[OVERSHOOT] = passing.beyond_mm
+        yield from do("DServer", data.set_many(variables))
         yield from do("DServer", data.signal(LIGHT_DETECTED))
         if self._track.done:
             yield from end_goal()
 
-    def _tell_fix(self, sighting: Sighting, turned_deg: float | None) -> Generator[Step, Any, None]:
-        """Publish an image's observation of the place along the corridor as a fix for the pose estimator.
+    def _publish_fix(
+        self, measurement: ProgressMeasurement, heading_error_deg: float | None
+    ) -> Generator[Step, Any, None]:
+        """Publish a measurement of the progress as a fix for the pose estimator.
 
-        With `turned_deg`, the heading's correction by several images, it has a row for the heading, too.
+        With `heading_error_deg`, from several images, the fix also has a row for the heading.
         """
         goal = self._track.goal
         east, north = goal.ahead
-        along = east * goal.x_mm + north * goal.y_mm + sighting.place_mm
-        rows = [Row(east, north, 0.0, along, sighting.sigma_mm)]
-        if turned_deg is not None:
-            heading = math.radians(goal.direction_deg + sighting.tilt_deg + turned_deg)
+        along = east * goal.x_mm + north * goal.y_mm + measurement.place_mm
+        rows = [Row(east, north, 0.0, along, measurement.sigma_mm)]
+        if heading_error_deg is not None:
+            heading = math.radians(goal.direction_deg + measurement.tilt_deg + heading_error_deg)
             rows.append(Row(0.0, 0.0, 1.0, heading, math.radians(TILT_SIGMA_DEG)))
-        yield from do("DServer", data.set(LIGHT_FIX, fix_list(Fix(sighting.t_ns, tuple(rows)))))
-        self._told_ns = self._positions[-1].t_ns
+        yield from do("DServer", data.set(LIGHT_FIX, fix_list(Fix(measurement.t_ns, tuple(rows)))))
+        self._published_ns = self._positions[-1].t_ns
 
     def _pose(self) -> Generator[Step, Any, PoseEstimate | None]:
-        """Return the estimate of the pose, or None if there is none.
+        """Return the estimate of the pose, or None without one.
 
         Read it before the position, which then includes the estimator's corrections.
         """
         if isinstance(self._track, ThesisTrack):
             return None
-        told = yield from values(POSE)
-        return None if told is None else pose_of(told[POSE])
+        variables = yield from read_variables(POSE)
+        return None if variables is None else pose_of(variables[POSE])
 
-    def _believe(self, pose: PoseEstimate | None) -> None:
-        """Trust the reported position as far as the estimator does, once it has the last fix."""
+    def _adopt_uncertainty(self, pose: PoseEstimate | None) -> None:
+        """Adopt the estimator's uncertainty of the position, once the estimate includes the last fix."""
         newest = self._positions[-1]
-        if pose is None or not isinstance(self._track, LightTrack) or pose.t_ns <= self._told_ns:
+        if pose is None or not isinstance(self._track, LightTrack) or pose.t_ns <= self._published_ns:
             return
         if newest.t_ns - pose.t_ns > _OLDEST_POSE_S * 1e9:
             return
@@ -243,7 +248,7 @@ class _Tracking:
         return self._track.goal.progress(position.x, position.y)
 
     def _wait_s(self) -> float:
-        """Return the seconds until the next look: fewer if the robot's center comes below a light before."""
+        """Return the seconds until the next image: fewer if the robot passes a light before that."""
         period_s = self._period_s
         newest = self._positions[-1]
         rest_mm = self._track.to_next(self._progress(newest))
@@ -251,16 +256,16 @@ class _Tracking:
             return period_s
         before = self._positions[-2]
         passed_s = (newest.t_ns - before.t_ns) / 1e9
-        way_mm = self._progress(newest) - self._progress(before)
-        if passed_s <= 0.0 or way_mm <= 0.0:
+        travel_mm = self._progress(newest) - self._progress(before)
+        if passed_s <= 0.0 or travel_mm <= 0.0:
             return period_s
-        return min(period_s, max(_SOONEST_S, rest_mm * passed_s / way_mm))
+        return min(period_s, max(_SOONEST_S, rest_mm * passed_s / travel_mm))
 
 
 def position_at(positions: Sequence[Position], t_ns: int) -> Position:
-    """Return where the robot was at a time, from positions in the order of their times.
+    """Interpolate the robot's position at a time, from positions in the order of their times.
 
-    The place is on the straight way between the two positions around that time, or is the first or last one.
+    Before the first or after the last one, that position is returned.
     """
     after = next((i for i, position in enumerate(positions) if position.t_ns >= t_ns), len(positions) - 1)
     if after == 0 or positions[after].t_ns <= t_ns:

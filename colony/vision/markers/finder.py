@@ -1,14 +1,14 @@
-"""The marker finder: looks for the marker of an elevator that the robot is to take (thesis section 5.4.6).
+"""The marker finder: finds the marker of the elevator that the robot is to take (thesis section 5.4.6).
 
-While GoalType is that of an elevator it looks at the camera ahead every 0.2 s: at the middle half of the
-image, and after a sighting only at the rows around the marker. MarkerBearing, MarkerFacing and MarkerDistance
-are the marker's place relative to the robot at the time when they are set. Without a marker in view nothing
-is set, so that they grow old.
+While GoalType is that of an elevator it searches an image of the front camera every 0.2 s: its middle half,
+and after a detection only the rows around the marker. It sets MarkerBearing, MarkerFacing and MarkerDistance
+to the marker's place relative to the robot at that time. Without a marker in view they are not set, and so
+grow old.
 
-ElevatorCall names the elevator, and then only its marker counts, while the robot is on its floor; without a
-call, the widest one. A marker that the map of the floor has makes a fix of the pose, MarkerFix.
+With an ElevatorCall only the marker of that elevator counts, while the robot is on its floor; without a call,
+the widest one in view. A marker of the floor's map gives a fix of the pose, MarkerFix.
 
-A server that is away is asked again at the next look.
+A call to a server that is away is repeated in the next period.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from collections import deque
 from collections.abc import Generator, Mapping, Sequence
 from typing import Any
 
-from colony.nav.asks import values
+from colony.nav.calls import read_variables
 from colony.nav.maps.signs import Marker
 from colony.nav.pose.fixes import Fix, fix_list
 from colony.nav.shared import (
@@ -37,26 +37,25 @@ from colony.runtime.library import camera as library
 from colony.runtime.library import data, robot
 from colony.runtime.library.robot import Position
 from colony.runtime.protocol.images import Image
+from colony.vision.camera_setup import prepare_camera
+from colony.vision.detections import MarkerBox
 from colony.vision.level_camera import AHEAD, LevelCamera
-from colony.vision.level_looks import made_ready
-from colony.vision.lights.looks import SILENT
+from colony.vision.lights.observing import NO_ANSWER_ERRORS
 from colony.vision.lights.tracker import position_at
 from colony.vision.markers.pose import MarkerPose, marker_pose, marker_rows
 from colony.vision.markers.rows import find_markers
-from colony.vision.sightings import MarkerBox
 
 PERIOD_S = 0.2
-"""Seconds between two looks: 6 degrees of a sweep."""
+"""Seconds between two images: 6 degrees of a sweep."""
 
 IDLE_S = 0.5
 """Seconds between two checks whether an elevator is to be taken."""
 
-MOST_OFF_DEG, MOST_OFF_MM = 30.0, 1_500.0
-"""A marker that is farther from where the map has it, as seen from where the robot believes to be, is another
-one."""
+MAX_OFF_DEG, MAX_OFF_MM = 30.0, 1_500.0
+"""Gates of a marker's heading and place against the map, by the robot's estimated pose."""
 
-MOST_ASIDE_DEG = 110.0
-"""A robot that is turned away farther than that from the doors sees no marker: it is in the cabin."""
+MAX_ASIDE_DEG = 110.0
+"""Largest turn away from the doors at which images are searched: beyond it the robot is in the cabin."""
 
 _MARGIN_ROWS = 6
 _OLDEST_IMAGE_S = 0.5
@@ -77,7 +76,7 @@ def marker_finder(
         geometry: the geometry of that camera.
 
     Raises:
-        ValueError: in the script, where the camera's images are not as large as `geometry` says.
+        ValueError: in the script, if the size of the camera's images is not that of `geometry`.
     """
     return _finder(_Finder(floors, camera, geometry), PERIOD_S)
 
@@ -87,34 +86,34 @@ def _finder(finder: _Finder, period_s: float) -> Script:
     while True:
         doors_deg = yield from _doors_deg()
         if doors_deg is None:
-            finder.forget()
+            finder.discard()
             yield from sleep(IDLE_S)
             continue
-        ready = ready or (yield from made_ready(finder.camera, finder.geometry, period_s))
+        ready = ready or (yield from prepare_camera(finder.camera, finder.geometry, period_s))
         try:
-            ready = ready and (yield from finder.look(doors_deg))
-        except SILENT:
+            ready = ready and (yield from finder.search(doors_deg))
+        except NO_ANSWER_ERRORS:
             ready = False
         yield from sleep(period_s)
 
 
 def _doors_deg() -> Generator[Step, Any, float | None]:
-    """Return the heading at which the robot faces the elevator doors, as far as it knows.
+    """Return the heading at which the robot faces the elevator doors, by its goal.
 
-    None if it is to take no elevator, or DServer has no goal.
+    None if the goal is no elevator, or DServer has no goal.
     """
     try:
-        told = yield from values(GOAL_TYPE, GOAL_DIRECTION)
-    except SILENT:
+        variables = yield from read_variables(GOAL_TYPE, GOAL_DIRECTION)
+    except NO_ANSWER_ERRORS:
         return None
-    if told is None or told[GOAL_TYPE] != GoalKind.ELEVATOR:
+    if variables is None or variables[GOAL_TYPE] != GoalKind.ELEVATOR:
         return None
-    doors_deg = told[GOAL_DIRECTION]
+    doors_deg = variables[GOAL_DIRECTION]
     return float(doors_deg) if isinstance(doors_deg, int | float) and math.isfinite(doors_deg) else None
 
 
 class _Finder:
-    """Mutable: the robot's last positions, oldest first; the rows to look at; the time of the last image."""
+    """The finder. Mutable: the last positions, oldest first; the rows to search; the last image's time."""
 
     def __init__(self, floors: Mapping[str, Sequence[Marker]], camera: str, geometry: LevelCamera) -> None:
         self._floors = floors
@@ -124,23 +123,23 @@ class _Finder:
         self._rows = self._middle_half
         self._newest_ns = -1
 
-    def forget(self) -> None:
-        """Forget the last sighting: the robot is elsewhere when it looks again."""
+    def discard(self) -> None:
+        """Discard the last detection: the robot is elsewhere at the next one."""
         self._positions.clear()
         self._rows = self._middle_half
 
-    def look(self, doors_deg: float) -> Generator[Step, Any, bool]:
-        """Look once, and publish what is seen; False if the camera has no new image.
+    def search(self, doors_deg: float) -> Generator[Step, Any, bool]:
+        """Search the newest image, and publish the marker; return False if the camera has no new image.
 
         Args:
-            doors_deg: the heading at which the robot faces the doors, as far as it knows.
+            doors_deg: heading at which the robot faces the doors, by its goal.
 
         Raises:
             CallRefusedError, ConnectionLostError, ServerNotFoundError, CallTimeoutError: a server does not
                 answer.
         """
         here = yield from do("RServer", robot.position())
-        if abs(math.remainder(here.heading - doors_deg, 360.0)) > MOST_ASIDE_DEG:
+        if abs(math.remainder(here.heading - doors_deg, 360.0)) > MAX_ASIDE_DEG:
             return True
         band = yield from do(self.camera, library.grab_rows(self._rows.start, len(self._rows)))
         here = yield from do("RServer", robot.position())
@@ -150,37 +149,37 @@ class _Finder:
             return False
         self._newest_ns = band.t_ns
         boxes = find_markers(library.array(band), range(band.height), self.geometry)
-        told = yield from self._told(boxes)
-        self._rows = self._confining(band, told[0]) if told else self._middle_half
-        if told:
-            yield from self._tell(band.t_ns, *told)
+        selected = yield from self._selected(boxes)
+        self._rows = self._confining(band, selected[0]) if selected else self._middle_half
+        if selected:
+            yield from self._publish(band.t_ns, *selected)
         return True
 
-    def _told(
+    def _selected(
         self, boxes: Sequence[MarkerBox]
     ) -> Generator[Step, Any, tuple[MarkerBox, MarkerPose, tuple[Marker, ...]] | None]:
-        """Return the marker that is meant: its box, its pose, and the map's marker that it may be."""
+        """Return the marker to publish: its box, its pose, and the map's markers with its code."""
         seen = [(box, pose) for box in boxes if (pose := marker_pose(box, self.geometry)) is not None]
         if not seen:
             return None
-        meant, markers = yield from self._meant()
-        if meant is not None:
-            seen = [(box, pose) for box, pose in seen if box.code == meant.code]
+        wanted, markers = yield from self._wanted()
+        if wanted is not None:
+            seen = [(box, pose) for box, pose in seen if box.code == wanted.code]
         if not seen:
             return None
-        box, pose = max(seen, key=lambda one: one[0].right - one[0].left)
+        box, pose = max(seen, key=lambda found: found[0].right - found[0].left)
         return box, pose, tuple(marker for marker in markers if marker.code == box.code)
 
-    def _meant(self) -> Generator[Step, Any, tuple[Marker | None, Sequence[Marker]]]:
-        """Return the called elevator's marker, which then is the only one that counts, and the floor's."""
-        floor = yield from values(FLOOR)
-        call = yield from values(ELEVATOR_CALL)
+    def _wanted(self) -> Generator[Step, Any, tuple[Marker | None, Sequence[Marker]]]:
+        """Return the called elevator's marker or None, and those that count: it alone, or the floor's."""
+        floor = yield from read_variables(FLOOR)
+        call = yield from read_variables(ELEVATOR_CALL)
         name = floor[FLOOR] if floor is not None else None
         markers = self._floors.get(name, ()) if isinstance(name, str) else _only(self._floors)
         called = call[ELEVATOR_CALL] if call is not None else ()
         node = called[0] if isinstance(called, list | tuple) and called else None
-        meant = next((marker for marker in markers if marker.node == node), None)
-        return meant, markers if meant is None else (meant,)
+        wanted = next((marker for marker in markers if marker.node == node), None)
+        return wanted, markers if wanted is None else (wanted,)
 
     def _confining(self, band: Image, box: MarkerBox) -> range:
         """Return the rows around a marker, within the middle half of the image."""
@@ -188,35 +187,35 @@ class _Finder:
         end = min(band.first_row + box.last_row + 1 + _MARGIN_ROWS, self._middle_half.stop)
         return range(first, end)
 
-    def _tell(
+    def _publish(
         self, t_ns: int, box: MarkerBox, pose: MarkerPose, markers: Sequence[Marker]
     ) -> Generator[Step, Any, None]:
         positions = tuple(self._positions)
         then, now = position_at(positions, t_ns), positions[-1]
-        bearing, distance = _from_there(pose, then, now)
-        told: dict[str, object] = {
+        bearing, distance = _moved(pose, then, now)
+        variables: dict[str, object] = {
             MARKER_BEARING: bearing,
             MARKER_FACING: math.remainder(then.heading + pose.facing_deg - now.heading, 360.0),
             MARKER_DISTANCE: distance,
         }
         near = [marker for marker in markers if is_there(pose, marker, then)]
         if len(near) == 1:
-            told[MARKER_FIX] = fix_list(Fix(t_ns, marker_rows(pose, near[0], then)))
-        yield from do("DServer", data.set_many(told))
+            variables[MARKER_FIX] = fix_list(Fix(t_ns, marker_rows(pose, near[0], then)))
+        yield from do("DServer", data.set_many(variables))
 
 
 def is_there(pose: MarkerPose, marker: Marker, here: Position) -> bool:
-    """Return True if an observed marker may be this one of the map, seen by a robot believed `here`."""
+    """Return True if an observed marker may be this one of the map, with the robot estimated to be `here`."""
     along = math.radians(here.heading + pose.bearing_deg)
     east = here.x - pose.distance_mm * math.sin(along)
     north = here.y + pose.distance_mm * math.cos(along)
     off_mm = math.hypot(marker.middle.x - east, marker.middle.y - north)
     off_deg = math.remainder(here.heading + pose.facing_deg - marker.heading_deg, 360.0)
-    return off_mm <= MOST_OFF_MM and abs(off_deg) <= MOST_OFF_DEG
+    return off_mm <= MAX_OFF_MM and abs(off_deg) <= MAX_OFF_DEG
 
 
-def _from_there(pose: MarkerPose, then: Position, now: Position) -> tuple[float, float]:
-    """Return the bearing and the distance of a marker for a robot that has moved on since."""
+def _moved(pose: MarkerPose, then: Position, now: Position) -> tuple[float, float]:
+    """Return the bearing and the distance of a marker from the robot's present position."""
     along = math.radians(then.heading + pose.bearing_deg)
     east = then.x - pose.distance_mm * math.sin(along) - now.x
     north = then.y + pose.distance_mm * math.cos(along) - now.y
@@ -225,5 +224,5 @@ def _from_there(pose: MarkerPose, then: Position, now: Position) -> tuple[float,
 
 
 def _only(floors: Mapping[str, Sequence[Marker]]) -> Sequence[Marker]:
-    """Return the markers of the building, if it has one floor."""
+    """Return the markers of a building with a single floor; none for other buildings."""
     return next(iter(floors.values())) if len(floors) == 1 else ()

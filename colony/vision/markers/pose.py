@@ -1,4 +1,4 @@
-"""The place of a camera before a marker from one image, and the robot's pose that follows from it.
+"""The place of a camera relative to a marker, from one image, and the robot's pose that follows from it.
 
 The edges of a marker are places along a straight line whose distances are known. A camera that sees them in
 columns r (in focal lengths, to the right) has them at r (z + t s) = x + t c: x to the right and z ahead is
@@ -18,25 +18,25 @@ import numpy as np
 from colony.nav.maps.signs import MARKER_BITS, MARKER_WIDTH_MM, STRIPE_MM, Marker
 from colony.nav.pose.fixes import Row
 from colony.runtime.library.robot import Position
+from colony.vision.detections import MarkerBox
 from colony.vision.level_camera import AHEAD, LevelCamera
-from colony.vision.sightings import MarkerBox
 
-EDGE_PX = 0.12
-"""The standard deviation of an edge that many rows agree upon."""
+EDGE_SIGMA_PX = 0.12
+"""Standard deviation of an edge that many rows agree on."""
 
-LENS_DEG = 0.2
-"""Error of a bearing from the camera's mounting and the time of the image."""
+BEARING_SIGMA_DEG = 0.2
+"""Standard deviation of a bearing from the camera's mounting and the time of the image."""
 
-SCALE = 0.01
-"""Error of a distance, as a part of it, from the focal length."""
+DISTANCE_SIGMA = 0.01
+"""Standard deviation of a distance from the focal length, as a part of the distance."""
 
-CLEAR_DEG = 2.0
-"""Largest uncertainty of a marker's slant for a fix of distance and slant.
+MAX_SLANT_SIGMA_DEG = 2.0
+"""Largest standard deviation of a marker's slant for a fix of distance and slant.
 
 From farther away the two cannot be separated, and neither is reported.
 """
 
-MOST_FACING_DEG = 70.0
+MAX_FACING_DEG = 70.0
 """Largest slant at which a marker is visible."""
 
 
@@ -93,11 +93,11 @@ def marker_pose(box: MarkerBox, camera: LevelCamera = AHEAD) -> MarkerPose | Non
         return None
     cosine = 1.0 / math.hypot(1.0, slant)
     facing = math.degrees(math.atan(slant))
-    if abs(facing) > MOST_FACING_DEG:
+    if abs(facing) > MAX_FACING_DEG:
         return None
     reach = math.hypot(ahead, right)
     distance = reach * cosine
-    edge_mm = EDGE_PX / camera.focal * ahead  # what an edge's error is along the marker
+    edge_mm = EDGE_SIGMA_PX / camera.focal * ahead  # an edge's error along the marker
     covariance = np.linalg.inv(terms.T @ terms) * edge_mm**2
     gradient = np.array([ahead / reach, -slant * cosine**2 * reach, right / reach]) * cosine
     distance_error = math.sqrt(gradient @ covariance @ gradient)
@@ -105,16 +105,17 @@ def marker_pose(box: MarkerBox, camera: LevelCamera = AHEAD) -> MarkerPose | Non
         bearing_deg=camera.yaw_deg - math.degrees(math.atan2(right, ahead)),
         distance_mm=distance,
         facing_deg=camera.yaw_deg + facing,
-        bearing_sigma_deg=math.hypot(LENS_DEG, math.degrees(EDGE_PX / camera.focal)),
-        distance_sigma_mm=math.hypot(distance_error, SCALE * distance),
-        facing_sigma_deg=math.hypot(LENS_DEG, math.degrees(math.sqrt(covariance[1, 1]) * cosine**2)),
+        bearing_sigma_deg=math.hypot(BEARING_SIGMA_DEG, math.degrees(EDGE_SIGMA_PX / camera.focal)),
+        distance_sigma_mm=math.hypot(distance_error, DISTANCE_SIGMA * distance),
+        facing_sigma_deg=math.hypot(BEARING_SIGMA_DEG, math.degrees(math.sqrt(covariance[1, 1]) * cosine**2)),
     )
 
 
 def marker_rows(pose: MarkerPose, marker: Marker, here: Position) -> tuple[Row, ...]:
-    """Return the observations of the robot's pose by a known marker.
+    """Return the measurements of the robot's pose by a known marker.
 
-    They are the bearing and, from near enough, the distance and the heading. The robot believed to be `here`.
+    They are the bearing and, near the marker, the distance and the heading. `here` is the robot's estimated
+    position.
     """
     heading = math.radians(here.heading)
     east, north = marker.middle.x - here.x, marker.middle.y - here.y
@@ -131,4 +132,4 @@ def marker_rows(pose: MarkerPose, marker: Marker, here: Position) -> tuple[Row, 
     distance = Row(ux, uy, 0.0, ux * here.x + uy * here.y + farther, pose.distance_sigma_mm)
     turned = math.remainder(math.radians(marker.heading_deg - pose.facing_deg) - heading, math.tau)
     facing = Row(0.0, 0.0, 1.0, heading + turned, math.radians(pose.facing_sigma_deg))
-    return (bearing, distance, facing) if pose.facing_sigma_deg <= CLEAR_DEG else (bearing,)
+    return (bearing, distance, facing) if pose.facing_sigma_deg <= MAX_SLANT_SIGMA_DEG else (bearing,)

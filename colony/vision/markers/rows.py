@@ -1,19 +1,19 @@
-"""Markers on elevator doors in an image, row by row (thesis section 5.4.6).
+"""Finds markers on elevator doors in an image, row by row (thesis section 5.4.6).
 
-*Edges.* The gradient at a pixel border is what the pixels after it are brighter than those before it; an edge
-is where its magnitude peaks above a threshold. Of several edges in a row of the same sense the strongest one
-counts. Since nothing is known of the exposure, a row is looked at with several thresholds.
+*Edges.* The gradient at a pixel border is the excess brightness of the pixels after it over those before it;
+an edge is a peak of its magnitude above a threshold. Of successive edges of the same sign the strongest one
+counts. Since the exposure is unknown, each row is searched with several thresholds.
 
 *Patterns.* A pattern is a run of edges that begins with one from white to black. Its stripes are one unit
 wide each, or three where a black bit lies between its separators, so five codes have five patterns of 8, 6 or
-4 edges. Seen aslant, units widen toward one side: a pattern's edges are where a parabola over
-the units has them, to a small part of a unit. And its white stripes are all about as bright, and much
-brighter than its black ones, which are all about as dark; beside it there is nothing but door.
+4 edges. Seen at an angle, units widen toward one side: the edges of a pattern fit a parabola over the units,
+to a small part of a unit. Its white stripes are about equally bright, and much brighter than its black ones,
+which are about equally dark; beside it there is plain door.
 
-*Rows.* Patterns of neighboring rows that have the same code and edges are one marker if their mean edges are
-exactly where they should be, if these rows are as many as a marker is high at the distance and the angle that
-the edges show, and if there are no stripes above and below them. Printing, glass bricks and mortar have
-stripes, too, so each of these conditions counts.
+*Rows.* Patterns of neighboring rows with the same code and edges are a marker if their mean edges fit
+accurately, if the number of rows is the height of a marker at the distance and angle given by the edges, and
+if there are no stripes above and below them. All conditions are needed, as printing, glass bricks and mortar
+also have stripes.
 """
 
 from __future__ import annotations
@@ -27,47 +27,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.nav.maps.signs import MARKER_BITS, MARKER_CODES, STRIPE_HEIGHT_MM
+from colony.vision.detections import MarkerBox
 from colony.vision.gray_images import Gray, gray_image
 from colony.vision.level_camera import AHEAD, LevelCamera
 from colony.vision.markers.pose import edge_units, marker_pose
-from colony.vision.sightings import MarkerBox
 
 THRESHOLDS = (10.0, 24.0, 48.0)
-"""The least gradients of an edge with which a row is looked at, in gray levels."""
+"""Least gradients of an edge with which each row is searched, in gray levels."""
 
-LEAST_UNIT = 3.2
-"""The least width of a unit, in pixels: that of a marker that is 5.8 m away."""
+MIN_UNIT = 3.2
+"""Least width of a unit, in pixels: that of a marker 5.8 m away."""
 
-MOST_MISFIT, MOST_MISFIT_PX = 0.10, 0.45
-"""Tolerances of an edge's place in its pattern: a part of a unit, plus pixels of measurement error."""
+MAX_MISFIT, MAX_MISFIT_PX = 0.10, 0.45
+"""Tolerance of an edge's place in its pattern: a part of a unit, plus pixels of measurement error."""
 
-MOST_MEAN_MISFIT, MOST_MEAN_MISFIT_PX = 0.06, 0.12
-"""Tolerances of the mean of all rows, likewise."""
+MAX_MEAN_MISFIT, MAX_MEAN_MISFIT_PX = 0.06, 0.12
+"""Tolerance of the mean over all rows, likewise."""
 
-MOST_WIDENING = 0.6
+MAX_WIDENING = 0.6
 """Largest difference in width of a pattern's last unit from its middle one, as a part."""
 
-LEAST_CONTRAST, LEAST_RATIO = 12.0, 1.6
+MIN_CONTRAST, MIN_RATIO = 12.0, 1.6
 """Least contrast of white to black stripes: the difference in gray levels, and the ratio."""
 
-MOST_UNEVEN = 0.4
+MAX_UNEVEN = 0.4
 """Largest difference between white stripes, or between black ones, as a part of their contrast."""
 
-LEAST_BESIDE = 0.25
+MIN_BESIDE = 0.25
 """Least contrast of the door beside the stripes to the black ones, likewise.
 
-`MOST_UNEVEN` applies to it, too.
+`MAX_UNEVEN` applies to it, too.
 """
 
-LEAST_ROWS = 4
+MIN_ROWS = 4
 """Least number of rows of a marker, at any distance."""
 
 _UNITS = 2 * MARKER_BITS + 1
-_LEAST_HEIGHT, _MOST_HEIGHT = 0.7, 1.3  # as parts of the height that a marker has there
-_MOST_FACING_DEG = 60.0
-_MOST_GAP = 3  # rows from one that has a pattern to the next
-_DRIFT = 0.3  # units: by how much a pattern may be shifted between such rows
-_NEAR, _OFF = 0.5, 1.2  # units from a marker's side to where the door beside it is looked at
+_MIN_HEIGHT, _MAX_HEIGHT = 0.7, 1.3  # as parts of the height that a marker has there
+_MAX_FACING_DEG = 60.0
+_MAX_GAP = 3  # rows between two with a pattern
+_DRIFT = 0.3  # units: largest shift of a pattern between such rows
+_NEAR, _OFF = 0.5, 1.2  # units from a marker's side to the places on the door that are compared
 _AROUND = 0.25  # of a marker's height, above and below it
 
 Floats = NDArray[np.float64]
@@ -87,7 +87,7 @@ class _Template(NamedTuple):
 
 
 class _Pattern(NamedTuple):
-    """One that a row has: its code and its edges in columns."""
+    """A pattern in a row: its code, and its edges in columns."""
 
     row: int
     code: int
@@ -102,9 +102,9 @@ def find_markers(
 
     Args:
         image: (height, width) of gray levels, or with a last axis of 1 or 3 channels.
-        rows: the rows to look at, without gaps; the default is the middle half.
-        camera: the camera, for the angle that the image's width covers; the image may be larger than the
-            camera's, or a band.
+        rows: the rows to search, without gaps; the default is the middle half.
+        camera: the camera, for its angle of view; the image may be larger than the camera's, or a band of
+            rows.
 
     Raises:
         ValueError: `image` is not such an array of uint8, or does not have these rows.
@@ -114,7 +114,7 @@ def find_markers(
     searched = range(height // 4, height - height // 4) if rows is None else rows
     if searched.step != 1 or not 0 <= searched.start <= searched.stop <= height:
         raise ValueError(f"{searched} of an image of {height} rows; expected neighboring rows that it has")
-    if len(searched) < LEAST_ROWS or width < _UNITS * LEAST_UNIT:
+    if len(searched) < MIN_ROWS or width < _UNITS * MIN_UNIT:
         return ()
     levels = _smoothed(gray[searched.start : searched.stop])
     seen_by = replace(camera, columns=width)
@@ -126,7 +126,7 @@ def find_markers(
 
 
 def _patterns(levels: Levels) -> list[_Pattern]:
-    """Return the patterns of all rows; each once, however many thresholds show it."""
+    """Return the patterns of all rows, merged over the thresholds."""
     gradients = _gradients(levels)
     found: dict[tuple[int, int, int], _Pattern] = {}
     rows, columns, values = _peaks(gradients, THRESHOLDS[0])
@@ -141,7 +141,7 @@ def _patterns(levels: Levels) -> list[_Pattern]:
 
 
 def _smoothed(band: Gray) -> Levels:
-    """Smooth each row with a little of its neighbors, against noise: markers are upright."""
+    """Smooth each column against noise: markers are upright."""
     levels = band.astype(np.float32)
     padded = np.concatenate([levels[:1], levels, levels[-1:]])
     smoothed: Levels = np.float32(0.25) * (padded[:-2] + padded[2:]) + np.float32(0.5) * levels
@@ -168,7 +168,7 @@ def _peaks(gradients: Levels, threshold: float) -> tuple[NDArray[np.intp], Float
 
 
 class _Edges(NamedTuple):
-    """Edges in the order of rows and columns; those of a row rise and fall in turns."""
+    """Edges in the order of rows and columns; those of a row alternate in sign."""
 
     rows: NDArray[np.intp]
     columns: Floats
@@ -176,7 +176,7 @@ class _Edges(NamedTuple):
 
 
 def _alternating(rows: NDArray[np.intp], columns: Floats, values: Levels) -> _Edges:
-    """Keep only the strongest of neighbors in a row that have the same sign."""
+    """Keep the strongest of successive edges of a row with the same sign."""
     if len(rows) == 0:
         return _Edges(rows, columns, values < 0.0)
     falls, size = values < 0.0, np.abs(values)
@@ -198,8 +198,8 @@ def _matches(edges: _Edges, levels: Levels) -> Iterator[_Pattern]:
         columns = edges.columns[starts[:, None] + np.arange(count)]
         _, unit, curvature = template.solve @ columns.T
         misfit = np.abs(columns @ template.residual.T).max(axis=1, initial=0.0)
-        fits = (unit >= LEAST_UNIT) & (misfit <= MOST_MISFIT * unit + MOST_MISFIT_PX)
-        fits &= np.abs(curvature) * _UNITS <= MOST_WIDENING * unit
+        fits = (unit >= MIN_UNIT) & (misfit <= MAX_MISFIT * unit + MAX_MISFIT_PX)
+        fits &= np.abs(curvature) * _UNITS <= MAX_WIDENING * unit
         if not fits.any():
             continue
         rows, columns, misfit = edges.rows[starts[fits]], columns[fits], misfit[fits]
@@ -209,7 +209,7 @@ def _matches(edges: _Edges, levels: Levels) -> Iterator[_Pattern]:
 
 
 def _are_striped(levels: Levels, rows: NDArray[np.intp], columns: Floats) -> NDArray[np.bool_]:
-    """Return which patterns, (n, edges), have alternating black and white stripes between plain door."""
+    """Return a mask of the patterns, (n, edges), with black and white stripes between plain door."""
     middles = np.rint((columns[:, 1:] + columns[:, :-1]) / 2.0).astype(np.intp)
     stripes = levels[rows[:, None], middles]
     black, white = stripes[:, ::2], stripes[:, 1::2]
@@ -218,14 +218,14 @@ def _are_striped(levels: Levels, rows: NDArray[np.intp], columns: Floats) -> NDA
     uneven = np.maximum(np.ptp(black, axis=1), np.ptp(white, axis=1))
     unit = (columns[:, -1] - columns[:, 0]) / _UNITS
     last = levels.shape[1] - 1
-    fine = (contrast >= LEAST_CONTRAST) & (bright >= LEAST_RATIO * dark) & (uneven <= MOST_UNEVEN * contrast)
+    fine = (contrast >= MIN_CONTRAST) & (bright >= MIN_RATIO * dark) & (uneven <= MAX_UNEVEN * contrast)
     for side, sign in ((columns[:, 0], -1.0), (columns[:, -1], 1.0)):
         beside = [
             levels[rows, np.clip(np.rint(side + sign * off * unit), 0, last).astype(np.intp)]
             for off in (_NEAR, _OFF)
         ]
-        fine &= beside[0] - dark >= LEAST_BESIDE * contrast
-        fine &= np.abs(beside[0] - beside[1]) <= MOST_UNEVEN * contrast
+        fine &= beside[0] - dark >= MIN_BESIDE * contrast
+        fine &= np.abs(beside[0] - beside[1]) <= MAX_UNEVEN * contrast
     return np.asarray(fine, dtype=np.bool_)
 
 
@@ -233,7 +233,7 @@ def _are_striped(levels: Levels, rows: NDArray[np.intp], columns: Floats) -> NDA
 
 
 def _runs(patterns: list[_Pattern]) -> list[list[_Pattern]]:
-    """Group patterns that are alike in neighboring rows."""
+    """Group similar patterns of neighboring rows."""
     runs: list[list[_Pattern]] = []
     for pattern in patterns:
         run = next((run for run in reversed(runs) if _continues(run[-1], pattern)), None)
@@ -245,7 +245,7 @@ def _runs(patterns: list[_Pattern]) -> list[list[_Pattern]]:
 
 
 def _continues(last: _Pattern, pattern: _Pattern) -> bool:
-    if last.code != pattern.code or not 0 < pattern.row - last.row <= _MOST_GAP:
+    if last.code != pattern.code or not 0 < pattern.row - last.row <= _MAX_GAP:
         return False
     most = 0.5 + _DRIFT * (last.edges[-1] - last.edges[0]) / _UNITS
     return max(abs(a - b) for a, b in zip(last.edges, pattern.edges, strict=True)) <= most
@@ -256,20 +256,20 @@ def _is_marker(run: list[_Pattern], levels: Levels, camera: LevelCamera) -> bool
     box = _box(run, 0)
     edges, template = np.array(box.edges), _TEMPLATES[MARKER_CODES.index(box.code)]
     misfit = float(np.abs(template.residual @ edges).max())
-    if misfit > MOST_MEAN_MISFIT * (box.right - box.left) / _UNITS + MOST_MEAN_MISFIT_PX:
+    if misfit > MAX_MEAN_MISFIT * (box.right - box.left) / _UNITS + MAX_MEAN_MISFIT_PX:
         return False
     pose = marker_pose(box, camera)
-    if pose is None or abs(pose.facing_deg - camera.yaw_deg) > _MOST_FACING_DEG:
+    if pose is None or abs(pose.facing_deg - camera.yaw_deg) > _MAX_FACING_DEG:
         return False
     depth = pose.distance_mm * math.cos(math.radians(pose.bearing_deg - camera.yaw_deg))
     height, span = camera.focal * STRIPE_HEIGHT_MM / depth, box.last_row - box.first_row + 1
-    if len(run) < max(LEAST_ROWS, _LEAST_HEIGHT * height) or span > _MOST_HEIGHT * height + 1:
+    if len(run) < max(MIN_ROWS, _MIN_HEIGHT * height) or span > _MAX_HEIGHT * height + 1:
         return False
     middles = np.rint((edges[1:] + edges[:-1]) / 2.0).astype(np.intp)
     inside = _contrast(levels[box.first_row : box.last_row + 1, middles].mean(axis=0))
     around = 1 + round(_AROUND * span)
     outside = [row for row in (box.first_row - around, box.last_row + around) if 0 <= row < len(levels)]
-    return all(abs(_contrast(levels[row, middles])) <= MOST_UNEVEN * inside for row in outside)
+    return all(abs(_contrast(levels[row, middles])) <= MAX_UNEVEN * inside for row in outside)
 
 
 def _contrast(stripes: Levels) -> float:

@@ -1,8 +1,8 @@
-"""Candidates for plates in an image: dark patches of about a plate's shape that lie on the horizon.
+"""Candidates for plates in an image: dark patches of about a plate's shape on the horizon.
 
-A level camera at the height of the plates' middle sees each of them symmetrically about its horizon, however
-far away and at whatever angle. So most of what is dark is no candidate. Dark is what is below one of several
-thresholds, for no single one suits a dim corridor and a wall in the sun: a plate is dark at many of them.
+A level camera at the height of the plates' middle sees each of them symmetrically about its horizon, at any
+distance and angle. This rules out most dark patches. Patches are dark below one of several thresholds, as no
+single one suits both a dim corridor and a sunlit wall: a plate is dark at many of them.
 """
 
 from __future__ import annotations
@@ -16,20 +16,21 @@ from colony.vision.plates.patches import Patch, agreed
 LEVELS = 10
 """Number of thresholds, between the darkest and the middle gray of the image."""
 
-LEAST_HEIGHT = 7
+MIN_HEIGHT = 7
 """Least height of a candidate, in pixels of an image 240 columns wide: a plate 3.7 m away."""
 
-LEAST_ASPECT, MOST_ASPECT = 0.9, 4.2
-"""Width by height: 2.8 for a plate that is faced, 1.6 at 50 degrees; with room for pixels."""
+MIN_ASPECT, MAX_ASPECT = 0.9, 4.2
+"""Range of width by height: 2.8 for a plate seen straight on, 1.6 at 50 degrees; with tolerance for
+pixels."""
 
-LEAST_SPAN = 10
-"""The least difference of gray levels between dark and bright in an image that shows anything."""
+MIN_SPAN = 10
+"""Least difference of gray levels between dark and bright; an image with less is empty."""
 
-_LEAST_FILL = 0.3  # of the bounding box: the characters may be cut out of it
+_MIN_FILL = 0.3  # of the bounding box: the characters may be cut out of it
 
 
 def candidates(gray: Gray, horizon: float) -> tuple[Patch, ...]:
-    """Return the dark patches that might be plates; patches at most thresholds come first.
+    """Return the dark patches that may be plates, those at most thresholds first.
 
     Args:
         gray: an image, or a band of one, about 240 columns wide.
@@ -38,10 +39,10 @@ def candidates(gray: Gray, horizon: float) -> tuple[Patch, ...]:
     import cv2
 
     darkest, middle = (float(level) for level in np.percentile(gray[::2, ::2], (0.5, 70.0)))
-    if middle - darkest < LEAST_SPAN:
+    if middle - darkest < MIN_SPAN:
         return ()
-    # What is bright and as thin as the strokes of far characters is taken out, so that they do not break
-    # through the thin margin that is left around them.
+    # Opening removes bright strokes as thin as those of distant characters, so that they do not break through
+    # the thin margin around them.
     opened = cv2.morphologyEx(gray, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     found: list[Patch] = []
     for number, level in enumerate(np.linspace(darkest, middle, LEVELS + 2)[1:-1].tolist()):
@@ -55,10 +56,10 @@ def candidates(gray: Gray, horizon: float) -> tuple[Patch, ...]:
 
 
 def _is_likely(stats: NDArray[np.int32], columns: int, rows: int, horizon: float) -> NDArray[np.bool_]:
-    """Return which components, (n, 5) as OpenCV gives them, have about a plate's shape and place."""
+    """Return a mask of the components, (n, 5) as from OpenCV, that have about a plate's shape and place."""
     left, top, width, height, area = stats.T
     off = np.abs(top + (height - 1) / 2.0 - horizon)
-    likely = (height >= LEAST_HEIGHT) & (width >= LEAST_ASPECT * height) & (width <= MOST_ASPECT * height)
+    likely = (height >= MIN_HEIGHT) & (width >= MIN_ASPECT * height) & (width <= MAX_ASPECT * height)
     likely &= (left > 0) & (top > 0) & (left + width < columns) & (top + height < rows)
-    likely &= (off <= 1.5 + 0.08 * height) & (area >= _LEAST_FILL * width * height)
+    likely &= (off <= 1.5 + 0.08 * height) & (area >= _MIN_FILL * width * height)
     return np.asarray(likely, dtype=np.bool_)

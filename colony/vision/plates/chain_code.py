@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 SEGMENTS = (3, 4, 5)
-"""Over how many steps directions are measured; corners are averaged over these."""
+"""Numbers of steps over which directions are measured; cornerness is averaged over them."""
 
 LONGEST_ARM = 10
 """Largest number of straight steps that count for a corner, before it and after it."""
 
-LEAST_CORNERNESS = 8.0
+MIN_CORNERNESS = 8.0
 """Least cornerness of a corner, in radians times steps: a right angle with arms of three steps has 9.4."""
 
 _STEPS = ((1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1))  # column, row
@@ -37,13 +37,13 @@ class Border(NamedTuple):
 
 
 def traced(binary: NDArray[np.bool_], column: int, row: int) -> Border | None:
-    """Trace the border of a bright region, clockwise from a pixel on whose left it is dark.
+    """Trace the border of a bright region, clockwise from a pixel with a dark one on its left.
 
-    None where it is not closed within the image: it meets the image's rim, or is a single pixel.
+    None if the border is not closed within the image, or is a single pixel.
     """
     rows, columns = binary.shape
     bright = binary.tolist()
-    x, y, back = column, row, 4  # where it is dark, from the pixel
+    x, y, back = column, row, 4  # direction from the pixel to the dark one
     pixels: list[tuple[int, int]] = []
     codes: list[int] = []
     while True:
@@ -61,7 +61,7 @@ def traced(binary: NDArray[np.bool_], column: int, row: int) -> Border | None:
         pixels.append((x, y))
         codes.append(code)
         x, y = x + dx, y + dy
-        # The last dark neighbor that was passed, as seen from the pixel that was reached.
+        # The last dark neighbor that was passed, relative to the pixel reached.
         back = (code + 3) % 8 if code % 2 else (code + 2) % 8
 
 
@@ -87,7 +87,7 @@ def corners(border: Border) -> NDArray[np.int64]:
         return np.zeros((0, 2), dtype=np.int64)
     around = np.stack([np.roll(value, shift) for shift in range(-apart, apart + 1) if shift])
     before = np.stack([np.roll(value, shift) for shift in range(1, apart + 1)])
-    peak = (value >= around.max(axis=0)) & (value > before.max(axis=0)) & (value >= LEAST_CORNERNESS)
+    peak = (value >= around.max(axis=0)) & (value > before.max(axis=0)) & (value >= MIN_CORNERNESS)
     found: NDArray[np.int64] = border.pixels[peak]
     return found
 
@@ -115,7 +115,7 @@ def _windows(values: Floats, length: int) -> Floats:
 
 
 def _run(straight: NDArray[np.bool_], longest: int) -> Floats:
-    """Return how many steps in a row are straight, up to and with each, at most `longest`."""
+    """Return the number of successive straight steps up to and with each step, at most `longest`."""
     runs = np.zeros(len(straight))
     alive = np.ones(len(straight), dtype=np.bool_)
     for shift in range(longest):

@@ -1,9 +1,8 @@
-"""Finds door plates in an image of a camera that looks along the floor at their height.
+"""Finds door plates in an image of a level camera at their height.
 
-Dark patches on the horizon are candidates (`candidates.py`); the outline of each is measured to a part
-of a pixel (`outline.py`), must be one that a plate of 356 x 127 mm can have in such an image, and what
-is within it must look like a plate (`face.py`). No map is needed; where the camera stands relative to
-the wall is used where it is known.
+Dark patches on the horizon are candidates (`candidates.py`). The outline of each is measured with subpixel
+accuracy (`outline.py`); it must be a possible view of a plate of 356 x 127 mm, and its content must look like
+a plate (`face.py`). No map is needed; the angle of the camera to the wall is used if known.
 """
 
 from __future__ import annotations
@@ -16,28 +15,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM
-from colony.vision.gray_images import LEAST_PIXELS, Gray, gray_band
+from colony.vision.detections import PlateBox
+from colony.vision.gray_images import MIN_PIXELS, Gray, gray_band
 from colony.vision.level_camera import LevelCamera
 from colony.vision.plates.candidates import candidates
 from colony.vision.plates.face import Face, contrast_of, face_of
 from colony.vision.plates.lines import lines_of_text, outline_about
 from colony.vision.plates.outline import Outline, outline_near, outline_of
-from colony.vision.sightings import PlateBox
 
-LEAST_SCORE = 0.4
+MIN_SCORE = 0.4
 """Least score of a plate that is reported."""
 
-SURE = 0.9
-"""A dark patch of this score is not looked at again for what is written on it."""
+SURE_SCORE = 0.9
+"""Score from which a dark patch is not searched again by its lines of text."""
 
-EDGE = 0.3
-"""An edge of a plate is seen where it darkens by this part of the contrast of its characters, at least."""
+MIN_EDGE_CONTRAST = 0.3
+"""Least contrast of a visible edge of a plate, as a part of the contrast of its characters."""
 
 NEAREST_MM = 450.0
-"""A plate that is nearer is not found: it is not far from as high as the image."""
+"""Least distance of a plate: a nearer one is almost as high as the image."""
 
 WORKING_COLUMNS = 240
-"""Candidates are looked for in an image that is made about so small."""
+"""Approximate width to which an image is reduced for the search of candidates."""
 
 _FARTHEST_MM = 3_700.0
 
@@ -47,10 +46,10 @@ class Size(NamedTuple):
 
     Attributes:
         depth_mm: distance of its middle, by its height.
-        width: excess over the width of a plate there, as a part of that; negative: narrower.
-        slope: how much higher its right edge is than its left one, as a part of the height, less the slope on
-            a wall with the given tilt.
-        off: distance of its middle from the horizon, in pixels, less what is tolerable.
+        width: relative excess over the width of a plate at that distance; negative for a narrower outline.
+        slope: excess height of its right edge over its left one, as a part of the height, less that expected
+            on a wall with the given tilt.
+        off: distance of its middle from the horizon, in pixels.
     """
 
     depth_mm: float
@@ -66,36 +65,36 @@ def find_plates(
     first_row: int = 0,
     tilt_deg: float | None = None,
 ) -> tuple[PlateBox, ...]:
-    """Return the plates in an image, the most plate-like one first.
+    """Return the plates in an image, by descending score.
 
     Args:
-        image: (rows, columns) of gray, or (rows, columns, 3) of RGB, uint8: all of the image or a band of it.
-        camera: the camera; the default is one of 60 degrees that gives such an image.
-        first_row: where a band begins in the whole image. Corners are given in the band.
-        tilt_deg: the angle between the optical axis and the wall's normal, as far as it is known.
+        image: (rows, columns) of gray, or (rows, columns, 3) of RGB, uint8: a whole image, or a band of rows.
+        camera: the camera; the default has 60 degrees and images of this size.
+        first_row: first row of the band in the whole image. Corners are given in the band.
+        tilt_deg: angle between the optical axis and the wall's normal; None if unknown.
 
     Raises:
-        ValueError: it is no image, or not one of this camera.
+        ValueError: `image` is no image, or not one of this camera.
     """
     gray, camera = gray_band(image, camera, first_row)
     horizon = (camera.rows - 1) / 2.0 - first_row
     reach = camera.focal * PLATE_HEIGHT_MM / 2.0 / NEAREST_MM
     top, bottom = max(math.ceil(horizon - reach), 0), math.floor(horizon + reach) + 1
     band = gray[top:bottom]
-    if len(band) < LEAST_PIXELS:
+    if len(band) < MIN_PIXELS:
         return ()
     plates = _apart(_plates(band, camera, horizon - top, tilt_deg))
     return tuple(plate.lowered(top) for plate in plates)
 
 
 def _plates(gray: Gray, camera: LevelCamera, horizon: float, tilt_deg: float | None) -> list[PlateBox]:
-    """Return the dark patches that are plates, and the plates about lines of text."""
+    """Return the plates found as dark patches, and those found by their lines of text."""
     small, factor = _small(gray)
     row = (horizon - (factor - 1) / 2.0) / factor
     found: list[PlateBox] = []
     for box in candidates(small, row):
         patch = box.scaled(factor)
-        if any(_overlap(patch.left, patch.right, plate) for plate in found if plate.score >= SURE):
+        if any(_overlap(patch.left, patch.right, plate) for plate in found if plate.score >= SURE_SCORE):
             continue
         outline = outline_of(gray, patch, horizon)
         if outline is not None:
@@ -103,11 +102,11 @@ def _plates(gray: Gray, camera: LevelCamera, horizon: float, tilt_deg: float | N
     middle = (camera.columns - 1) / 2.0
     for line in lines_of_text(small, row):
         rough = outline_about(line.scaled(factor), tilt_deg, camera.focal, middle)
-        if any(_overlap(rough.left, rough.right, plate) for plate in found if plate.score >= SURE):
+        if any(_overlap(rough.left, rough.right, plate) for plate in found if plate.score >= SURE_SCORE):
             continue
         if rough.left < 0.0 or rough.right > camera.columns - 1.0:
             continue
-        outline = outline_near(gray, rough, horizon, EDGE * contrast_of(gray, rough))
+        outline = outline_near(gray, rough, horizon, MIN_EDGE_CONTRAST * contrast_of(gray, rough))
         found += _plate(gray, outline, camera, horizon, tilt_deg)
     return found
 
@@ -118,7 +117,7 @@ def _small(gray: Gray) -> tuple[Gray, int]:
 
     factor = max(1, round(gray.shape[1] / WORKING_COLUMNS))
     size = (gray.shape[1] // factor, gray.shape[0] // factor)
-    if factor == 1 or min(size) < LEAST_PIXELS:
+    if factor == 1 or min(size) < MIN_PIXELS:
         return gray, 1
     cut = gray[: size[1] * factor, : size[0] * factor]
     return np.asarray(cv2.resize(cut, size, interpolation=cv2.INTER_AREA), dtype=np.uint8), factor
@@ -133,7 +132,7 @@ def _plate(
         return []
     face = face_of(gray, outline)
     score = 0.0 if face is None else score_of(size, face)
-    return [PlateBox(outline.corners, score)] if score >= LEAST_SCORE else []
+    return [PlateBox(outline.corners, score)] if score >= MIN_SCORE else []
 
 
 def _overlap(left: float, right: float, plate: PlateBox) -> bool:
@@ -141,7 +140,7 @@ def _overlap(left: float, right: float, plate: PlateBox) -> bool:
 
 
 def size_of(outline: Outline, camera: LevelCamera, horizon: float, tilt_deg: float | None) -> Size | None:
-    """Return the fit of an outline to a plate's shape, or None for what is no trapezoid."""
+    """Return the fit of an outline to a plate's shape; None if it is no trapezoid."""
     left = outline.left_bottom - outline.left_top
     right = outline.right_bottom - outline.right_top
     if min(left, right) < 1.0:
@@ -167,7 +166,7 @@ def size_of(outline: Outline, camera: LevelCamera, horizon: float, tilt_deg: flo
 
 
 def _fits(size: Size, outline: Outline) -> bool:
-    """Return True if a plate can look like that at all."""
+    """Return True if the outline is a possible view of a plate."""
     height = outline.left_bottom - outline.left_top
     return (
         size.depth_mm <= _FARTHEST_MM
@@ -194,7 +193,7 @@ def score_of(size: Size, face: Face) -> float:
 
 
 def _within(value: float, expected: float, good: float, bad: float) -> float:
-    """Return 1 if a value is nearer than `good` to the expected one, 0 beyond `bad`, and linear between."""
+    """Return 1 for a value within `good` of the expected one, 0 beyond `bad`, and linear between."""
     return min(max((bad - abs(value - expected)) / (bad - good), 0.0), 1.0)
 
 

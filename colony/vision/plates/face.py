@@ -1,9 +1,8 @@
-"""The likeness of what is within an outline to a door plate.
+"""The features that distinguish the face of a door plate from other things in an outline.
 
-A plate has white characters in one line on black, of the height that plates have, with a black margin around
-them, on something lighter. The outline is rectified to millimeters first, as if it were a plate. What a
-poster lacks of a plate is then plain: its lines are too many or too low, its margins too narrow, its ground
-is not even, or nothing is written on it.
+A plate has one line of white characters of a fixed height on black, with a black margin, on a lighter
+background. The outline is first rectified to millimeters, as if it were a plate. This exposes posters: their
+lines are too many or too low, their margins too narrow, their ground is uneven, or they have no text.
 """
 
 from __future__ import annotations
@@ -21,22 +20,22 @@ from colony.vision.plates.outline import Outline
 
 Floats = NDArray[np.float64]
 
-MM_A_PIXEL = 4.0
+MM_PER_PIXEL = 4.0
 BORDER_MM = 32.0
 """Width of the border around the plate that is rectified with it."""
 
-LEAST_CONTRAST = 12.0
-"""The least difference of gray levels between the characters and the ground."""
+MIN_CONTRAST = 12.0
+"""Least difference of gray levels between the characters and the ground."""
 
-_BLUR_PIXELS = 2.2  # over how many pixels of the image an edge is a ramp
-_BORDER = round(BORDER_MM / MM_A_PIXEL)
-_COLUMNS, _ROWS = round(PLATE_WIDTH_MM / MM_A_PIXEL), round(PLATE_HEIGHT_MM / MM_A_PIXEL)
+_BLUR_PIXELS = 2.2  # width of the ramp at an edge, in pixels of the image
+_BORDER = round(BORDER_MM / MM_PER_PIXEL)
+_COLUMNS, _ROWS = round(PLATE_WIDTH_MM / MM_PER_PIXEL), round(PLATE_HEIGHT_MM / MM_PER_PIXEL)
 _MARGIN_MM = (PLATE_HEIGHT_MM - CHARACTER_HEIGHT_MM) / 2.0
-_MARGIN = round(_MARGIN_MM / MM_A_PIXEL)
+_MARGIN = round(_MARGIN_MM / MM_PER_PIXEL)
 _BLURS = 16
-_DARK, _LIGHT = 0.15, 0.985  # of the pixels, sorted: a single character is a fiftieth of a plate
-_OUTSIDE = 4  # so many pixels outside of the outline it is what is behind the plate
-_LEAST_STEP = 0.15
+_DARK, _LIGHT = 0.15, 0.985  # quantiles of the pixels: a single character covers a fiftieth of a plate
+_OUTSIDE = 4  # pixels from the outline to the background
+_MIN_STEP = 0.15
 
 
 class Face(NamedTuple):
@@ -45,9 +44,9 @@ class Face(NamedTuple):
     Attributes:
         contrast: difference between the characters and the ground, in gray levels.
         ground: brightness between the characters, as a part of the brightness of the characters.
-        edged: part of the outline along which it is lighter outside than inside.
-        ink: mean brightness of the line of characters: the part of it that they cover.
-        misfit: difference of the rows from those of a plate (rms), as a part of `ink`.
+        edged: part of the outline along which the background is lighter.
+        ink: mean brightness of the line of characters, which is the part of it that they cover.
+        misfit: rms difference of the rows from those of a plate, as a part of `ink`.
         gap: brightness of the darkest row of the line of characters, as a part of their mean.
         rim: brightness of the margin around the characters, where it is lightest.
         middle: place of the middle of the writing, from 0, the left edge, to 1.
@@ -66,13 +65,13 @@ class Face(NamedTuple):
 
 
 def face_of(gray: Gray, outline: Outline) -> Face | None:
-    """Return the face within an outline, or None if nothing stands out in it."""
+    """Return the face within an outline; None without contrast."""
     patch = _rectified(gray, outline)
     plate = patch[_BORDER : _BORDER + _ROWS, _BORDER : _BORDER + _COLUMNS]
     ordered = np.sort(plate, axis=None)
     ground, light = float(ordered[int(_DARK * ordered.size)]), float(ordered[int(_LIGHT * ordered.size)])
     contrast = light - ground
-    if contrast < LEAST_CONTRAST:
+    if contrast < MIN_CONTRAST:
         return None
     patch = (patch - ground) / contrast
     left, right = _written(patch[_BORDER + _MARGIN : -_BORDER - _MARGIN, _BORDER : _BORDER + _COLUMNS])
@@ -117,7 +116,7 @@ def _rectified(gray: Gray, outline: Outline) -> Floats:
 
 
 def _edged(patch: Floats) -> float:
-    """Return the part of the outline along which it is lighter outside than within the margin."""
+    """Return the part of the outline along which the background is lighter than the margin."""
     rows, columns = slice(_BORDER, -_BORDER), slice(_BORDER, -_BORDER)
     inside, outside = _BORDER + _MARGIN // 2, _BORDER - _OUTSIDE
     steps = (
@@ -126,11 +125,11 @@ def _edged(patch: Floats) -> float:
         patch[rows, outside] - patch[rows, inside],
         patch[rows, -1 - outside] - patch[rows, -1 - inside],
     )
-    return float((np.concatenate(steps) >= _LEAST_STEP).mean())
+    return float((np.concatenate(steps) >= _MIN_STEP).mean())
 
 
 def _rim(patch: Floats) -> float:
-    """Return the brightness of the margin in its middle, all around, but for the lightest tenth."""
+    """Return the brightness in the middle of the margin, all around: the 90th percentile."""
     plate = patch[_BORDER:-_BORDER, _BORDER:-_BORDER]
     at = _MARGIN // 2
     rows, columns = slice(at, -at), slice(at, -at)
@@ -139,20 +138,20 @@ def _rim(patch: Floats) -> float:
 
 
 def _written(line: Floats) -> tuple[int, int]:
-    """Return the columns between which there is writing: the first, and the one after the last."""
+    """Return the first column of the text, and the one after its last."""
     columns = line[:, _MARGIN:-_MARGIN].mean(axis=0)
     level = 0.4 * float(np.sort(columns)[int(0.95 * columns.size)])
     written = np.flatnonzero(columns >= level)
     return _MARGIN + int(written[0]), _MARGIN + int(written[-1]) + 1
 
 
-def _fit(rows: Floats, mm_a_pixel: float) -> tuple[float, float]:
+def _fit(rows: Floats, mm_per_pixel: float) -> tuple[float, float]:
     """Fit the rows of a plate to these rows.
 
     Returns:
         The brightness of the line of characters, and the rms of the residuals.
     """
-    solver, basis = _plate_rows(min(max(round(mm_a_pixel), 1), _BLURS))
+    solver, basis = _plate_rows(min(max(round(mm_per_pixel), 1), _BLURS))
     amounts = solver @ rows
     off = rows - basis @ amounts
     inner = off[_BORDER // 2 : -_BORDER // 2]
@@ -160,14 +159,14 @@ def _fit(rows: Floats, mm_a_pixel: float) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=_BLURS)
-def _plate_rows(mm_a_pixel: int) -> tuple[Floats, Floats]:
+def _plate_rows(mm_per_pixel: int) -> tuple[Floats, Floats]:
     """Return the components of the rows of a rectified plate, with the solver for their amounts.
 
-    A pixel of the image is `mm_a_pixel` wide. The components are the line of characters, what is above, what
-    is below, and the ground.
+    A pixel of the image is `mm_per_pixel` wide. The components are the line of characters, what is above,
+    what is below, and the ground.
     """
-    at = (np.arange(_ROWS + 2 * _BORDER) + 0.5) * MM_A_PIXEL - BORDER_MM
-    ramp = _BLUR_PIXELS * mm_a_pixel
+    at = (np.arange(_ROWS + 2 * _BORDER) + 0.5) * MM_PER_PIXEL - BORDER_MM
+    ramp = _BLUR_PIXELS * mm_per_pixel
 
     def after(edge: float) -> Floats:
         """Return 1 below an edge, 0 above it, and a ramp between."""

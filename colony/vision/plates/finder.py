@@ -1,15 +1,15 @@
 """PlFinder: finds the door plates that the robot passes (thesis section 5.7).
 
-It looks through a camera at the wall on the robot's left, four times a second, while the robot heads along
-the hallway, give or take 50 degrees. Each plate is reported once, when enough looks agree upon it
-(`search.py`): at DServer in PlateSeen, and to the callback `on_plate`.
+It observes the wall on the robot's left through a camera, four times a second, while the robot heads along
+the hallway within 50 degrees. Each plate is reported once, when enough observations agree (`search.py`): at
+DServer in PlateSeen, and to the callback `on_plate`.
 
-With the maps of the floors, of which Floor names the present one, what hangs where the map has no plate is
-none, and each look at a known plate gives the robot's place: PlateFix. The thesis's own finder
-(`thesis=True`) reports a plate at its first look, and distinguishes images by their overlap on the wall only.
+With the maps of the floors, of which Floor names the present one, only plates of the map count, and each
+observation of one measures the robot's pose: PlateFix. The thesis's own finder (`thesis=True`) reports a
+plate at its first observation, and distinguishes images by their overlap on the wall only.
 
-While a server is away, or has nothing to say, the finder waits; while DServer is away, the floor is the last
-known one, and plates are published later. On a floor that is none of the maps nothing is found.
+The finder waits while a server is away or has no value; while DServer is away, the last known floor counts,
+and plates are published later. On a floor without a map nothing is found.
 """
 
 from __future__ import annotations
@@ -35,35 +35,35 @@ from colony.runtime.library import data, proximity, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.robot import Position
 from colony.runtime.protocol.images import Image
+from colony.vision.camera_setup import prepare_camera
+from colony.vision.detections import PlateBox, Reading
 from colony.vision.gray_images import gray_image
 from colony.vision.level_camera import SIDE, LevelCamera
-from colony.vision.level_looks import made_ready
-from colony.vision.lights.looks import SILENT
+from colony.vision.lights.observing import NO_ANSWER_ERRORS
 from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S
 from colony.vision.plates.geometry import is_too_steep
 from colony.vision.plates.map import gate_mm
-from colony.vision.plates.search import Known, PlateSearch, Search, ThesisSearch, View
-from colony.vision.plates.sights import PlateSight
+from colony.vision.plates.observations import FoundPlate
+from colony.vision.plates.search import FloorPlates, PlateSearch, Search, ThesisSearch, View
 from colony.vision.plates.thesis import scan_band
-from colony.vision.sightings import PlateBox, Reading
 
-BAND = 0.54
-"""The part of the image's rows, about the middle, that ours looks at: all of a plate from 0.45 m on."""
+BAND_FRACTION = 0.54
+"""Part of the image's rows, about the middle, that is searched: all of a plate from 0.45 m on."""
 
-SIDEWARD = 18
-"""The sonar whose axis is that of the camera."""
+SIDE_SONAR = 18
+"""Index of the sonar with the camera's axis."""
 
 OLDEST_IMAGE_S = 1.0
-"""It is not known well enough where older images were taken."""
+"""Largest age of an image; the poses of older ones are not known well enough."""
 
-MOST_UNTOLD = 16
-"""Largest number of plates that are kept for a DServer that is away: the newest ones."""
+MAX_UNPUBLISHED = 16
+"""Largest number of plates, the newest, that are kept while DServer is away."""
 
-OnPlate = Callable[[PlateSight], None]
+OnPlate = Callable[[FoundPlate], None]
 """Callback with each plate that is found."""
 
 PlateReader = Callable[[NDArray[np.uint8], PlateBox], Reading]
-"""Reads what is written on a plate in an image."""
+"""Reads the text on a plate in an image."""
 
 T = TypeVar("T")
 
@@ -87,90 +87,90 @@ def plate_finder(
     """Find the plates that the robot passes, forever.
 
     Args:
-        floors: the plates of each floor, by the name of its map; None: the map is not known.
+        floors: the plates of each floor, by the name of its map; None without maps.
         camera: the server of the camera.
         geometry: the geometry of the camera.
-        reader: reads the text on a plate; None: plates are not read.
-        thesis: find as printed, without a map.
-        on_plate: called with each plate.
+        reader: the reader of plates' texts; None to leave plates unread.
+        thesis: True to find plates as printed in the thesis, without a map.
+        on_plate: callback with each plate.
 
     Raises:
-        ValueError: in the script, where the camera's images are not as large as `geometry` says.
+        ValueError: in the script, if the size of the camera's images is not that of `geometry`.
     """
     period = THESIS_PERIOD_S if thesis else PERIOD_S
     search: Search = ThesisSearch(geometry, reader) if thesis else PlateSearch(geometry, reader)
-    eye = _Eye(camera, geometry, period, lock=thesis)
+    wall = _WallCamera(camera, geometry, period, lock=thesis)
     maps = None if thesis or floors is None else _Maps(floors)
-    return _finder(eye, search, maps, period, on_plate)
+    return _finder(wall, search, maps, period, on_plate)
 
 
 def _finder(
-    eye: _Eye, search: Search, maps: _Maps | None, period_s: float, on_plate: OnPlate | None
+    wall: _WallCamera, search: Search, maps: _Maps | None, period_s: float, on_plate: OnPlate | None
 ) -> Script:
-    yield from eye.prepare()
-    count, untold = 0, deque[list[object]](maxlen=MOST_UNTOLD)
+    yield from wall.prepare()
+    count, unpublished = 0, deque[list[object]](maxlen=MAX_UNPUBLISHED)
     while True:
-        yield from _tell_plates(untold)
+        yield from _publish_plates(unpublished)
         yield from sleep(period_s)
-        view = yield from eye.look()
+        view = yield from wall.view()
         if view is None:
             continue
         known = None if maps is None else (yield from maps.known())
-        found = search.look(view if maps is None else view._replace(floor=maps.floor), known)
-        for sight in found.told:
+        found = search.update(view if maps is None else view._replace(floor=maps.floor), known)
+        for plate in found.plates:
             count += 1
-            untold.append([sight.t_ns, count, sight.text, *sight.place])
+            unpublished.append([plate.t_ns, count, plate.text, *plate.place])
             if on_plate is not None:
-                on_plate(sight)
+                on_plate(plate)
         for fix in found.fixes:
             yield from _answer("DServer", data.set(PLATE_FIX, fix_list(fix)))
 
 
-def _tell_plates(untold: deque[list[object]]) -> Generator[Step, Any, None]:
-    """Publish plates at DServer, the oldest one first, as long as it takes them."""
-    while untold:
+def _publish_plates(unpublished: deque[list[object]]) -> Generator[Step, Any, None]:
+    """Publish plates at DServer, the oldest one first, until it does not answer."""
+    while unpublished:
         try:
-            yield from do("DServer", data.set(PLATE_SEEN, untold[0]))
-        except SILENT:
+            yield from do("DServer", data.set(PLATE_SEEN, unpublished[0]))
+        except NO_ANSWER_ERRORS:
             return
-        untold.popleft()
+        unpublished.popleft()
 
 
 class _Maps:
-    """The plates of all floors. Mutable: `floor`, the robot's last known floor, at first the first one."""
+    """The plates of all floors. Mutable: `floor`, the robot's last known floor, initially the first one."""
 
     def __init__(self, floors: Mapping[str, Sequence[Plate]]) -> None:
         self._floors = floors
         self.floor = next(iter(floors), "")
 
-    def known(self) -> Generator[Step, Any, Known]:
-        """Return the plates of the present floor; none if there is no map of it."""
-        told = yield from _answer("DServer", data.get(FLOOR))
-        if isinstance(told, str):
-            self.floor = told
+    def known(self) -> Generator[Step, Any, FloorPlates]:
+        """Return the plates of the present floor; none without a map of it."""
+        floor = yield from _answer("DServer", data.get(FLOOR))
+        if isinstance(floor, str):
+            self.floor = floor
         pose = pose_of((yield from _answer("DServer", data.get(POSE))))
         sigma = None if pose is None else math.sqrt(max(pose.xx + pose.yy, 0.0))
-        return Known(self._floors.get(self.floor, ()), gate_mm(sigma))
+        return FloorPlates(self._floors.get(self.floor, ()), gate_mm(sigma))
 
 
-class _Eye:
-    """The camera's view of the wall. Mutable: the last position, the last image's time, and the readiness."""
+class _WallCamera:
+    """The camera that faces the wall. Mutable: the last position and image, and the readiness."""
 
     def __init__(self, name: str, geometry: LevelCamera, period_s: float, *, lock: bool) -> None:
         self._name, self._geometry, self._period_s = name, geometry, period_s
         self._ready = False
         self._lock = lock
-        count = min(geometry.rows, 2 * math.ceil(BAND * geometry.rows / 2.0))
+        count = min(geometry.rows, 2 * math.ceil(BAND_FRACTION * geometry.rows / 2.0))
         self._band = scan_band(geometry) if lock else ((geometry.rows - count) // 2, count)
         self._last: Position | None = None
-        self._seen_ns = -1
+        self._newest_ns = -1
 
     def prepare(self) -> Generator[Step, Any, None]:
-        """Prepare the camera, if it is there."""
-        self._ready = yield from made_ready(self._name, self._geometry, self._period_s)
+        """Prepare the camera, if it answers."""
+        self._ready = yield from prepare_camera(self._name, self._geometry, self._period_s)
 
-    def look(self) -> Generator[Step, Any, View | None]:
-        """Return the present view, or None if there is nothing new."""
+    def view(self) -> Generator[Step, Any, View | None]:
+        """Return the present view, or None without a new image."""
         here = yield from _answer("RServer", robot.position())
         if here is None:
             return None
@@ -182,11 +182,11 @@ class _Eye:
         if not self._ready:
             yield from self.prepare()
         band = (yield from self._grab()) if self._ready else None
-        if band is None or band.t_ns == self._seen_ns or here.t_ns - band.t_ns > OLDEST_IMAGE_S * 1e9:
+        if band is None or band.t_ns == self._newest_ns or here.t_ns - band.t_ns > OLDEST_IMAGE_S * 1e9:
             return None
-        self._seen_ns = band.t_ns
+        self._newest_ns = band.t_ns
         scan = yield from _answer("PServer", proximity.sonar())
-        distance = None if scan is None else SonarModel().ring_mm + scan.ranges[SIDEWARD]
+        distance = None if scan is None else SonarModel().ring_mm + scan.ranges[SIDE_SONAR]
         then = position_at(band.t_ns, here, last)
         gray = gray_image(cameras.array(band))
         return View(band.t_ns, gray, band.first_row, _pose(then), _tilt(then.heading, goal), distance)
@@ -194,17 +194,18 @@ class _Eye:
     def _grab(self) -> Generator[Step, Any, Image | None]:
         """Return the rows around the middle of the newest image.
 
-        They come in one answer, and so are of one image; as printed, they are under the lock all the same.
+        They come in one answer, and so belong to one image; the thesis's finder locks the camera
+        nevertheless.
         """
         if self._lock:
             try:
                 yield from do(self._name, cameras.lock(wait_s=0.1))
-            except SILENT:
+            except NO_ANSWER_ERRORS:
                 return None
         band = yield from _answer(self._name, cameras.grab_rows(*self._band))
         if self._lock:
             yield from _answer(self._name, cameras.unlock())
-        self._ready = band is not None and band.t_ns != self._seen_ns
+        self._ready = band is not None and band.t_ns != self._newest_ns
         return band
 
 
@@ -223,5 +224,5 @@ def _answer(server: str, ask: Ask[T]) -> Generator[Step, Any, T | None]:
     """Return a server's answer, or None if it does not answer."""
     try:
         return (yield from do(server, ask))
-    except SILENT:
+    except NO_ANSWER_ERRORS:
         return None

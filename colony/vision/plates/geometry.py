@@ -3,7 +3,7 @@
 Beta is the angle between the optical axis and the wall's normal, positive where the robot is turned
 counterclockwise against the hallway; d is the distance of the wall from the camera, perpendicular to it.
 Places along the wall count to the left as seen facing it, in mm from where the normal through the camera
-meets it. So for a camera that looks to the left they count backward: against the way of the robot.
+meets it. So for a camera that looks to the left they count backward, against the robot's motion.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from typing import NamedTuple
 
 from colony.vision.level_camera import LevelCamera
 
-STEEPEST_DEG = 50.0
-"""No plate is looked for where the axis is as far from the wall's normal: what follows is too uncertain."""
+MAX_TILT_DEG = 50.0
+"""Angle of the axis to the wall's normal from which plates are not searched: measurements are too
+uncertain."""
 
 
 def is_too_steep(tilt_deg: float) -> bool:
-    """Return True if the finder does nothing at such a tilt (beta)."""
-    return not abs(tilt_deg) < STEEPEST_DEG
+    """Return True if plates are not searched at this tilt (beta)."""
+    return not abs(tilt_deg) < MAX_TILT_DEG
 
 
 class WallView(NamedTuple):
@@ -29,9 +30,9 @@ class WallView(NamedTuple):
     tilt_deg: float
 
     def left_mm(self, view_deg: float) -> float:
-        """Return l: the distance from the foot of the normal to where the left ray meets the wall.
+        """Return l: the distance along the wall from the foot of the normal to the left ray.
 
-        It is negative if that is on the right of the foot, infinite if they do not meet.
+        It is negative to the right of the foot, and infinite without an intersection.
         """
         return self._reach_mm(self.tilt_deg + view_deg / 2.0)
 
@@ -53,17 +54,17 @@ class WallView(NamedTuple):
 
 
 def overlap_mm(first: WallView, second: WallView, moved_mm: float, view_deg: float) -> float:
-    """Return r1 + l2 - D: the length of the wall that two images both show; 0 or less: they share no part.
+    """Return r1 + l2 - D: the length of the wall that two images share; 0 or less if they share nothing.
 
-    The second image is taken `moved_mm` (D) further on. The formula is printed for a robot that has the wall
-    on its left and goes forward: what is at the right of the first image comes into the second one from the
+    The second image is taken `moved_mm` (D) further on. The formula is printed for a robot that drives
+    forward with the wall on its left: the wall at the right of the first image enters the second one from the
     left.
     """
     return first.right_mm(view_deg) + second.left_mm(view_deg) - moved_mm
 
 
 def starting_column(first: WallView, second: WallView, moved_mm: float, camera: LevelCamera) -> int:
-    """Return the first column of the second image that shows what the first image did not.
+    """Return the first column of the second image that shows wall that the first image does not.
 
     It is at least 0 and at most the number of columns.
     """

@@ -1,8 +1,8 @@
 """Candidates for lines of white characters on a plate in an image.
 
-A plate that hangs before something dark, or beside it, is no dark patch of its own: on a wall of glass
-bricks, some of which are dark. Its characters still are bright patches of one height on the horizon, side by
-side. Their height gives that of the plate, and their middle is the plate's.
+A plate before or beside something dark, as on a wall of glass bricks, is no separate dark patch. Its
+characters still are bright patches of one height on the horizon, side by side. Their height gives that of the
+plate, and their middle is the plate's.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from colony.vision.plates.patches import Patch, agreed
 LEVELS = 8
 """Number of thresholds, between the darkest and the brightest gray of the image."""
 
-LEAST_HEIGHT = 5
+MIN_HEIGHT = 5
 """Least height of characters, in pixels of an image 240 columns wide."""
 
-WIDEST = 3.6
-"""The width of a line of characters by its height: a plate has no room for more."""
+MAX_LINE_ASPECT = 3.6
+"""Largest width of a line of characters by its height: a plate has no room for more."""
 
-_LEAST_SPAN = 10.0
-_ALIKE = 0.72  # the lower one of two neighbors by the higher one
+_MIN_SPAN = 10.0
+_ALIKE = 0.72  # height of the lower of two neighbors by that of the higher
 _GAP = 0.8  # between neighbors, by their height
 _THINNEST, _THICKEST = 0.1, 3.6  # the width of a patch by its height: an I, and characters that have merged
 
 
 def lines_of_text(gray: Gray, horizon: float) -> tuple[Patch, ...]:
-    """Return the lines of bright patches; lines at several thresholds come first.
+    """Return the lines of bright patches, those at most thresholds first.
 
     Args:
         gray: an image, or a band of one, about 240 columns wide.
@@ -40,7 +40,7 @@ def lines_of_text(gray: Gray, horizon: float) -> tuple[Patch, ...]:
     import cv2
 
     darkest, brightest = (float(level) for level in np.percentile(gray[::2, ::2], (0.5, 98.0)))
-    if brightest - darkest < _LEAST_SPAN:
+    if brightest - darkest < _MIN_SPAN:
         return ()
     found: list[Patch] = []
     for level in np.linspace(darkest, brightest, LEVELS + 2)[1:-1].tolist():
@@ -51,7 +51,7 @@ def lines_of_text(gray: Gray, horizon: float) -> tuple[Patch, ...]:
 
 
 def outline_about(line: Patch, tilt_deg: float | None, focal: float, middle_column: float) -> Outline:
-    """Return the outline of the plate that has such a line of characters, on a wall with the given tilt."""
+    """Return the outline of the plate with this line of characters, on a wall with the given tilt."""
     height = (line.bottom - line.top) * PLATE_HEIGHT_MM / CHARACTER_HEIGHT_MM
     middle, row = (line.left + line.right - 1) / 2.0, (line.top + line.bottom - 1) / 2.0
     tangent = float(np.tan(np.radians(0.0 if tilt_deg is None else tilt_deg)))
@@ -68,17 +68,17 @@ def outline_about(line: Patch, tilt_deg: float | None, focal: float, middle_colu
 
 
 def _is_likely(stats: NDArray[np.int32], rows: int, horizon: float) -> NDArray[np.bool_]:
-    """Return which components, (n, 5) as OpenCV gives them, may be one or several merged characters."""
+    """Return a mask of the components, (n, 5) as from OpenCV, that may be characters, single or merged."""
     _, top, width, height, _ = stats.T
     off = np.abs(top + (height - 1) / 2.0 - horizon)
-    likely = (height >= LEAST_HEIGHT) & (width >= _THINNEST * height) & (width <= _THICKEST * height)
+    likely = (height >= MIN_HEIGHT) & (width >= _THINNEST * height) & (width <= _THICKEST * height)
     likely &= (top > 0) & (top + height < rows)
     likely &= off <= 1.0 + 0.12 * height
     return np.asarray(likely, dtype=np.bool_)
 
 
 def _lines(stats: NDArray[np.int32], columns: int) -> list[Patch]:
-    """Join neighbors of the same height to lines; but not what goes on beyond the image."""
+    """Join neighbors of the same height to lines; leave out lines that extend beyond the image."""
     patches = sorted((x, y, x + w, y + h) for x, y, w, h, _ in stats.tolist())
     lines: list[Patch] = []
     for left, top, right, bottom in patches:
@@ -94,7 +94,7 @@ def _lines(stats: NDArray[np.int32], columns: int) -> list[Patch]:
         for line in lines
         if line.left > 0
         and line.right < columns
-        and line.right - line.left <= WIDEST * (line.bottom - line.top)
+        and line.right - line.left <= MAX_LINE_ASPECT * (line.bottom - line.top)
     ]
 
 

@@ -1,4 +1,4 @@
-"""The map's plate that an observed plate is: the nearest one to its place, if that is likely."""
+"""Data association: the map's plate for an observed plate, by its place and its text."""
 
 from __future__ import annotations
 
@@ -6,35 +6,35 @@ import math
 from collections.abc import Iterable, Sequence
 
 from colony.nav.maps.signs import Plate
-from colony.vision.plates.sights import Seen
+from colony.vision.plates.observations import PlateObservation
 
-LEAST_GATE_MM, MOST_GATE_MM = 260.0, 1_200.0
+MIN_GATE_MM, MAX_GATE_MM = 260.0, 1_200.0
 """Gates of a plate's distance from its place in the map, along the wall.
 
-The first is for a robot that is sure of its position, the second for one that is not.
+The first is for an accurate estimate of the robot's position, the second for an uncertain one.
 """
 
 SIGMAS = 3.0
 
 FACING_DEG = 60.0
-"""A plate that is seen hangs on a wall that the camera faces, more or less."""
+"""Largest angle between the camera's axis and the normal of an observed plate's wall."""
 
-SURE = 0.9
-"""Confidence from which on the text decides: another text is another plate."""
+SURE_CONFIDENCE = 0.9
+"""Confidence of a text from which a plate with another text is ruled out."""
 
-_BESIDE = 0.5  # of the gate: a plate that is nearer than this may have been misread
+_BESIDE = 0.5  # part of the gate within which a plate may have been misread
 
 
 def gate_mm(sigma_mm: float | None) -> float:
-    """Return the gate of a plate's distance, for a standard deviation of the robot's position."""
+    """Return the gate of a plate's distance; `sigma_mm` is that of the robot's position, None if unknown."""
     if sigma_mm is None or not math.isfinite(sigma_mm):
-        return (LEAST_GATE_MM + MOST_GATE_MM) / 2.0
-    return min(max(SIGMAS * sigma_mm, LEAST_GATE_MM), MOST_GATE_MM)
+        return (MIN_GATE_MM + MAX_GATE_MM) / 2.0
+    return min(max(SIGMAS * sigma_mm, MIN_GATE_MM), MAX_GATE_MM)
 
 
 def known_plate(
     place: tuple[float, float],
-    look: Seen,
+    observation: PlateObservation,
     text: str,
     confidence: float,
     plates: Sequence[Plate],
@@ -42,36 +42,36 @@ def known_plate(
     gate: float,
     taken: Iterable[str] = (),
 ) -> Plate | None:
-    """Return the plate of the map that is at a place, or None if there is none that it can be.
+    """Return the plate of the map that an observed plate is, or None without a match.
 
     Args:
         place: x and y in mm.
-        look: one look at it, from where the robot believed to be.
-        text: its text, as far as it was read.
+        observation: one observation of it, from the robot's estimated pose.
+        text: its text, "" if unread.
         confidence: the confidence of the text.
         plates: the plates of the map.
-        gate: how far it may be from its place in the map, along the wall, in mm; across it twice as far,
-            since distances are measured less well.
-        taken: the doors of plates that are known to be others.
+        gate: largest distance from its place in the map, along the wall, in mm; twice that across the wall,
+            as distances are measured less accurately.
+        taken: doors of the plates that are matched already.
     """
     others = set(taken)
     near: list[tuple[float, Plate]] = []
     for plate in plates:
-        if plate.door in others or not _is_faced(plate, look):
+        if plate.door in others or not _is_faced(plate, observation):
             continue
         off = _off_mm(plate, place)
-        if off < gate and (plate.text == text or confidence < SURE or off < _BESIDE * gate):
-            # One whose text was read is taken before a nearer one.
+        if off < gate and (plate.text == text or confidence < SURE_CONFIDENCE or off < _BESIDE * gate):
+            # A plate with the text that was read is preferred to a nearer one.
             near.append((off - (gate if plate.text == text and text else 0.0), plate))
-    return min(near, key=lambda one: one[0])[1] if near else None
+    return min(near, key=lambda match: match[0])[1] if near else None
 
 
-def _is_faced(plate: Plate, look: Seen) -> bool:
-    return abs(math.remainder(look.axis_deg - plate.heading_deg, 360.0)) < FACING_DEG
+def _is_faced(plate: Plate, observation: PlateObservation) -> bool:
+    return abs(math.remainder(observation.axis_deg - plate.heading_deg, 360.0)) < FACING_DEG
 
 
 def _off_mm(plate: Plate, place: tuple[float, float]) -> float:
-    """Return the distance of a place from a plate: along its wall, or half of that across the wall."""
+    """Return the distance of a place from a plate: along its wall, or half of that across it."""
     facing = math.radians(plate.heading_deg)
     dx, dy = place[0] - plate.middle.x, place[1] - plate.middle.y
     across, along = (

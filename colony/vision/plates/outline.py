@@ -1,8 +1,8 @@
-"""The outline of a dark patch to a part of a pixel, as four lines.
+"""The outline of a dark patch as four lines, with subpixel accuracy.
 
 The camera is level and walls are upright, so the left and the right edge are upright in the image, and the
-upper and the lower one any straight lines. An edge is where the image grows dark toward the inside: at the
-center of gravity of what it darkens there, from row to row or from column to column.
+upper and the lower one any straight lines. An edge is where the image gets darker toward the inside: at the
+centroid of the fall of the gray level, from row to row or from column to column.
 """
 
 from __future__ import annotations
@@ -12,25 +12,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from colony.vision.detections import Corner
 from colony.vision.gray_images import Gray
 from colony.vision.plates.patches import Patch
-from colony.vision.sightings import Corner
 
 Floats = NDArray[np.float64]
 
-LEAST_DROP = 4.0
+MIN_DROP = 4.0
 """Least fall of the gray level across an edge."""
 
-_LEAST_COLUMNS = 4
+_MIN_COLUMNS = 4
 _ROUNDS = 5
-_LEAST_SEEN = 0.35  # of the columns of an edge
-_SOFT = 0.35  # of a pixel: residuals beyond this count less and less
+_MIN_SEEN = 0.35  # of the columns of an edge
+_SOFT = 0.35  # pixels: larger residuals are weighted down
 
 
 class Outline(NamedTuple):
-    """A trapezoid with upright sides: its columns, and at both the rows of its upper and lower edge.
+    """A trapezoid with upright sides: their columns, and the rows of their upper and lower ends.
 
-    `spread` is how far the upper and lower edge depart from straight lines, in pixels.
+    `spread` is the deviation of the upper and lower edge from straight lines, in pixels.
     """
 
     left: float
@@ -61,13 +61,13 @@ def outline_of(gray: Gray, box: Patch, horizon: float) -> Outline | None:
     """Return the outline of a candidate, or None if an edge of it is not visible."""
     upper, lower = _edge(gray, box, lower=False), _edge(gray, box, lower=True)
     left, right = _side(gray, box, right=False), _side(gray, box, right=True)
-    if upper is None or lower is None or left is None or right is None or right - left < _LEAST_COLUMNS:
+    if upper is None or lower is None or left is None or right is None or right - left < _MIN_COLUMNS:
         return None
     return _trapezoid(left, right, _halves(upper, lower, horizon))
 
 
 def outline_near(gray: Gray, rough: Outline, horizon: float, least_drop: float) -> Outline:
-    """Refine an outline that is known to a pixel or two, to a part of a pixel where its edges are visible.
+    """Refine an outline known to a pixel or two to subpixel accuracy, where its edges are visible.
 
     A missing upper or lower edge follows from the other, as they are symmetric about the horizon; a missing
     left or right one follows from the width. Edges whose fall is less than `least_drop` are not visible.
@@ -86,7 +86,7 @@ def outline_near(gray: Gray, rough: Outline, horizon: float, least_drop: float) 
 
 
 class _Edge(NamedTuple):
-    """An edge in some columns: in which rows it is there."""
+    """An edge: its row in some columns."""
 
     columns: Floats
     rows: Floats
@@ -95,8 +95,8 @@ class _Edge(NamedTuple):
 class _Halves(NamedTuple):
     """The upper and the lower half of a trapezoid.
 
-    Their height is base + slope * column, about the row `middle`; the spread is how far the edges depart
-    from that.
+    Their height is base + slope * column, about the row `middle`; `spread` is the deviation of the edges from
+    that.
     """
 
     middle: float
@@ -112,8 +112,8 @@ class _Halves(NamedTuple):
 def _halves(upper: _Edge | None, lower: _Edge | None, horizon: float) -> _Halves:
     """Fit one line to both edges, as they are symmetric about a row.
 
-    If something dark behind the plate hides one of them, the other shows it. The camera need not be quite
-    level: both may be off the horizon.
+    If one is invisible before a dark background, the other suffices. Both may be off the horizon, as the
+    camera need not be exactly level.
     """
     middle = horizon
     if upper is not None and lower is not None:
@@ -149,11 +149,11 @@ def _box_about(outline: Outline, shape: tuple[int, ...]) -> Patch:
 
 
 def _reach(box: Patch) -> int:
-    """Return how many pixels away an edge is searched."""
+    """Return the distance within which an edge is searched, in pixels."""
     return max(2, round(0.22 * (box.bottom - box.top)))
 
 
-def _edge(gray: Gray, box: Patch, *, lower: bool, least_drop: float = LEAST_DROP) -> _Edge | None:
+def _edge(gray: Gray, box: Patch, *, lower: bool, least_drop: float = MIN_DROP) -> _Edge | None:
     """Return the upper or lower edge, or None if too few columns show one."""
     inset = max(1, (box.right - box.left) // 16)
     columns = slice(box.left + inset, box.right - inset)
@@ -164,15 +164,15 @@ def _edge(gray: Gray, box: Patch, *, lower: bool, least_drop: float = LEAST_DROP
     if drops.size == 0:
         return None
     seen = drops.sum(axis=0) >= least_drop
-    if seen.sum() < max(_LEAST_COLUMNS, _LEAST_SEEN * len(seen)):
+    if seen.sum() < max(_MIN_COLUMNS, _MIN_SEEN * len(seen)):
         return None
-    drops = drops[:, seen] ** 2  # so that noise, which is everywhere, weighs little
+    drops = drops[:, seen] ** 2  # squared, to weigh noise down
     rows = ((first + 0.5 + np.arange(len(drops))) @ drops) / drops.sum(axis=0)
     return _Edge(np.arange(columns.start, columns.stop, dtype=np.float64)[seen], rows)
 
 
 def _line(x: Floats, y: Floats) -> tuple[float, float, float]:
-    """Fit a line to points with outliers: y = a + b x; return it and the median distance."""
+    """Fit a line y = a + b x to points with outliers; return a, b and the median residual."""
     weight = np.ones_like(x)
     a = b = 0.0
     for _ in range(_ROUNDS):
@@ -186,7 +186,7 @@ def _line(x: Floats, y: Floats) -> tuple[float, float, float]:
     return a, b, float(np.median(off))
 
 
-def _side(gray: Gray, box: Patch, *, right: bool, least_drop: float = LEAST_DROP) -> float | None:
+def _side(gray: Gray, box: Patch, *, right: bool, least_drop: float = MIN_DROP) -> float | None:
     """Return the column of the left or right edge, or None if none is visible."""
     inset = max(1, (box.bottom - box.top) // 6)
     at, reach = box.right if right else box.left, _reach(box)

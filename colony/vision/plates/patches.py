@@ -1,12 +1,12 @@
-"""Patches of an image that stand out at a threshold, and which of them do so at several ones."""
+"""Patches of an image at a threshold, and their merging over several thresholds."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import NamedTuple
 
-SAME = 0.62
-"""Two patches are the same if what they share is this part of what they cover together."""
+MIN_OVERLAP = 0.62
+"""Least intersection over union of two patches that are the same."""
 
 
 class Patch(NamedTuple):
@@ -28,7 +28,7 @@ class Patch(NamedTuple):
 
 
 def agreed(found: Iterable[Patch]) -> tuple[Patch, ...]:
-    """Merge patches that are nearly the same at several thresholds; those of most thresholds come first.
+    """Merge patches that are nearly the same at several thresholds; those at most thresholds come first.
 
     The middle patch of each group is kept.
 
@@ -51,4 +51,4 @@ def _is_same(one: Patch, other: Patch) -> bool:
     height = min(one.bottom, other.bottom) - max(one.top, other.top)
     if width <= 0 or height <= 0:
         return False
-    return width * height >= SAME * (one.area + other.area - width * height)
+    return width * height >= MIN_OVERLAP * (one.area + other.area - width * height)

@@ -1,10 +1,10 @@
 """The reader of the characters on door plates (thesis section 5.7 finds the plates, but does not read them).
 
-A plate is cut out of the image as a small strip; a network classifies each column of it; the most probable
-texts follow from these, given what is usual on doors, or the doors of the map. Several looks at a plate give
-more information than one: their probabilities multiply.
+A plate is cut out of the image as a small strip, and a network classifies each column of the strip. The most
+probable texts follow from the classes and a prior: the usual texts on doors, or the doors of the map.
+Readings of several images of a plate are combined by multiplying their probabilities.
 
-A box that holds no plate, or a part of one only, reads as "": the network has learned that from such boxes.
+A box that holds no plate, or only a part of one, reads as "": the network is also trained on such boxes.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ import numpy as np
 import numpy.typing as npt
 
 from colony.nav.maps.signs import CHARACTERS
+from colony.vision.detections import PlateBox, Reading
 from colony.vision.letters.decoding import likely_texts, log_probabilities_of
-from colony.vision.letters.network import LetterNet, Look, network
-from colony.vision.letters.prior import LONGEST, log_prior
+from colony.vision.letters.network import LetterNet, NetworkOutput, network
+from colony.vision.letters.prior import MAX_CHARACTERS, log_prior
 from colony.vision.plates.strip import plate_strip
-from colony.vision.sightings import PlateBox, Reading
 
 NOTHING = Reading("", 1.0)
-"""Reading where there is certainly no plate."""
+"""Reading of a box that certainly holds no plate."""
 
 ALTERNATIVES = 8
 """Largest number of alternative texts of a reading."""
 
 _ASTRAY = 2e-3
-"""Probability of any text in a look that is wholly wrong: so one look cannot overrule all others."""
+"""Probability of any text in a reading that is entirely wrong: so one reading cannot overrule all others."""
 
 _LEAST = 1e-4
 
@@ -46,39 +46,38 @@ def read_plate(
     Args:
         image: uint8, (rows, columns), or with a last axis of one or three channels.
         box: the plate's box; its corners may be off by a pixel or two.
-        lexicon: the texts of the map's plates; a text that is not among them is then read only where it is
-            plain to see.
+        lexicon: texts of the map's plates; any other text is then read only if it is very clear.
 
     Returns:
         The most probable text and its probability, with the next ones in `alternatives`; "" if the box holds
         no plate.
 
     Raises:
-        ValueError: it is no such image, or the lexicon has a text that no plate has.
+        ValueError: `image` is no such image, or the lexicon has a text that no plate can have.
     """
     texts = frozenset(lexicon or ())
     wrong = sorted(text for text in texts if not _is_text(text))
     if wrong:
-        expected = f"1 to {LONGEST} characters, digits and capital letters"
+        expected = f"1 to {MAX_CHARACTERS} characters, digits and capital letters"
         raise ValueError(f"the lexicon has the text {wrong[0]!r}; expected {expected}")
     strip = plate_strip(image, box.corners)
     if strip is None:
         return NOTHING
     net = network()
-    return reading_of(net.look(strip), net, texts)
+    return reading_of(net.run(strip), net, texts)
 
 
-def reading_of(look: Look, net: LetterNet, lexicon: Collection[str] = ()) -> Reading:
+def reading_of(output: NetworkOutput, net: LetterNet, lexicon: Collection[str] = ()) -> Reading:
     """Return the reading of a strip from the network's output."""
-    return weighed(texts_of(look, lexicon), look.plate, net, lexicon)
+    return weighed(texts_of(output, lexicon), output.plate, net, lexicon)
 
 
-def texts_of(look: Look, lexicon: Collection[str] = ()) -> dict[str, float]:
-    """Return the texts that a strip may have, and all of the lexicon, with their log probabilities.
+def texts_of(output: NetworkOutput, lexicon: Collection[str] = ()) -> dict[str, float]:
+    """Return the likely texts of a strip, and those of the lexicon, with their log probabilities.
 
     The probabilities are those of the columns alone, without the prior.
     """
-    table = look.log_probabilities
+    table = output.log_probabilities
     seen = {text: math.log(p) for text, p in likely_texts(table).items() if text and p > 0.0}
     known = sorted(text for text in lexicon if text not in seen)
     seen |= zip(known, log_probabilities_of(known, table).tolist(), strict=True)
@@ -86,11 +85,11 @@ def texts_of(look: Look, lexicon: Collection[str] = ()) -> dict[str, float]:
 
 
 def weighed(seen: dict[str, float], plate: float, net: LetterNet, lexicon: Collection[str] = ()) -> Reading:
-    """Return the reading that follows from the observation and the prior.
+    """Return the reading by the network's output and the prior.
 
     Args:
         seen: the result of `texts_of`.
-        plate: the log odds that it is a plate.
+        plate: log odds that the strip is a plate.
         net: the network, for its calibration.
         lexicon: the texts of the map's plates.
     """
@@ -108,20 +107,22 @@ def weighed(seen: dict[str, float], plate: float, net: LetterNet, lexicon: Colle
 
 
 def combined(readings: Iterable[Reading]) -> Reading:
-    """Combine several looks at one plate, taken as independent: their probabilities multiply.
+    """Combine several readings of one plate, assumed to be independent: their probabilities multiply.
 
-    Looks that saw no plate count as well: where most of them did, the result is "". Without any readings it
-    is "" too, with confidence 0.
+    Readings of "" count as well: if most are, so is the result. Without any readings it is "" with confidence
+    0.
     """
-    looks = [dict(((reading.text, reading.confidence), *reading.alternatives)) for reading in readings]
-    if not looks:
+    tables = [dict(((reading.text, reading.confidence), *reading.alternatives)) for reading in readings]
+    if not tables:
         return Reading("", 0.0)
-    texts = {text for look in looks for text in look}
-    return _reading({text: sum(math.log(look.get(text, 0.0) + _ASTRAY) for look in looks) for text in texts})
+    texts = {text for table in tables for text in table}
+    return _reading(
+        {text: sum(math.log(table.get(text, 0.0) + _ASTRAY) for table in tables) for text in texts}
+    )
 
 
 def _reading(weights: dict[str, float]) -> Reading:
-    """Return the texts by their probabilities, in proportion to the exponentials of the weights."""
+    """Return the reading of texts whose probabilities are proportional to the exponentials of the weights."""
     top = max(weights.values())
     shares = {text: math.exp(weight - top) for text, weight in weights.items()}
     whole = sum(shares.values())
@@ -137,4 +138,4 @@ def _softplus(x: float) -> float:
 
 
 def _is_text(text: str) -> bool:
-    return 1 <= len(text) <= LONGEST and all(c in CHARACTERS for c in text)
+    return 1 <= len(text) <= MAX_CHARACTERS and all(c in CHARACTERS for c in text)

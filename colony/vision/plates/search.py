@@ -1,7 +1,7 @@
-"""The search for plates, image by image: ours, with the map or without it, and the thesis's (section 5.7).
+"""The search for plates, image by image: with or without the map, and as in the thesis (section 5.7).
 
-A search is shown what the camera sees, with where the robot believes to be, and gives the plates that it
-counts and, from plates known from the map, observations of the robot's pose.
+A search takes the camera's views, with the robot's estimated pose, and returns new plates and, by plates of
+the map, fixes of the robot's pose.
 """
 
 from __future__ import annotations
@@ -13,59 +13,59 @@ from typing import NamedTuple
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.fixes import Fix
+from colony.vision.detections import PlateBox, Reading
 from colony.vision.gray_images import Gray
 from colony.vision.level_camera import LevelCamera
 from colony.vision.plates.detector import find_plates
 from colony.vision.plates.geometry import WallView, is_too_steep, starting_column
 from colony.vision.plates.map import known_plate
-from colony.vision.plates.sights import PlateSight, Seen, fix_of_plate, seen_of
+from colony.vision.plates.observations import FoundPlate, PlateObservation, fix_of_plate, observe_plate
 from colony.vision.plates.thesis import thesis_plates
 from colony.vision.plates.tracks import PlateTracks, Track
-from colony.vision.sightings import PlateBox, Reading
 
-LEAST_LOOKS, LEAST_EVIDENCE, LEAST_HITS = 3, 1.5, 0.4
-"""Thresholds of a plate where the map is not known.
+MIN_OBSERVATIONS, MIN_EVIDENCE, MIN_HITS = 3, 1.5, 0.4
+"""Thresholds of a plate without a map.
 
-The number of looks, the sum of their scores, and the part of the images that should show it in which it was
-found.
+The number of observations, the sum of their scores, and the part of the images that should show it in which
+it was found.
 """
 
-MOST_DRIFT = 0.15
-"""Largest apparent motion of a plate with the robot, as a part of the robot's way.
+MAX_DRIFT = 0.15
+"""Largest apparent motion of a plate with the robot, as a part of the distance traveled.
 
-What seems to move more is of another size than a plate.
+A thing that seems to move more does not have the size of a plate.
 """
 
-MOST_RISE_MM = 20.0
-"""Largest height of a plate above or below the camera, by all looks."""
+MAX_RISE_MM = 20.0
+"""Largest height of a plate above or below the camera, by all observations."""
 
-LEAST_AGREEMENT = 0.45
-"""Least part of the looks with the same text: what is no plate reads differently each time."""
+MIN_AGREEMENT = 0.45
+"""Least part of the observations with the same text: other things read differently each time."""
 
-KNOWN_LOOKS, KNOWN_EVIDENCE = 2, 0.6
-"""Looks and evidence for a plate that the map has at this place."""
+KNOWN_PLATE_OBSERVATIONS, KNOWN_PLATE_EVIDENCE = 2, 0.6
+"""Least number of observations, and evidence, of a plate that the map has at this place."""
 
-SETTLED_LOOKS = 6
-"""Number of looks after which a plate is reported; earlier if it leaves the view.
+SETTLED_OBSERVATIONS = 6
+"""Number of observations after which a plate is reported, or earlier when it leaves the view.
 
-More looks make a better reading.
+More observations make a better reading.
 """
 
 UNREAD = Reading("", 0.0)
 
 Reader = Callable[[Gray, PlateBox], Reading]
-"""Reads what is written on a plate in an image."""
+"""Reads the text on a plate in an image."""
 
 
 class View(NamedTuple):
-    """The view of the camera.
+    """The camera's view of the wall.
 
     Attributes:
         t_ns: time of the image.
-        band: the rows from `first_row` on; None if there was nothing to look at.
-        robot: believed pose of the robot.
-        tilt_deg: beta, None if no direction is known.
-        distance_mm: d, from the camera to the wall by sonar; None if that is silent.
+        band: rows of the image from `first_row` on; None without a usable image.
+        robot: estimated pose of the robot.
+        tilt_deg: beta; None if the direction of the hallway is unknown.
+        distance_mm: d, from the camera to the wall by sonar; None without a reading.
         floor: the robot's floor, "" if unknown.
     """
 
@@ -78,25 +78,25 @@ class View(NamedTuple):
     floor: str = ""
 
 
-class Known(NamedTuple):
-    """The map: its plates, and how far one may seem to be from its place, in mm."""
+class FloorPlates(NamedTuple):
+    """The plates of a floor's map, and the gate of their distance from their places, in mm."""
 
     plates: Sequence[Plate]
     gate_mm: float
 
 
-class Found(NamedTuple):
-    """Plates that count from now on, and what is known of the pose."""
+class SearchResult(NamedTuple):
+    """The plates to report now, and the fixes of the robot's pose."""
 
-    told: tuple[PlateSight, ...] = ()
+    plates: tuple[FoundPlate, ...] = ()
     fixes: tuple[Fix, ...] = ()
 
 
 class PlateSearch:
-    """Ours. Mutable: what it tracks, and on which floor.
+    """The search with or without a map. Mutable: its tracks, and the floor.
 
     Args:
-        reader: None: nothing is read.
+        reader: reader of the texts; None to leave plates unread.
     """
 
     def __init__(self, camera: LevelCamera, reader: Reader | None = None) -> None:
@@ -105,93 +105,99 @@ class PlateSearch:
         self._tracks = PlateTracks(camera)
         self._floor = ""
 
-    def look(self, view: View, known: Known | None = None) -> Found:
-        """Take in what the camera sees."""
-        if view.floor != self._floor:  # what hangs at the same place on another floor is another plate
+    def update(self, view: View, known: FloorPlates | None = None) -> SearchResult:
+        """Update the tracks with a view; return the new plates and the fixes."""
+        if view.floor != self._floor:  # a plate at the same place on another floor is another plate
             self._floor, self._tracks = view.floor, PlateTracks(self._camera)
-        now = self._seen(view)
+        now = self._observed(view)
         fixes = [
-            fix_of_plate(track.looks[-1], plate)
+            fix_of_plate(track.observations[-1], plate)
             for track in now
             if known is not None and (plate := self._identified(track, known)) is not None
         ]
-        told = [
-            self._told(track)
+        plates = [
+            self._report(track)
             for track in self._tracks.tracks
-            if not track.counted and self._is_settled(track, track in now) and self._counts(track, known)
+            if not track.reported
+            and self._is_settled(track, track in now)
+            and self._is_confirmed(track, known)
         ]
-        return Found(tuple(told), tuple(fixes))
+        return SearchResult(tuple(plates), tuple(fixes))
 
-    def _seen(self, view: View) -> tuple[Track, ...]:
-        """Return the tracks of the plates in the image."""
+    def _observed(self, view: View) -> tuple[Track, ...]:
+        """Update the tracks with a view, and return those of the plates in it."""
         if view.band is None or (view.tilt_deg is not None and is_too_steep(view.tilt_deg)):
-            self._tracks.go(view.t_ns, view.robot)
+            self._tracks.move(view.t_ns, view.robot)
             return ()
         boxes = find_plates(view.band, self._camera, first_row=view.first_row, tilt_deg=view.tilt_deg)
-        seen = [_seen(view.band, box, view, self._camera, self._reader) for box in boxes]
-        return self._tracks.see(view.t_ns, view.robot, seen)
+        seen = [_observation(view.band, box, view, self._camera, self._reader) for box in boxes]
+        return self._tracks.update(view.t_ns, view.robot, seen)
 
-    def _identified(self, track: Track, known: Known) -> Plate | None:
-        """Return the map's plate that a track is."""
-        if track.door is None and track.count >= KNOWN_LOOKS:
+    def _identified(self, track: Track, known: FloorPlates) -> Plate | None:
+        """Return the map's plate of a track, or None if unknown."""
+        if track.door is None and track.count >= KNOWN_PLATE_OBSERVATIONS:
             reading = self._read(track)
             x, y = track.place.tolist()
             plate = known_plate(
-                (x, y), track.looks[-1], reading.text, reading.confidence, known.plates,
+                (x, y), track.observations[-1], reading.text, reading.confidence, known.plates,
                 gate=known.gate_mm,
                 taken=(other.door for other in self._tracks.tracks if other.door is not None),
             )  # fmt: skip
             track.door = None if plate is None else plate.door
         return next((plate for plate in known.plates if plate.door == track.door), None)
 
-    def _is_settled(self, track: Track, is_seen: bool) -> bool:
-        """Return True if a track is ready to be reported: it has many looks, or has left the view."""
-        if track.count >= SETTLED_LOOKS:
+    def _is_settled(self, track: Track, is_in_image: bool) -> bool:
+        """Return True if a track can be reported: it has enough observations, or has left the view."""
+        if track.count >= SETTLED_OBSERVATIONS:
             return True
-        return not is_seen and not self._tracks.is_in_view(track)
+        return not is_in_image and not self._tracks.is_in_view(track)
 
-    def _counts(self, track: Track, known: Known | None) -> bool:
-        """Return True if enough looks agree that a track is a plate."""
+    def _is_confirmed(self, track: Track, known: FloorPlates | None) -> bool:
+        """Return True if enough observations confirm that a track is a plate."""
         if known is not None:
-            return track.door is not None and track.count >= KNOWN_LOOKS and track.evidence >= KNOWN_EVIDENCE
+            return (
+                track.door is not None
+                and track.count >= KNOWN_PLATE_OBSERVATIONS
+                and track.evidence >= KNOWN_PLATE_EVIDENCE
+            )
         return (
-            track.count >= LEAST_LOOKS
-            and track.evidence >= LEAST_EVIDENCE
-            and track.hits >= LEAST_HITS
-            and abs(track.drift) <= MOST_DRIFT
-            and abs(track.rise_mm) <= MOST_RISE_MM
-            and (self._reader is None or self._is_written(track))
+            track.count >= MIN_OBSERVATIONS
+            and track.evidence >= MIN_EVIDENCE
+            and track.hits >= MIN_HITS
+            and abs(track.drift) <= MAX_DRIFT
+            and abs(track.rise_mm) <= MAX_RISE_MM
+            and (self._reader is None or self._is_legible(track))
         )
 
-    def _is_written(self, track: Track) -> bool:
-        """Return True if the looks agree on the text."""
+    def _is_legible(self, track: Track) -> bool:
+        """Return True if the observations agree on a text."""
         text = self._read(track).text
-        alike = sum(look.reading.text == text for look in track.looks)
-        return text != "" and alike >= LEAST_AGREEMENT * len(track.looks)
+        alike = sum(observation.reading.text == text for observation in track.observations)
+        return text != "" and alike >= MIN_AGREEMENT * len(track.observations)
 
-    def _told(self, track: Track) -> PlateSight:
-        track.counted = True
+    def _report(self, track: Track) -> FoundPlate:
+        track.reported = True
         reading = self._read(track)
         x, y = track.place.tolist()
-        newest = track.looks[-1]
-        return PlateSight(
+        newest = track.observations[-1]
+        return FoundPlate(
             t_ns=newest.t_ns, door=track.door, text=reading.text, confidence=reading.confidence,
-            place=(x, y), robot=newest.robot, looks=track.count,
+            place=(x, y), robot=newest.robot, images=track.count,
         )  # fmt: skip
 
     def _read(self, track: Track) -> Reading:
-        """Return the reading of a track, by all looks."""
+        """Return the reading of a track, by all observations."""
         if self._reader is None:
             return UNREAD
         from colony.vision.plates.reader import combined
 
-        return combined([look.reading for look in track.looks])
+        return combined([observation.reading for observation in track.observations])
 
 
 class ThesisSearch:
-    """The search as printed: what is in a part of the wall that was not in the last image is a new plate.
+    """The search as printed: a plate on a part of the wall that the last image did not show is a new one.
 
-    The last image is the last one with a plate. Mutable: where that image was taken.
+    The last image is the last one with a plate. Mutable: the wall and the pose of that image.
     """
 
     def __init__(self, camera: LevelCamera, reader: Reader | None = None) -> None:
@@ -199,39 +205,41 @@ class ThesisSearch:
         self._reader = reader
         self._last: tuple[WallView, Pose] | None = None
 
-    def look(self, view: View, known: Known | None = None) -> Found:
-        """Take in what the camera sees. It knows no map."""
+    def update(self, view: View, known: FloorPlates | None = None) -> SearchResult:
+        """Return the new plates in a view; the map is ignored."""
         if view.band is None or view.tilt_deg is None or is_too_steep(view.tilt_deg):
-            return Found()
+            return SearchResult()
         if view.distance_mm is None or not 0.0 < view.distance_mm < math.inf:
-            return Found()
+            return SearchResult()
         wall = WallView(view.distance_mm, view.tilt_deg)
         start = self._start(wall, view.robot)
         boxes = thesis_plates(view.band, self._camera, first_row=view.first_row, starting_column=start)
         if boxes:
             self._last = wall, view.robot
-        return Found(tuple(self._told(view, view.band, box) for box in boxes))
+        return SearchResult(tuple(self._report(view, view.band, box) for box in boxes))
 
     def _start(self, wall: WallView, here: Pose) -> int:
-        """Return the first column of wall that was not in the last image with a plate."""
+        """Return the first column that shows wall outside of the last image with a plate."""
         if self._last is None:
             return 0
         before, there = self._last
         moved = math.hypot(here.x_mm - there.x_mm, here.y_mm - there.y_mm)
         return starting_column(before, wall, moved, self._camera)
 
-    def _told(self, view: View, band: Gray, box: PlateBox) -> PlateSight:
-        seen = _seen(band, box, view, self._camera, self._reader)
-        return PlateSight(
+    def _report(self, view: View, band: Gray, box: PlateBox) -> FoundPlate:
+        seen = _observation(band, box, view, self._camera, self._reader)
+        return FoundPlate(
             t_ns=view.t_ns, door=None, text=seen.reading.text, confidence=seen.reading.confidence,
-            place=seen.place, robot=view.robot, looks=1,
+            place=seen.place, robot=view.robot, images=1,
         )  # fmt: skip
 
 
-def _seen(band: Gray, box: PlateBox, view: View, camera: LevelCamera, reader: Reader | None) -> Seen:
-    """Read a plate, and return where it is as seen from the robot."""
+def _observation(
+    band: Gray, box: PlateBox, view: View, camera: LevelCamera, reader: Reader | None
+) -> PlateObservation:
+    """Read a plate, and return its observation."""
     reading = UNREAD if reader is None else reader(band, box)
-    return seen_of(box, camera, view.robot, t_ns=view.t_ns, reading=reading, first_row=view.first_row)
+    return observe_plate(box, camera, view.robot, t_ns=view.t_ns, reading=reading, first_row=view.first_row)
 
 
 Search = PlateSearch | ThesisSearch

@@ -1,7 +1,6 @@
-"""A door plate cut out of an image: a small upright strip of fixed size and contrast for the reader.
+"""Cuts a door plate out of an image, as a small upright strip of fixed size and contrast for the reader.
 
-The plate is warped from its four corners. Where it is larger in the image than in the strip, areas are
-averaged, so that nothing is lost between pixels.
+The plate is warped from its four corners. If it is larger in the image than in the strip, areas are averaged.
 """
 
 from __future__ import annotations
@@ -12,20 +11,21 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from colony.vision.detections import Corner
 from colony.vision.gray_images import Gray, gray_image
-from colony.vision.sightings import Corner
 
 STRIP_ROWS, STRIP_COLUMNS = 24, 64
 
 PLATE_LEFT, PLATE_RIGHT, PLATE_TOP, PLATE_BOTTOM = 2.5, 60.5, 1.5, 21.5
-"""Edges of the plate in the strip. There is a margin since corners are not found to the pixel."""
+"""Edges of the plate in the strip, with a margin for inaccurate corners."""
 
-LEAST_CONTRAST = 6.0
-"""Strips whose gray levels deviate by less than this from their mean are not stretched any further: what is
-stretched there is noise."""
+MIN_CONTRAST = 6.0
+"""Least standard deviation of the gray levels that is normalized to 1; stretching strips of less would
+amplify
+noise."""
 
-_MOST_SAMPLES = 4
-_LEAST_AREA = 12.0
+_MAX_SAMPLES = 4
+_MIN_AREA = 12.0
 _FARTHEST = 1e5
 
 Floats = npt.NDArray[np.float32]
@@ -37,12 +37,12 @@ def plate_strip(image: Gray, corners: Corners) -> Floats | None:
 
     Args:
         image: uint8, (rows, columns), or with a last axis of one or three channels.
-        corners: of the plate in the image, from the upper left one clockwise; they may be outside of it,
+        corners: corners of the plate in the image, clockwise from the upper left; they may be outside of it,
             where the pixels at its border are repeated.
 
     Returns:
-        (24, 64), with mean 0 and, where there is contrast, standard deviation 1; None where the corners are
-        not finite, or no upright convex quadrilateral of some pixels.
+        (24, 64), with mean 0 and, with sufficient contrast, standard deviation 1; None if the corners are not
+        finite, or no upright convex quadrilateral of some pixels.
 
     Raises:
         ValueError: it is no such image.
@@ -77,19 +77,19 @@ def _is_plate(corners: Corners) -> bool:
         (ax, ay), (bx, by), (cx, cy) = (corners[(i + k) % 4] for k in range(3))
         turns.append((bx - ax) * (cy - by) - (by - ay) * (cx - bx))
     is_upright = corners[0][0] < corners[1][0] and corners[0][1] < corners[3][1]
-    return is_upright and min(turns) > 0.0 and sum(turns) / 4.0 >= _LEAST_AREA
+    return is_upright and min(turns) > 0.0 and sum(turns) / 4.0 >= _MIN_AREA
 
 
 def _samples(corners: Corners) -> int:
-    """Return the number of samples a pixel of the strip takes in each direction."""
+    """Return the number of samples per pixel of the strip in each direction."""
     (ax, ay), (bx, by), (cx, cy), (dx, dy) = corners
     width = max(math.hypot(bx - ax, by - ay), math.hypot(cx - dx, cy - dy))
     height = max(math.hypot(dx - ax, dy - ay), math.hypot(cx - bx, cy - by))
     most = max(width / (PLATE_RIGHT - PLATE_LEFT), height / (PLATE_BOTTOM - PLATE_TOP))
-    return max(1, min(_MOST_SAMPLES, math.ceil(most)))
+    return max(1, min(_MAX_SAMPLES, math.ceil(most)))
 
 
 def _stretched(strip: Floats) -> Floats:
     centered = strip - strip.mean()
-    stretched: Floats = centered / np.float32(max(float(centered.std()), LEAST_CONTRAST))
+    stretched: Floats = centered / np.float32(max(float(centered.std()), MIN_CONTRAST))
     return stretched

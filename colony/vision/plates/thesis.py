@@ -1,8 +1,8 @@
-"""PlFinder as printed: plates by closed borders with corners (thesis section 5.7).
+"""PlFinder as printed: detects plates by closed borders with corners (thesis section 5.7).
 
-The negative of the image is stretched, which makes plates bright, and thresholded. Where the middle line, or
-else a line above it, goes from dark to bright, the border is followed; the corners of its chain code give a
-bounding box, which is a plate if it has about the size of one.
+The negative of the image is stretched, which makes plates bright, and thresholded. From each transition from
+dark to bright on the middle line, or else on a line above it, the border is traced; the corners of its chain
+code give a bounding box, which is a plate if it has about the size of one.
 
 Not printed, and chosen here: the threshold, half of the scale; the sizes that are accepted, those of a plate
 from 0.8 to 2.6 m away, at up to 50 degrees; that a box needs four corners.
@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM
+from colony.vision.detections import PlateBox
 from colony.vision.gray_images import Gray, gray_band
 from colony.vision.level_camera import LevelCamera
 from colony.vision.plates.chain_code import corners, traced
-from colony.vision.plates.geometry import STEEPEST_DEG
-from colony.vision.sightings import PlateBox
+from colony.vision.plates.geometry import MAX_TILT_DEG
 
 SCAN_LINES = 40
 """Number of rows around the middle that are searched, of an image of 120."""
@@ -32,12 +32,12 @@ MIDDLE_LEVEL, LOWER_EXPONENT, UPPER_EXPONENT = 0.8 * 255.0, 5.0, 0.5
 
 THRESHOLD = 128
 
-NEAREST_MM, FARTHEST_MM = 800.0, 2600.0
-_LEAST_CORNERS = 4
+NEAREST_MM, MAX_COORDINATE_MM = 800.0, 2600.0
+_MIN_CORNERS = 4
 
 
 def scan_band(camera: LevelCamera) -> tuple[int, int]:
-    """Return the first one of the rows that are searched, and their number."""
+    """Return the first of the rows that are searched, and their number."""
     count = min(camera.rows, round(SCAN_LINES * camera.rows / 120))
     return (camera.rows - count) // 2, count
 
@@ -60,13 +60,13 @@ def thesis_plates(
     """Return the plates in a band of an image, from left to right.
 
     Args:
-        band: as `plate_detector.find_plates` takes it; of a whole image the scan lines are searched.
+        band: an image or a band of rows, as for `detector.find_plates`; only its scan lines are searched.
         camera: the camera; the default is one of 60 degrees.
-        first_row: where the band begins in the whole image. Corners are given in the band.
-        starting_column: what is to the left of it was seen in an image before.
+        first_row: first row of the band in the whole image. Corners are given in the band.
+        starting_column: first column to search; those to the left of it were searched in an image before.
 
     Raises:
-        ValueError: it is no image, or not one of this camera.
+        ValueError: `band` is no image, or not one of this camera.
     """
     gray, camera = gray_band(band, camera, first_row)
     first, count = scan_band(camera)
@@ -88,7 +88,7 @@ def _plates(lines: Gray, middle: int, camera: LevelCamera, starting_column: int)
         if border is None:
             continue
         found = corners(border)
-        if len(found) >= _LEAST_CORNERS and (plate := _plate(found, camera)) is not None:
+        if len(found) >= _MIN_CORNERS and (plate := _plate(found, camera)) is not None:
             done = math.ceil(plate.corners[1][0])
             yield plate
 
@@ -110,8 +110,8 @@ def _plate(found: NDArray[np.int64], camera: LevelCamera) -> PlateBox | None:
     """Return the bounding box of corners, if it has the size of a plate."""
     left, top = (float(n) - 0.5 for n in found.min(axis=0))
     right, bottom = (float(n) + 0.5 for n in found.max(axis=0))
-    nearest, farthest = camera.focal / NEAREST_MM, camera.focal / FARTHEST_MM
-    narrowest = math.cos(math.radians(STEEPEST_DEG)) * PLATE_WIDTH_MM
+    nearest, farthest = camera.focal / NEAREST_MM, camera.focal / MAX_COORDINATE_MM
+    narrowest = math.cos(math.radians(MAX_TILT_DEG)) * PLATE_WIDTH_MM
     if not farthest * PLATE_HEIGHT_MM <= bottom - top <= nearest * PLATE_HEIGHT_MM:
         return None
     if not farthest * narrowest <= right - left <= nearest * PLATE_WIDTH_MM:

@@ -1,6 +1,6 @@
 """The loss of connectionist temporal classification, and its gradient (Graves et al., ICML 2006).
 
-The loss is the negative log probability of the right texts, over all ways to write them in the columns.
+The loss is the negative log probability of the right texts, over all their alignments to the columns.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ _IMPOSSIBLE = -1e30
 
 
 def ctc_loss(scores: Floats, texts: Sequence[str]) -> tuple[float, Floats]:
-    """Return the sum of the negative log probabilities of the texts, and its gradient by the scores.
+    """Return the negative log probability of the texts, and its gradient with respect to the scores.
 
     Args:
-        scores: before normalization, (samples, columns, classes).
-        texts: one a sample, short enough for the columns.
+        scores: scores of the classes before normalization, (samples, columns, classes).
+        texts: one per sample, short enough for the columns.
     """
     count, columns, _ = scores.shape
     top = scores.max(axis=2, keepdims=True).astype(np.float64)
@@ -46,7 +46,7 @@ def ctc_loss(scores: Floats, texts: Sequence[str]) -> tuple[float, Floats]:
 
 
 def _ahead(emitted: Doubles, leaps: npt.NDArray[np.bool_]) -> Doubles:
-    """Return the log probabilities to be in each state at each column, with what was emitted up to there."""
+    """Return the forward variables: log probabilities of the states, with the emissions so far."""
     ahead = np.full(emitted.shape, _IMPOSSIBLE)
     ahead[:, 0, :2] = emitted[:, 0, :2]
     for t in range(1, emitted.shape[1]):
@@ -59,7 +59,7 @@ def _ahead(emitted: Doubles, leaps: npt.NDArray[np.bool_]) -> Doubles:
 
 
 def _behind(emitted: Doubles, leaps: npt.NDArray[np.bool_], lengths: npt.NDArray[np.intp]) -> Doubles:
-    """Return the log probabilities from the end: of what is emitted from there on."""
+    """Return the backward variables: log probabilities of the emissions from each state on."""
     behind = np.full(emitted.shape, _IMPOSSIBLE)
     each = np.arange(len(lengths))
     for state in (lengths - 1, np.maximum(lengths - 2, 0)):

@@ -1,4 +1,4 @@
-"""The fonts from which the network learns characters, and those on which it is only tried.
+"""The fonts from which the network learns characters, and those on which it is only evaluated.
 
 matplotlib ships some, which are found without importing it; the others are small packages that carry font
 files and nothing else (the extra `dev`).
@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 Package = tuple[str, str]
-"""A package, and the folder in it that has the fonts."""
+"""A package, and the folder in it with the fonts."""
 
 _LEARNED: dict[Package, tuple[str, ...]] = {
     ("matplotlib", "mpl-data/fonts/ttf"): (
@@ -39,7 +39,7 @@ _UNSEEN: dict[Package, tuple[str, ...]] = {
 
 
 def learned_fonts() -> tuple[Path, ...]:
-    """Return the files of the fonts of the training.
+    """Return the files of the training fonts.
 
     Raises:
         FileNotFoundError: one is not installed.
@@ -48,7 +48,7 @@ def learned_fonts() -> tuple[Path, ...]:
 
 
 def unseen_fonts() -> tuple[Path, ...]:
-    """Return the files of the fonts that are never trained.
+    """Return the files of the evaluation fonts, which the training does not use.
 
     Raises:
         FileNotFoundError: one is not installed.

@@ -1,4 +1,4 @@
-"""The layers of the network that reads characters, as they learn: forward, and backward with their gradients.
+"""The trainable layers of the network that reads characters, with forward and backward passes.
 
 Arrays are (samples, rows, columns, channels), float32. A layer keeps what its backward pass needs from the
 last forward pass.
@@ -19,7 +19,7 @@ _REMEMBERED = 0.98
 
 
 class Parameter:
-    """Weights, and the gradient of the loss by them."""
+    """Weights, and the gradient of the loss with respect to them."""
 
     def __init__(self, value: Floats) -> None:
         self.value = value
@@ -27,7 +27,7 @@ class Parameter:
 
 
 class Trained(Protocol):
-    """A layer."""
+    """A trainable layer."""
 
     def parameters(self) -> list[Parameter]:
         """Return the parameters that are learned."""
@@ -46,9 +46,10 @@ class Convolution:
     """A convolution without strides, with zeros around its input.
 
     Args:
-        size: size of the kernel, rows and columns; `channels`: in and out; `pad`: rows and columns of zeros.
-        first: the gradient by its input is not needed, and left out.
-        last: it has a bias, and begins with small weights, so that all classes are about equally probable.
+        size: rows and columns of the kernel; `channels`: channels in and out; `pad`: rows and columns of
+            zeros.
+        first: True to leave out the gradient with respect to its input, which is not needed.
+        last: True for a bias, and small initial weights, so that all classes are about equally probable.
     """
 
     def __init__(
@@ -154,13 +155,13 @@ class Normalization:
         return result
 
     def folded(self, kernel: Floats) -> tuple[Floats, Floats]:
-        """Return the kernel and bias of the convolution equal to one with `kernel` and then this."""
+        """Return the kernel and bias of a convolution equal to one with `kernel` followed by this."""
         factor = self.scale.value / np.sqrt(self.variance + np.float32(_EPSILON))
         return kernel * factor, self.shift.value - self.mean * factor
 
 
 class Pooling:
-    """The greatest of each cell of so many rows and columns."""
+    """Max pooling over cells of `size` rows and columns."""
 
     def __init__(self, size: tuple[int, int]) -> None:
         self._size = size

@@ -1,4 +1,4 @@
-"""The network as it learns, and its steps."""
+"""The network during training, and its training steps."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _STEEPEST = 5.0
 
 
 class _Stage(NamedTuple):
-    """A convolution and what follows it."""
+    """A convolution, its normalization and its pooling."""
 
     convolution: Convolution
     normalization: Normalization
@@ -59,12 +59,12 @@ class _Stage(NamedTuple):
         return gradient
 
     def folded(self) -> Layer:
-        """Return the one convolution with a bias that does the same, before pooling."""
+        """Return the equivalent convolution with a bias, without the pooling."""
         return Layer(*self.normalization.folded(self.convolution.kernel.value))
 
 
 class Learner:
-    """The layers of the network with random weights, and what Adam remembers of their gradients."""
+    """The layers of the network, initially random, with Adam's moments of their gradients."""
 
     def __init__(self, random: np.random.Generator) -> None:
         self._stages: list[_Stage] = []
@@ -86,7 +86,7 @@ class Learner:
         self._steps = 0
 
     def step(self, samples: Batch, rate: float) -> float:
-        """Learn from some samples; the loss before, the mean over them."""
+        """Make a training step on a batch; return its mean loss before the step."""
         x = samples.strips[..., None]
         for i, stage in enumerate(self._stages, 1):
             x = stage.forward(x)
@@ -104,13 +104,13 @@ class Learner:
         return loss
 
     def network(self) -> LetterNet:
-        """Return the network as learned up to now, not yet calibrated."""
+        """Return the network as trained so far, not yet calibrated."""
         trunk = (*(stage.folded() for stage in self._stages), _linear(self._last))
         head = (self._head.folded(), _linear(self._head_last))
         return LetterNet(layers=trunk, head=head, sharpness=1.0, trust=1.0, facts="")
 
     def _descend(self, rate: float) -> None:
-        """Make a step of Adam (Kingma and Ba, ICLR 2015), with the gradient's length bounded."""
+        """Make a step of Adam (Kingma and Ba, ICLR 2015), with gradient clipping."""
         self._steps += 1
         length = math.sqrt(sum(float(np.vdot(p.gradient, p.gradient)) for p in self._parameters))
         factor = min(1.0, _STEEPEST / max(length, 1e-12))
@@ -126,7 +126,7 @@ class Learner:
 def learning(
     learner: Learner, steps: int, fonts: Sequence[Path], random: np.random.Generator
 ) -> Iterator[float]:
-    """Yield the loss of each step, on samples that are never seen again. The rate falls to zero."""
+    """Yield the loss of each step, each on new samples. The learning rate falls to zero."""
     for i in range(steps):
         fall = 0.5 * (1.0 + math.cos(math.pi * i / steps))
         yield learner.step(batch(BATCH, fonts, random), RATE * fall * min(1.0, (i + 1) / _WARM_STEPS))
@@ -135,7 +135,7 @@ def learning(
 def _loss(scores: Floats, plates: Floats, texts: Sequence[str]) -> tuple[float, Floats, Floats]:
     """Return the mean loss, and its gradients by the scores of the classes and the plate's log odds.
 
-    What is no plate has no characters, so that only plates teach these.
+    Only plates contribute to the loss of the characters, as other samples have none.
     """
     is_plate = np.array([bool(text) for text in texts])
     by_scores = np.zeros_like(scores)

@@ -1,4 +1,4 @@
-"""Pictures of door plates, and of what is none, before a camera sees them: 2 mm a pixel."""
+"""Pictures of door plates, and of other things, at 2 mm per pixel, before the simulated camera."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ def paper(texts: list[str], font: Path, random: np.random.Generator) -> Gray:
 
 
 def reversed_plate(text: str, font: Path, random: np.random.Generator) -> Gray:
-    """Draw dark characters on a light ground, which no plate has."""
+    """Draw dark characters on a light ground, unlike those of a plate."""
     return 255 - plate(text, font, random)
 
 
 def clutter(random: np.random.Generator) -> Gray:
-    """Draw anything else: an empty plate, spots, bars, bricks, stripes, grain."""
+    """Draw other things: an empty plate, spots, bars, bricks, stripes, grain."""
     import cv2
 
     picture = np.full((HEIGHT, WIDTH), random.uniform(0.0, 200.0), np.float32)
@@ -91,7 +91,7 @@ def clutter(random: np.random.Generator) -> Gray:
 
 
 def _lay(picture: npt.NDArray[np.float32], ink: Gray, place: tuple[int, int], light: float) -> None:
-    """Put characters onto a picture, as far as they are inside of it; `place` is their top and left."""
+    """Draw characters into a picture, clipped to it; `place` is their top and left."""
     top, left = place
     up, start = max(0, top), max(0, left)
     down, end = min(HEIGHT, top + ink.shape[0]), min(WIDTH, left + ink.shape[1])
@@ -102,7 +102,7 @@ def _lay(picture: npt.NDArray[np.float32], ink: Gray, place: tuple[int, int], li
 
 
 def _line(text: str, font: Path, height: float, random: np.random.Generator) -> Gray:
-    """Return a text's ink, from 0 to 255, with capitals of this height in pixels; no wider than a plate."""
+    """Return a text's ink, from 0 to 255, with capitals of `height` pixels; no wider than a plate."""
     import cv2
     from PIL import Image, ImageDraw
 

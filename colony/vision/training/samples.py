@@ -1,4 +1,4 @@
-"""Samples to learn from: strips of plates with their texts, and of other things with none."""
+"""Training samples: strips of plates with their texts, and of other things without."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ JUNK_SHARE = 0.3
 
 
 class Batch(NamedTuple):
-    """Strips (samples, 24, 64), and what is written on each; "" where it is no plate."""
+    """Strips (samples, 24, 64), and the text of each; "" for one that is no plate."""
 
     strips: Floats
     texts: list[str]
 
 
-class Look(NamedTuple):
-    """A plate, or junk, in an image: the box is as a detector may find it."""
+class Sample(NamedTuple):
+    """A plate, or junk, in an image, with the corners that a detector may find."""
 
     image: npt.NDArray[np.uint8]
     corners: Corners
@@ -40,32 +40,32 @@ def batch(count: int, fonts: Sequence[Path], random: np.random.Generator) -> Bat
     for i in range(count):
         font = fonts[int(random.integers(len(fonts)))]
         if random.random() < JUNK_SHARE:
-            look = junk_look(font, random)
+            sample = junk_sample(font, random)
         else:
             text = door_text(random) if random.random() < 0.5 else any_text(random)
-            look = plate_look(text, font, views.drawn_height(random), random)
-        strip = plate_strip(look.image, look.corners)
+            sample = plate_sample(text, font, views.drawn_height(random), random)
+        strip = plate_strip(sample.image, sample.corners)
         if strip is not None:
             strips[i] = strip
-        texts.append(look.text if strip is not None else "")
+        texts.append(sample.text if strip is not None else "")
     return Batch(strips, texts)
 
 
-def plate_look(
+def plate_sample(
     text: str, font: Path, height_px: float, random: np.random.Generator, slant_deg: float | None = None
-) -> Look:
-    """Draw a look at a plate, with characters of this height in pixels."""
+) -> Sample:
+    """Draw a sample of a plate, with characters of `height_px` pixels."""
     seen = views.view(lettering.plate(text, font, random), height_px, random, slant_deg)
-    return Look(seen.image, views.jittered(seen.corners, random), text)
+    return Sample(seen.image, views.jittered(seen.corners, random), text)
 
 
-def junk_look(font: Path, random: np.random.Generator) -> Look:
-    """Draw a look at something that is no plate, or a box that does not hold one."""
+def junk_sample(font: Path, random: np.random.Generator) -> Sample:
+    """Draw a sample of something that is no plate, or of a misplaced box."""
     height = views.drawn_height(random)
     kind = random.random()
     if kind < 0.4:
         seen = views.view(lettering.plate(door_text(random), font, random), height, random)
-        return Look(seen.image, views.misplaced(seen.corners, random), "")
+        return Sample(seen.image, views.misplaced(seen.corners, random), "")
     if kind < 0.6:
         picture = lettering.paper([door_text(random) for _ in range(5)], font, random)
     elif kind < 0.7:
@@ -73,4 +73,4 @@ def junk_look(font: Path, random: np.random.Generator) -> Look:
     else:
         picture = lettering.clutter(random)
     seen = views.view(picture, height, random)
-    return Look(seen.image, views.jittered(seen.corners, random), "")
+    return Sample(seen.image, views.jittered(seen.corners, random), "")

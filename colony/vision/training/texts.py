@@ -1,22 +1,22 @@
-"""The texts of the plates from which characters are learned."""
+"""The texts of the plates in training samples."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from colony.nav.maps.signs import CHARACTERS
-from colony.vision.letters.prior import LONGEST, ROOM_LETTERS, SHAPES, WORD_SHARE, WORDS
+from colony.vision.letters.prior import MAX_CHARACTERS, ROOM_LETTERS, SHAPES, WORD_SHARE, WORDS
 
 _DIGITS, _LETTERS = CHARACTERS[:10], CHARACTERS[10:]
 
 
 def any_text(random: np.random.Generator) -> str:
-    """Draw one to five of all characters, all equally often: so that context alone teaches none."""
-    return "".join(random.choice(list(CHARACTERS), int(random.integers(1, LONGEST + 1))).tolist())
+    """Draw one to five characters, uniformly, so that the network does not learn them by context alone."""
+    return "".join(random.choice(list(CHARACTERS), int(random.integers(1, MAX_CHARACTERS + 1))).tolist())
 
 
 def door_text(random: np.random.Generator) -> str:
-    """Draw a text as on doors: the number of a room, or a word."""
+    """Draw a text as on doors: a room number, or a word."""
     if random.random() < WORD_SHARE:
         return str(random.choice(WORDS))
     shares = np.array(list(SHAPES.values()))

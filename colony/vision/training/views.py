@@ -1,4 +1,4 @@
-"""The view of a level camera of a flat thing on a wall, and the box in which a detector may find it."""
+"""Simulated views of a flat thing on a wall by a level camera, and the box that a detector may find."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ Doubles = npt.NDArray[np.float64]
 LOWEST_PX, HIGHEST_PX = 6.5, 42.0
 """Range of the height of characters in the views for the training, in pixels."""
 
-_MOST_SLANT_DEG = 52.0
+_MAX_SLANT_DEG = 52.0
 _MARGIN_PX = 6
 _FINENESS = 3
 
 
 class View(NamedTuple):
-    """A part of a camera's image, and the thing's corners in it, from the upper left one clockwise."""
+    """A part of a camera's image, and the thing's corners in it, clockwise from the upper left."""
 
     image: Gray
     corners: Corners
 
 
 def drawn_height(random: np.random.Generator) -> float:
-    """Draw a height of characters in pixels; small ones, which are hard, most often."""
+    """Draw a height of characters in pixels; small ones, which are hard to read, most often."""
     if random.random() < 0.7:
         return float(random.uniform(LOWEST_PX, 16.0))
     return float(random.uniform(16.0, HIGHEST_PX))
@@ -52,7 +52,7 @@ def view(
     import cv2
 
     if slant_deg is None:
-        slant_deg = float(np.clip(random.normal(0.0, 22.0), -_MOST_SLANT_DEG, _MOST_SLANT_DEG))
+        slant_deg = float(np.clip(random.normal(0.0, 22.0), -_MAX_SLANT_DEG, _MAX_SLANT_DEG))
     corners = _projected(height_px, slant_deg, random)
     low = np.floor(corners.min(axis=0)) - _MARGIN_PX
     columns, rows = (np.ceil(corners.max(axis=0)) + _MARGIN_PX - low).astype(int).tolist()
@@ -73,7 +73,7 @@ def view(
 def jittered(corners: Corners, random: np.random.Generator) -> Corners:
     """Return the corners as a detector may find them.
 
-    They are off by a pixel or so, and together by some hundredths of the plate's size.
+    Each is off by about a pixel, and all together by some hundredths of the plate's size.
     """
     true = np.array(corners)
     size = true.max(axis=0) - true.min(axis=0)
@@ -83,7 +83,7 @@ def jittered(corners: Corners, random: np.random.Generator) -> Corners:
 
 
 def misplaced(corners: Corners, random: np.random.Generator) -> Corners:
-    """Draw a box that holds a part of the plate only, or much more than it."""
+    """Draw a box that holds only a part of the plate, or much more than it."""
     true = np.array(corners)
     along, down = true[1] - true[0], true[3] - true[0]
     match int(random.integers(4)):

@@ -76,7 +76,7 @@ def test_pictures_and_a_page(colony: Colony, rounds: Path, tmp_path: Path) -> No
     result = colony("experiment", *arguments, "--plot", str(pictures), "--format", "json")
     assert result.code == 0
     assert len(json.loads(result.out)["results"]) == 2
-    assert f"put into {page}" in result.err
+    assert f"inserted the tables into {page}" in result.err
     assert f"drawn in {pictures}: 2 pictures of paths" in result.err
     text = page.read_text()
     assert text.startswith("Before.\n\n<!-- ")
@@ -98,7 +98,7 @@ def test_ways_are_drawn_on_their_floor_and_none_on_two(colony: Colony, tmp_path:
     arguments = (str(ways), "--map", str(tmp_path / "ground.stickrep"), "--engine", "serial", "--no-hazards")
     refused = colony("experiment", *arguments, "--plot", str(pictures))
     assert refused.code == 2
-    assert "run 3 takes an elevator: `colony run ... --from liftR --to upper:D` draws each" in refused.err
+    assert "run 3 has one: `colony run ... --from liftR --to upper:D` draws each" in refused.err
     drawn = colony("experiment", *arguments, "--plot", str(pictures), "--runs", "1,2")
     assert drawn.code == 0
     names = sorted(path.name for path in pictures.iterdir())
@@ -108,14 +108,14 @@ def test_ways_are_drawn_on_their_floor_and_none_on_two(colony: Colony, tmp_path:
 def test_pages_that_cannot_be_filled_are_told_before_the_runs(colony: Colony, tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_bytes(b"\xff<!-- thesis ours/no-hazards -->")
-    told = f"{page}: error: cannot write: byte 0 is no UTF-8; expected a page of Markdown\n"
+    told = f"{page}: error: cannot write: byte 0 is not UTF-8; expected a Markdown page\n"
     assert colony("experiment", *QUICK, "--write", str(page)) == (2, "", told)
     source = tmp_path / "page.colony"
     source.write_text("<!-- thesis ours/no-hazards -->\n<!-- end of thesis ours/no-hazards -->\n")
     result = colony("experiment", *QUICK, "--write", str(source))
     assert (result.code, result.err) == (
         2,
-        f"{source}: error: cannot write: it is a source, and exists already\n",
+        f"{source}: error: cannot write: it is a source file that already exists\n",
     )
 
 
@@ -147,7 +147,7 @@ def test_differences_are_told() -> None:
         interrupted=False,
     )
     assert [one.frames for one in found.differences] == [4]
-    assert experiment_outputs._audit_line(found.audits).endswith("decided otherwise in 1 of them.")
+    assert experiment_outputs._audit_line(found.audits).endswith("decided differently in 1 of them.")
 
 
 @pytest.mark.parametrize(
@@ -161,13 +161,13 @@ def test_differences_are_told() -> None:
         ),
         (("none.csv", "--map", MAP), "none.csv: cannot be read"),
         (("thesis", "--map", MAP), "leave out --map"),
-        (("thesis", "--runs", "41"), "there is no run 41"),
-        (("thesis", "--audit", "nan"), "`nan`; expected a part of the runs, from 0 to 1"),
-        (("thesis", "--audit", "1.5"), "`1.5`; expected a part of the runs, from 0 to 1"),
-        (("plates", "--pairs", "3"), "--pairs goes with `random` and `floors`, not with `plates`"),
-        (("thesis", "--no-hazard", "rain"), "there is no hazard `rain`; expected slip, glass"),
-        (("thesis", "--engine", "cloud"), "there is no engine `cloud`; expected pool, serial, dask"),
-        (("thesis", "-o", "/nowhere/r.sqlite"), "there is no such folder"),
+        (("thesis", "--runs", "41"), "no run 41"),
+        (("thesis", "--audit", "nan"), "`nan`; expected a fraction of the runs, from 0 to 1"),
+        (("thesis", "--audit", "1.5"), "`1.5`; expected a fraction of the runs, from 0 to 1"),
+        (("plates", "--pairs", "3"), "--pairs requires the list `random` or `floors`; found `plates`"),
+        (("thesis", "--no-hazard", "rain"), "unknown hazard `rain`; expected slip, glass"),
+        (("thesis", "--engine", "cloud"), "unknown engine `cloud`; expected pool, serial, dask"),
+        (("thesis", "-o", "/nowhere/r.sqlite"), "the folder does not exist"),
     ],
 )
 def test_misuse_is_one_line_and_2(colony: Colony, arguments: tuple[str, ...], told: str) -> None:

@@ -52,7 +52,7 @@ def test_lights_are_counted_kept_and_put_into_a_page(colony: Colony, tmp_path: P
         (("--plot", "pictures"), "leave out --plot, --audit and --variant"),
         (("--audit", "1"), "leave out --plot, --audit and --variant"),
         (("--variant", "thesis"), "leave out --plot, --audit and --variant"),
-        (("--runs", "12"), "there is no run 12; expected numbers from 1 to 11"),
+        (("--runs", "12"), "no run 12; expected numbers from 1 to 11"),
     ],
 )
 def test_what_makes_no_sense_is_refused(

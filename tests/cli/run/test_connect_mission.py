@@ -38,7 +38,7 @@ def test_the_robot_is_led_to_the_elevator_and_somebody_is_asked_to_press_its_but
     ground = str(tmp_path / "ground.stickrep")
     served(machine, ground, "--camera", "CServerUp=up")
     run = led(machine, ground)
-    until(lambda: run.ended() or "Nobody can answer here" in run.err, "it is asked for the buttons")
+    until(lambda: run.ended() or "No answers can be read here" in run.err, "it is asked for the buttons")
     assert not run.ended(), run.err
     assert "Press the button of the elevator lift on floor 1, up." in run.err
     with machine.session() as session, session.connect("DServer", name="test") as store:

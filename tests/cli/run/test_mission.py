@@ -63,7 +63,7 @@ def test_rooms_that_are_not_there_and_half_a_way_are_refused(colony: Colony) -> 
     assert "found --from alone" in half.err
     alone = colony("run", NAVIGATOR, "--map", MAP, "--hazards", "1")
     assert alone.code == 2
-    assert "--hazards goes with --from and --to" in alone.err
+    assert "--hazards requires --from and --to" in alone.err
 
 
 def test_a_simulated_robot_of_processes_stays_on_its_floor(colony: Colony) -> None:
@@ -76,8 +76,8 @@ def test_a_simulated_robot_of_processes_stays_on_its_floor(colony: Colony) -> No
 def test_a_robot_that_is_there_is_led_through_a_map_and_has_its_own_hazards(colony: Colony) -> None:
     way = ("--from", "350R", "--to", "352L")
     no_map = colony("run", NAVIGATOR, "--connect", *way)
-    assert (no_map.code, "found --to without --map: through which building?" in no_map.err) == (2, True)
+    assert (no_map.code, "--to requires --map MAP, the building to drive through" in no_map.err) == (2, True)
     no_way = colony("run", NAVIGATOR, "--connect", "--map", MAP)
-    assert (no_way.code, "--map goes with it for --from and --to alone" in no_way.err) == (2, True)
+    assert (no_way.code, "--connect takes --map only with --from and --to" in no_way.err) == (2, True)
     hazards = colony("run", NAVIGATOR, "--connect", "--map", MAP, *way, "--hazards", "3")
     assert (hazards.code, "`colony serve` takes it" in hazards.err) == (2, True)

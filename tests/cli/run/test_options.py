@@ -6,7 +6,7 @@ import pytest
 
 from colony.cli.run.options import OptionError, duration_ns, variables
 from colony.ir.program import Program, Robot, Sensor
-from colony.ir.types import BOOL, DISTANCE, PLAIN, Array, Enum, Type
+from colony.ir.types import BOOL, DIMENSIONLESS, DISTANCE, Array, Enum, Type
 
 S = 1_000_000_000
 
@@ -44,7 +44,7 @@ PROGRAM = Program(
         name="r",
         sensors=(
             sensor("Docked", BOOL),
-            sensor("Count", PLAIN),
+            sensor("Count", DIMENSIONLESS),
             sensor("Distance", DISTANCE, 1000.0),
             sensor("Goal", GOAL),
             sensor("Path", Array(DISTANCE, 2)),

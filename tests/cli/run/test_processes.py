@@ -135,7 +135,7 @@ def test_who_dies_or_is_frozen_comes_back(machine: Machine, colony: Colony, isol
     assert run.wait() == 130
     assert json.loads(run.out)["disagreements"] == []
     for name in (*SERVERS, killed):
-        assert f"{name} was killed by SIGKILL; it is started again" in run.err
+        assert f"{name} was killed by SIGKILL; it is restarted" in run.err
     audit(colony, run.folder / "run.mcap")
 
 
@@ -158,7 +158,7 @@ def test_a_robot_has_one_run_at_a_time(machine: Machine) -> None:
     driving(machine, run)
     second = start(machine, "--no-picture")
     assert second.wait() == 2
-    assert f"Leader of {ROBOT} runs already" in second.err
+    assert f"Leader of {ROBOT} is already running" in second.err
     assert len(second.err.splitlines()) == 1
     run.tell(signal.SIGTERM)
     assert run.wait() == 130
@@ -194,18 +194,21 @@ network { drive = seeks }
 
 BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     ((), "found neither --map nor --connect"),
-    (("--map", MAP, "--connect"), "--connect is for a robot that is there"),
-    (("--map", MAP, "--fsync"), "--fsync goes with --processes"),
-    (("--map", MAP, "--isolate"), "--isolate goes with --processes or --connect"),
-    (("--map", MAP, "--camera", "90"), "--camera goes with --processes"),
+    (("--map", MAP, "--connect"), "the robot is already running"),
+    (("--map", MAP, "--fsync"), "--fsync requires --processes"),
+    (("--map", MAP, "--isolate"), "--isolate requires --processes or --connect"),
+    (("--map", MAP, "--camera", "90"), "--camera requires --processes"),
     (("--map", MAP, "--processes", "--camera", "left=down"), "found `left=down`"),
     (("--map", MAP, "--processes", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
     (("--map", MAP, "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
-    (("--connect", "tls/x:7447"), "also wants --security"),
-    (("--connect", "tcp/x:7447", "--security", "f"), "would go in the clear"),
-    (("--map", MAP, "--security", "f"), "--security goes with --connect"),
+    (("--connect", "tls/x:7447"), "requires --security"),
+    (("--connect", "tcp/x:7447", "--security", "f"), "is unencrypted"),
+    (("--map", MAP, "--security", "f"), "--security requires --connect"),
     (("--connect", "--realtime"), "--realtime is for a run in a building"),
-    (("--connect", "--robot", "nobody"), "nothing of `nobody` runs on this machine (robots found: none)"),
+    (
+        ("--connect", "--robot", "nobody"),
+        "no process of `nobody` runs on this machine (running robots: none)",
+    ),
 ]
 
 

@@ -74,7 +74,7 @@ def test_a_name_that_no_contract_has(colony: Colony, behavior: Path) -> None:
 def test_no_contracts(colony: Colony, behavior: Path) -> None:
     code, out, _ = colony("verify", behavior)
     assert code == 0
-    assert f"{behavior}: there are no contracts" in out
+    assert f"{behavior}: no contracts found" in out
 
 
 def test_several_files(colony: Colony, behavior: Path, tmp_path: Path) -> None:
@@ -162,7 +162,7 @@ def test_a_test_is_written_once(colony: Colony, behavior: Path) -> None:
     once = behavior.read_bytes()
     _, _, err = colony("verify", "--write-test", behavior)
     assert behavior.read_bytes() == once
-    assert "is there already" in err
+    assert "already exists" in err
 
 
 def test_a_second_counterexample_gets_a_name_of_its_own(colony: Colony, behavior: Path) -> None:
@@ -228,7 +228,7 @@ def test_drawn_traces_break_what_could_not_be_decided(colony: Colony, behavior: 
 def test_faults_need_examples(colony: Colony, behavior: Path) -> None:
     code, _, err = colony("verify", "--faults", behavior)
     assert code == 2
-    assert "--faults goes with --examples" in err
+    assert "--faults requires --examples" in err
 
 
 # --- formats ---------------------------------------------------------------------------------------

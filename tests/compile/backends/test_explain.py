@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.compile.backends.explain import DEEPEST, MOST_LINES, explain, wiring_text
+from colony.compile.backends.explain import MAX_DEPTH, MAX_LINES, explain, wiring_text
 from colony.compile.pipeline import compile_program
 from colony.ir.program import Chain, Use
 from tests.case_files import Case, cases
@@ -33,8 +33,8 @@ def test_both_networks_of_figure_4_14_are_visited_alike() -> None:
 def test_large_programs_are_cut(large) -> None:
     text = explain(compile_program(large))
     assert "left out" in text
-    assert len(text.splitlines()) < 12 * MOST_LINES
-    assert max(map(len, text.splitlines())) < 120 + 3 * DEEPEST
+    assert len(text.splitlines()) < 12 * MAX_LINES
+    assert max(map(len, text.splitlines())) < 120 + 3 * MAX_DEPTH
 
 
 def test_nothing_wired() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from colony.compile.backends import explain as explaining
-from colony.compile.backends.explain import MOST_LINES, explain, wiring_text
+from colony.compile.backends.explain import MAX_LINES, explain, wiring_text
 from colony.compile.backends.guard_text import GuardText
 from colony.compile.backends.table import definitions, legend, rows, wrapped
 from colony.compile.pipeline import compile_program
@@ -20,11 +20,11 @@ EXPECTED = Path(__file__).parent / "cases" / "explain_cut.txt"
 
 def narrow(patch: pytest.MonkeyPatch) -> str:
     """The explanations of two large networks where few and short lines are shown."""
-    patch.setattr(explaining, "MOST_LINES", 12)
+    patch.setattr(explaining, "MAX_LINES", 12)
     patch.setattr(explaining, "_WIDTH", 60)
     texts = []
     for size, seed, deepest in ((60, 1, 4), (300, 2, 40)):
-        patch.setattr(explaining, "DEEPEST", deepest)
+        patch.setattr(explaining, "MAX_DEPTH", deepest)
         texts.append(explain(compile_program(random_program(size, seed))))
     return "\n\n\n".join(texts) + "\n"
 
@@ -35,29 +35,29 @@ def test_a_large_network_is_cut_as_it_was(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_nothing_is_cut_up_to_the_limit() -> None:
-    text = explain(compile_program(chain(MOST_LINES)))
+    text = explain(compile_program(chain(MAX_LINES)))
     assert "more modules left out" not in text
     assert "more visits left out" not in text
     assert "more clients left out" not in text
-    assert "(1 more modules left out)" in explain(compile_program(chain(MOST_LINES + 1)))
-    assert "... (1 more visits left out)" in explain(compile_program(chain(MOST_LINES + 1)))
-    assert "(1 more clients left out)" in explain(compile_program(chain(MOST_LINES + 1)))
+    assert "(1 more modules left out)" in explain(compile_program(chain(MAX_LINES + 1)))
+    assert "... (1 more visits left out)" in explain(compile_program(chain(MAX_LINES + 1)))
+    assert "(1 more clients left out)" in explain(compile_program(chain(MAX_LINES + 1)))
 
 
 def test_wires_are_counted() -> None:
     exact, more = (
         "\n".join(f"w{i:03} = a suppresses b" for i in range(n)) + "\ndrive = a"
-        for n in (MOST_LINES - 1, MOST_LINES + 3)
+        for n in (MAX_LINES - 1, MAX_LINES + 3)
     )
     assert "wires left out" not in explain(compile_program(program(exact)))
     text = explain(compile_program(program(more)))
     assert "(4 more wires left out)" in text
-    assert f"  w{MOST_LINES - 1:03} = a suppresses b\n  (4 more" in text
+    assert f"  w{MAX_LINES - 1:03} = a suppresses b\n  (4 more" in text
 
 
 def test_modules_in_guards_are_counted() -> None:
     for extra in (0, 2):
-        inhibitors = " inhibits ".join(f"n{i}" for i in range(MOST_LINES + extra))
+        inhibitors = " inhibits ".join(f"n{i}" for i in range(MAX_LINES + extra))
         text = " ".join(explain(compile_program(program(f"drive = {inhibitors} inhibits cruise"))).split())
         assert ("and 2 more" in text) is (extra > 0)
         assert "and 0 more" not in text

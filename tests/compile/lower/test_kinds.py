@@ -14,7 +14,7 @@ from colony.execute.views import of_clients
 from colony.ir import expression as e
 from colony.ir.frame import Frame
 from colony.ir.program import Let
-from colony.ir.types import PLAIN, Array
+from colony.ir.types import DIMENSIONLESS, Array
 from tests.executors import outcomes
 from tests.programs import lowered
 
@@ -46,7 +46,7 @@ def test_a_constant_may_be_an_array(index: str) -> None:
     text = f"{ROBOT}let t = a + 0 module m {{ when b do out(v = t[{index}], on = b) }}\nnetwork {{ out = m }}"
     program = load_text(text)
     (let,) = program.derived
-    table = e.Constant(type=Array(PLAIN, 5), value=(10.0, 20.0, 30.0, 40.0, 50.0))
+    table = e.Constant(type=Array(DIMENSIONLESS, 5), value=(10.0, 20.0, 30.0, 40.0, 50.0))
     assert isinstance(let, Let)
     program = replace(program, derived=(replace(let, expression=table),))
     trace = [Frame(k, {**GIVEN, "x": x}) for k, x in enumerate((1.0, 4.0))]

@@ -25,7 +25,7 @@ from colony.ir.expression import (
 )
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, ActuatorField, Command, Let, Module, Program, Robot, Sensor, Use, Wire
-from colony.ir.types import BOOL, PLAIN
+from colony.ir.types import BOOL, DIMENSIONLESS
 from colony.verify.testing.strategies import programs
 from tests.networks import chain, random_program
 from tests.programs import lowered
@@ -182,9 +182,9 @@ def test_size_is_near_linear(make) -> None:
 
 def _out(expression: Expression, lets: tuple[Let, ...] = (), local: tuple[Let, ...] = ()) -> Program:
     """A program of one module that commands `expression`."""
-    fields = (ActuatorField(name="v", type=PLAIN),)
+    fields = (ActuatorField(name="v", type=DIMENSIONLESS),)
     actuator = Actuator(name="out", fields=fields, server="DServer", command="Out", idle=None)
-    sensor = Sensor(name="x", type=PLAIN, server="DServer", field="x")
+    sensor = Sensor(name="x", type=DIMENSIONLESS, server="DServer", field="x")
     module = Module(
         name="m",
         lets=local,
@@ -199,12 +199,15 @@ def _out(expression: Expression, lets: tuple[Let, ...] = (), local: tuple[Let, .
     )
 
 
-X = SensorValue(type=PLAIN, name="x")
+X = SensorValue(type=DIMENSIONLESS, name="x")
 
 
 def _plus_one(expression: Expression) -> Expression:
     return BinaryOperation(
-        type=PLAIN, operator=Binary.ADD, left=expression, right=Constant(type=PLAIN, value=1.0)
+        type=DIMENSIONLESS,
+        operator=Binary.ADD,
+        left=expression,
+        right=Constant(type=DIMENSIONLESS, value=1.0),
     )
 
 
@@ -226,16 +229,16 @@ def test_long_chains_of_lets() -> None:
     n = 5000
     lets = [Let(name="g0", expression=X)]
     lets += [
-        Let(name=f"g{i}", expression=_plus_one(DerivedValue(type=PLAIN, name=f"g{i - 1}")))
+        Let(name=f"g{i}", expression=_plus_one(DerivedValue(type=DIMENSIONLESS, name=f"g{i - 1}")))
         for i in range(1, n)
     ]
-    assert _sent(_out(DerivedValue(type=PLAIN, name=f"g{n - 1}"), lets=tuple(lets))) == n
+    assert _sent(_out(DerivedValue(type=DIMENSIONLESS, name=f"g{n - 1}"), lets=tuple(lets))) == n
     local = [Let(name="m.g0", expression=X)]
     local += [
-        Let(name=f"m.g{i}", expression=_plus_one(LocalValue(type=PLAIN, name=f"m.g{i - 1}")))
+        Let(name=f"m.g{i}", expression=_plus_one(LocalValue(type=DIMENSIONLESS, name=f"m.g{i - 1}")))
         for i in range(1, n)
     ]
-    assert _sent(_out(LocalValue(type=PLAIN, name=f"m.g{n - 1}"), local=tuple(local))) == n
+    assert _sent(_out(LocalValue(type=DIMENSIONLESS, name=f"m.g{n - 1}"), local=tuple(local))) == n
 
 
 def test_old_cells_are_the_only_way_to_memory() -> None:

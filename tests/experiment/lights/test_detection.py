@@ -7,36 +7,40 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.experiment.lights.detection import NEAR_MM, LightDetection, LightWatch
+from colony.experiment.lights.detection import MATCH_RADIUS_MM, LightDetection, LightDetectionMonitor
 from colony.experiment.lights.results import LIGHT_TABLE, LightResult, light_tables, light_targets
 from colony.experiment.lists import published_list
 from colony.experiment.record import RunKey
 from colony.experiment.results import Results
 from colony.nav.maps.stickrep.model import Pose
 from colony.sim.cameras.ceiling import CeilingCamera
-from colony.sim.hazards.scenery import CeilingLight, bare
+from colony.sim.hazards.scenery import CeilingLight, bare_scenery
 from colony.vision.lights.ceiling_camera import UPWARD
-from colony.vision.lights.looks import Look
+from colony.vision.lights.observing import CeilingObservation
 from colony.vision.lights.scan_lines import Light, ceiling_lights
 
 NORTH = CeilingLight(x_mm=0.0, y_mm=5_000.0, heading_deg=0.0)
 
 
-def _told(ahead_mm: float) -> Look:
-    return Look(0, (Light(ahead_mm, None, 3, True, 1.0),))
+def _told(ahead_mm: float) -> CeilingObservation:
+    return CeilingObservation(0, (Light(ahead_mm, None, 3, True, 1.0),))
 
 
-def _watch(*lights: CeilingLight) -> LightWatch:
-    return LightWatch(lights)
+def _watch(*lights: CeilingLight) -> LightDetectionMonitor:
+    return LightDetectionMonitor(lights)
 
 
-def _drive(watch: LightWatch, heading_deg: float = 0.0, off_mm: float = 0.0, aside_mm: float = 0.0) -> None:
+def _drive(
+    watch: LightDetectionMonitor, heading_deg: float = 0.0, off_mm: float = 0.0, aside_mm: float = 0.0
+) -> None:
     """North below x = `aside_mm`, each look telling the first light where it is, `off_mm` off."""
     light = watch.lights[0]
     for y in range(3_000, 7_000, 100):
         pose = Pose(aside_mm, float(y), heading_deg % 360.0)
-        watch.moved(pose)
-        watch.looked(_told(light.y_mm - y + off_mm) if abs(light.y_mm - y) < 500 else Look(0, ()), pose)
+        watch.add_pose(pose)
+        watch.add_observation(
+            _told(light.y_mm - y + off_mm) if abs(light.y_mm - y) < 500 else CeilingObservation(0, ()), pose
+        )
 
 
 def test_a_light_that_is_told_where_it_is() -> None:
@@ -48,7 +52,7 @@ def test_a_light_that_is_told_where_it_is() -> None:
 
 def test_one_that_is_told_elsewhere_is_missed_and_false() -> None:
     watch = _watch(NORTH)
-    _drive(watch, off_mm=NEAR_MM + 1.0)
+    _drive(watch, off_mm=MATCH_RADIUS_MM + 1.0)
     assert watch.counts == LightDetection(passed=1, detected=0, in_view=9, in_view_told=0, told=9, false=9)
     assert watch.undetected == (NORTH,)
 
@@ -73,13 +77,13 @@ def test_a_lamp_has_no_front() -> None:
 
 
 def test_the_detector_itself_sees_a_rendered_light() -> None:
-    camera = CeilingCamera(replace(bare(np.zeros((0, 4)), seed=3), lights=(NORTH,)))
+    camera = CeilingCamera(replace(bare_scenery(np.zeros((0, 4)), seed=3), lights=(NORTH,)))
     watch = _watch(NORTH)
     for k, y in enumerate(range(3_000, 7_000, 125)):
         pose = Pose(60.0, float(y), 3.0)
-        watch.moved(pose)
+        watch.add_pose(pose)
         lines = camera.rows(pose, k, UPWARD.scan_rows)
-        watch.looked(Look(k, ceiling_lights(lines, UPWARD, tilt_deg=3.0)), pose)
+        watch.add_observation(CeilingObservation(k, ceiling_lights(lines, UPWARD, tilt_deg=3.0)), pose)
     counts = watch.counts
     assert counts.passed == counts.detected == 1
     assert counts.in_view == counts.in_view_told > 4

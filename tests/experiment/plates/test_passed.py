@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from colony.experiment.plates.passed import Pass, PassWatch
+from colony.experiment.plates.passed import Pass, PassMonitor
 from colony.nav.maps.signs import PLATE_WIDTH_MM, Plate
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Pose
@@ -30,9 +30,9 @@ def _driven(
     walls: tuple[tuple[float, ...], ...] = ((0.0, 0.0, 0.0, 20_000.0),),
 ) -> tuple[Pass, ...]:
     """North along x = `aside_mm`, the heading turned; half a meter a second."""
-    watch = PassWatch([plate], np.array(walls).reshape(-1, 4))
+    watch = PassMonitor([plate], np.array(walls).reshape(-1, 4))
     for k in range(round(upto_mm / STEP_MM)):
-        watch.look(k * STEP_NS, Pose(aside_mm, k * STEP_MM, turned_deg % 360.0))
+        watch.update(k * STEP_NS, Pose(aside_mm, k * STEP_MM, turned_deg % 360.0))
     return watch.passes
 
 
@@ -69,15 +69,15 @@ def test_a_tilted_robot_sees_it_elsewhere_but_passes_it_at_the_same_time() -> No
 
 
 def test_a_plate_that_is_passed_twice_counts_once() -> None:
-    watch = PassWatch([_plate()], np.zeros((0, 4)))
+    watch = PassMonitor([_plate()], np.zeros((0, 4)))
     for lap in range(2):
         for k in range(400):
-            watch.look((lap * 400 + k) * STEP_NS, Pose(1000.0, k * STEP_MM, 0.0))
+            watch.update((lap * 400 + k) * STEP_NS, Pose(1000.0, k * STEP_MM, 0.0))
     assert len(watch.passes) == 1
 
 
 def test_no_plates_no_passes() -> None:
-    watch = PassWatch([], np.zeros((0, 4)))
-    watch.look(0, Pose(0.0, 0.0, 0.0))
-    watch.look(1, Pose(0.0, 1.0, 0.0))
+    watch = PassMonitor([], np.zeros((0, 4)))
+    watch.update(0, Pose(0.0, 0.0, 0.0))
+    watch.update(1, Pose(0.0, 1.0, 0.0))
     assert watch.passes == ()

@@ -23,10 +23,10 @@ from colony.experiment.sources.results import (
     source_tables,
     source_targets,
 )
-from colony.experiment.sources.run import CHOICES, run_with_sources, source_list, with_look
+from colony.experiment.sources.run import CHOICES, run_with_sources, source_list, with_comparison
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.pose import PoseEstimate
-from colony.nav.pose.tracker import ALL, Source
+from colony.nav.pose.tracker import EVERY_SOURCE, Source
 from colony.robots.variants import CEILING_CAMERA, SIDE_CAMERA
 from colony.sim.hazards.hazards import Hazards
 
@@ -41,10 +41,10 @@ def result(*, good: int, failed: bool = False) -> SourceResult:
 
 
 def test_each_source_is_left_out_once_and_all_of_them() -> None:
-    assert CHOICES[ALL_SOURCES] == ALL
+    assert CHOICES[ALL_SOURCES] == EVERY_SOURCE
     assert CHOICES[ODOMETRY] == frozenset()
     for source in (Source.SONAR, Source.LOCAL_MAPS, Source.LIGHTS, Source.PLATES):
-        assert ALL - {source} in CHOICES.values()
+        assert EVERY_SOURCE - {source} in CHOICES.values()
 
 
 def test_the_runs_are_some_of_the_published_ones() -> None:
@@ -53,9 +53,9 @@ def test_the_runs_are_some_of_the_published_ones() -> None:
 
 
 def test_an_estimate_is_held_against_the_true_pose_of_its_moment() -> None:
-    errors = with_look(PoseErrors(), ESTIMATE, Pose(1_030.0, 1_960.0, 1.0))
+    errors = with_comparison(PoseErrors(), ESTIMATE, Pose(1_030.0, 1_960.0, 1.0))
     assert errors == pytest.approx((1, 2_500.0, 4.0, 50.0, 0))  # (3/2)^2 + (4/3)^2 + 2^2 = 8.03
-    errors = with_look(errors, ESTIMATE, Pose(1_010.0, 2_000.0, 359.5))
+    errors = with_comparison(errors, ESTIMATE, Pose(1_010.0, 2_000.0, 359.5))
     assert errors == pytest.approx((2, 2_600.0, 4.25, 50.0, 1))
 
 
@@ -64,7 +64,8 @@ def test_a_short_run_is_driven_with_each_choice(monkeypatch: pytest.MonkeyPatch)
         key=KEY, map_path=PUBLISHED_MAP, origin="A339L", goal="A338R", hazards=Hazards.none(),
         cameras=frozenset({CEILING_CAMERA, SIDE_CAMERA}),
     )  # fmt: skip
-    some = {ALL_SOURCES: ALL, "no plates": ALL - {Source.PLATES}, ODOMETRY: frozenset[Source]()}
+    no_plates = EVERY_SOURCE - {Source.PLATES}
+    some = {ALL_SOURCES: EVERY_SOURCE, "no plates": no_plates, ODOMETRY: frozenset[Source]()}
     monkeypatch.setattr(sources, "CHOICES", some)
     found = run_with_sources(spec)
     assert list(found.outcomes) == list(some)

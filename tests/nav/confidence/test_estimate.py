@@ -13,7 +13,7 @@ from colony.nav.confidence.estimate import (
     PUBLISHED,
     PUBLISHED_COUNTS,
     Count,
-    RunModes,
+    RunOutcome,
     clopper_pearson,
     counts_of,
     estimated,
@@ -26,12 +26,12 @@ from colony.nav.confidence.estimate import (
 def test_each_mode_that_was_entered_is_a_trial() -> None:
     counts = counts_of(
         [
-            RunModes(modes="lcld", completed=4),
-            RunModes(modes="lcld", completed=2, first_light_found=True),  # lost along the second lights
-            RunModes(modes="lcld", completed=2),  # the first of them was not found
-            RunModes(modes="lcld", completed=1),  # lost in the corner
-            RunModes(modes="ld", completed=0),
-            RunModes(modes="ccd", completed=2),
+            RunOutcome(modes="lcld", completed=4),
+            RunOutcome(modes="lcld", completed=2, first_light_found=True),  # lost along the second lights
+            RunOutcome(modes="lcld", completed=2),  # the first of them was not found
+            RunOutcome(modes="lcld", completed=1),  # lost in the corner
+            RunOutcome(modes="ld", completed=0),
+            RunOutcome(modes="ccd", completed=2),
         ]
     )
     assert counts == {
@@ -45,7 +45,7 @@ def test_each_mode_that_was_entered_is_a_trial() -> None:
 
 def test_more_modes_than_there_are_cannot_be_completed() -> None:
     with pytest.raises(ValueError, match="a run completed 3 modes of `ld`"):
-        counts_of([RunModes(modes="ld", completed=3)])
+        counts_of([RunOutcome(modes="ld", completed=3)])
 
 
 def test_the_published_counts_make_the_published_automaton() -> None:
@@ -71,7 +71,7 @@ def test_runs_drawn_from_the_automaton_give_it_back() -> None:
             if not found or random.random() >= chances[mode]:
                 break
             completed += 1
-        runs.append(RunModes(modes=modes, completed=completed, first_light_found=found))
+        runs.append(RunOutcome(modes=modes, completed=completed, first_light_found=found))
     counts = counts_of(runs)
     reached = sum(run.completed == len(modes) for run in runs) / len(runs)
     assert float(estimated(counts).confidence(modes) or 0) == pytest.approx(reached, abs=0.03)

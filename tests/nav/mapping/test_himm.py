@@ -5,16 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from colony.nav.mapping.himm import MOST, HimmMap, HimmSetting, LocalPose
+from colony.nav.mapping.himm import MAX_CERTAINTY, HimmMap, HimmParameters, LocalPose
 from colony.nav.pose.echoes import CHANNELS
 
 SILENT = 10_000.0
 ORIGIN = LocalPose(0.0, 0.0, 0.0)
-SMALL = HimmSetting(half_side_mm=4_000.0)
+SMALL = HimmParameters(half_side_mm=4_000.0)
 
 
 def one(channel: int, range_mm: float) -> np.ndarray:
-    """A scan in which one sonar hears something."""
+    """A scan in which one sonar has an echo."""
     ranges = np.full(CHANNELS, SILENT)
     ranges[channel] = range_mm
     return ranges
@@ -49,7 +49,7 @@ def test_certainty_rises_by_three_up_to_fifteen() -> None:
     local = HimmMap(SMALL)
     for count in range(1, 8):
         local.mark(ORIGIN, one(12, 1_500.0))
-        assert local.cells().certainty.tolist() == [min(3.0 * count, MOST)]
+        assert local.cells().certainty.tolist() == [min(3.0 * count, MAX_CERTAINTY)]
     assert local.grid.dtype == np.uint8
 
 
@@ -91,7 +91,7 @@ def test_an_echo_beyond_the_reach_clears_and_marks_nothing() -> None:
 
 
 def test_what_is_outside_of_the_map_is_left_out() -> None:
-    local = HimmMap(HimmSetting(half_side_mm=1_000.0))
+    local = HimmMap(HimmParameters(half_side_mm=1_000.0))
     local.mark(ORIGIN, np.full(CHANNELS, 2_500.0))
     local.mark(LocalPose(50_000.0, -50_000.0, 1.0), np.full(CHANNELS, 500.0))
     assert local.grid.max() == 0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from colony.nav.mapping.himm import Cells
-from colony.nav.mapping.hough import HoughSetting, Line, lines_in
+from colony.nav.mapping.hough import HoughParameters, Line, lines_in
 
 
 def cells_along(
@@ -71,7 +71,7 @@ def test_the_heavier_of_two_lines_leads() -> None:
 def test_few_cells_are_no_line() -> None:
     assert lines_in(Cells(*(np.zeros(0) for _ in range(3)))) == ()
     assert lines_in(cells_along((0.0, 1_000.0, 0, 200))) == ()
-    assert lines_in(cells_along((0.0, 1_000.0, 0, 500)), HoughSetting(least_length_mm=300.0)) != ()
+    assert lines_in(cells_along((0.0, 1_000.0, 0, 500)), HoughParameters(least_length_mm=300.0)) != ()
 
 
 def test_a_line_knows_its_length() -> None:

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.nav.mapping.himm import HimmSetting, LocalPose
-from colony.nav.mapping.local_map import Trail, beyond, local_pose, seen_from
+from colony.nav.mapping.himm import HimmParameters, LocalPose
+from colony.nav.mapping.local_map import Trail, local_pose, moved_by, relative_pose
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.echoes import CHANNELS
 from colony.nav.pose.steps import Step
@@ -24,13 +24,13 @@ def test_the_local_frame_of_a_pose() -> None:
 
 
 def test_steps_are_taken_in_the_frame_of_the_robot() -> None:
-    at = beyond(LocalPose(0.0, 0.0, math.radians(90.0)), Step(100.0, 20.0, 0.5))
+    at = moved_by(LocalPose(0.0, 0.0, math.radians(90.0)), Step(100.0, 20.0, 0.5))
     assert at == pytest.approx((-20.0, 100.0, math.radians(90.0) + 0.5))
 
 
 @given(origin=local_poses, pose=local_poses)
 def test_seen_from_undoes_a_step(origin: LocalPose, pose: LocalPose) -> None:
-    assert beyond(origin, Step(*seen_from(origin, pose))) == pytest.approx(pose, abs=1e-6)
+    assert moved_by(origin, Step(*relative_pose(origin, pose))) == pytest.approx(pose, abs=1e-6)
 
 
 def hallway_scan(left_mm: float, heading_rad: float) -> np.ndarray:
@@ -51,7 +51,7 @@ def test_a_trail_shows_the_walls_around_the_robot(heading_deg: float) -> None:
     for i in range(80):
         left = -200.0 + 25.0 * i * math.sin(heading)
         trail.add(Step(25.0, 0.0, 0.0), hallway_scan(left, heading))
-    lines = trail.lines(HimmSetting(half_side_mm=7_000.0))
+    lines = trail.lines(HimmParameters(half_side_mm=7_000.0))
     assert len(lines) == 2
     across = sorted(line.distance_mm for line in lines)
     for line in lines:
@@ -67,10 +67,10 @@ def test_a_trail_forgets_what_is_far_behind_and_keeps_little_of_who_stands() -> 
     assert len(trail._scans) == 1
     for _ in range(100):
         trail.add(Step(70.0, 0.0, 0.0), scan)
-    assert 900.0 <= trail.way_mm <= 1_000.0
+    assert 900.0 <= trail.travel_mm <= 1_000.0
     assert len(trail._scans) == 15
     for _ in range(10):
         trail.add(Step(0.0, 0.0, math.radians(4.0)), scan)
     assert len(trail._scans) == 25
     trail.clear()
-    assert trail.way_mm == 0.0
+    assert trail.travel_mm == 0.0

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from colony.nav.mapping.himm import MOST, Cells, HimmMap, HimmSetting, LocalPose
-from colony.nav.mapping.hough import HoughSetting, lines_in
+from colony.nav.mapping.himm import MAX_CERTAINTY, Cells, HimmMap, HimmParameters, LocalPose
+from colony.nav.mapping.hough import HoughParameters, lines_in
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import Walls
-from colony.nav.pose.echoes import CHANNELS, Floats, Ring, SonarModel, mirrors_of
+from colony.nav.pose.echoes import CHANNELS, Floats, SonarModel, SonarRing, reflectors_of
 from colony.nav.pose.tracker import Correction, PoseTracker
 from colony.runtime.library.robot import Position
 
-RING = Ring(SonarModel())
+RING = SonarRing(SonarModel())
 SILENT = (10_000.0,) * CHANNELS
 PERIOD_NS = 100_000_000
 AT = (1_400.0, 1_200.0, 20.0)
@@ -44,9 +44,9 @@ ROOM = walls(
 )  # fmt: skip
 
 
-def heard(of: Walls, x: float, y: float, heading: float) -> tuple[float, ...]:
+def scan_at(of: Walls, x: float, y: float, heading: float) -> tuple[float, ...]:
     """What sonars without errors read."""
-    ranges = RING.expect(mirrors_of(of), x, y, math.radians(heading)).ranges
+    ranges = RING.predict(reflectors_of(of), x, y, math.radians(heading)).ranges
     return tuple(np.where(np.isfinite(ranges), ranges, 10_000.0).tolist())
 
 
@@ -55,10 +55,10 @@ def position(x: float, y: float, heading: float, t_ns: int = 0) -> Position:
 
 
 def stood(tracker: PoseTracker, ranges: tuple[float, ...], where: Position, scans: int = 8) -> Correction:
-    """What a robot is told that stands for a while."""
+    """Return the last correction of a robot that stands for a while."""
     for k in range(1, scans + 1):
         at = position(where.x, where.y, where.heading, where.t_ns + k * PERIOD_NS)
-        correction = tracker.take(ranges, at)
+        correction = tracker.update(ranges, at)
     return correction
 
 
@@ -76,7 +76,7 @@ def test_where_north_is_and_where_the_map_begins_makes_no_difference(
     ends = turned(ROOM.segments.reshape(-1, 2), angle) + np.array([east, north])
     elsewhere = walls(*ends.reshape(-1, 4).tolist())
     x, y = turned(np.array([WRONG[:2]]), angle)[0].tolist()
-    ranges = heard(ROOM, *AT)
+    ranges = scan_at(ROOM, *AT)
     here = stood(PoseTracker(ROOM), ranges, position(*WRONG))
     there = stood(PoseTracker(elsewhere), ranges, position(x + east, y + north, WRONG[2] + angle))
     assert math.hypot(here.x_mm + 40.0, here.y_mm - 40.0) < 3.0
@@ -99,19 +99,19 @@ def test_where_north_is_and_where_the_map_begins_makes_no_difference(
 def test_no_input_poisons_it(
     garbage: list[tuple[tuple[float, ...], tuple[float, float, float], int]],
 ) -> None:
-    """Whatever it was given, it goes right again when somebody sets the position."""
+    """Whatever it was given, it recovers when a client sets the position."""
     tracker = PoseTracker(ROOM)
     for ranges, where, t_ns in garbage:
-        correction = tracker.take(ranges, position(*where, t_ns))
+        correction = tracker.update(ranges, position(*where, t_ns))
         assert all(map(math.isfinite, (correction.x_mm, correction.y_mm, correction.heading_deg)))
-    tracker.take(SILENT, position(-1e7, 0.0, 0.0, 10**11))
-    last = stood(tracker, heard(ROOM, *AT), position(*WRONG, t_ns=10**11))
+    tracker.update(SILENT, position(-1e7, 0.0, 0.0, 10**11))
+    last = stood(tracker, scan_at(ROOM, *AT), position(*WRONG, t_ns=10**11))
     assert (last.x_mm, last.y_mm) == pytest.approx((-40.0, 40.0), abs=4.0)
 
 
 @pytest.mark.parametrize("broken", [math.nan, math.inf])
 def test_a_sonar_that_says_nothing_is_no_evidence(broken: float) -> None:
-    ranges = list(heard(ROOM, *AT))
+    ranges = list(scan_at(ROOM, *AT))
     ranges[12] = ranges[18] = broken
     last = stood(PoseTracker(ROOM), tuple(ranges), position(*WRONG))
     assert (last.x_mm, last.y_mm) == pytest.approx((-40.0, 40.0), abs=6.0)
@@ -121,13 +121,13 @@ def test_a_sonar_that_says_nothing_is_no_evidence(broken: float) -> None:
 
 @pytest.mark.parametrize("of", [walls(), ROOM], ids=["an empty map", "outside of every wall"])
 def test_where_no_wall_is_to_be_heard_nothing_is_corrected(of: Walls) -> None:
-    last = stood(PoseTracker(of), heard(ROOM, *AT), position(-50_000.0, 70_000.0, 45.0), scans=60)
+    last = stood(PoseTracker(of), scan_at(ROOM, *AT), position(-50_000.0, 70_000.0, 45.0), scans=60)
     assert (last.x_mm, last.y_mm, last.heading_deg) == (0.0, 0.0, 0.0)
 
 
 def test_one_wall_gives_the_heading_and_the_way_to_it_and_nothing_else() -> None:
     west = walls((0.0, -9_000.0, 0.0, 9_000.0))
-    last = stood(PoseTracker(west), heard(west, 1_000.0, 0.0, 0.0), position(1_050.0, 300.0, 2.0), scans=60)
+    last = stood(PoseTracker(west), scan_at(west, 1_000.0, 0.0, 0.0), position(1_050.0, 300.0, 2.0), scans=60)
     assert last.x_mm == pytest.approx(-50.0, abs=3.0)
     assert last.heading_deg == pytest.approx(-2.0, abs=0.2)
     assert last.y_mm == pytest.approx(0.0, abs=3.0)
@@ -138,23 +138,23 @@ def test_sonars_that_are_silent_for_seconds_do_not_make_a_drive_a_leap(gap_s: fl
     """What is known before the gap is still known after it, as far as the robot may have driven meanwhile."""
     hall = walls((0.0, -9_000.0, 0.0, 90_000.0), (2_400.0, 90_000.0, 2_400.0, -9_000.0))
     tracker = PoseTracker(hall)
-    before = stood(tracker, heard(hall, 1_200.0, 0.0, 0.0), position(1_260.0, 0.0, 0.0))
+    before = stood(tracker, scan_at(hall, 1_200.0, 0.0, 0.0), position(1_260.0, 0.0, 0.0))
     assert before.x_mm == pytest.approx(-60.0, abs=3.0)
     after_ns = 8 * PERIOD_NS + round(gap_s * 1e9)
-    after = tracker.take(SILENT, position(1_260.0, 500.0 * gap_s, 0.0, after_ns))
+    after = tracker.update(SILENT, position(1_260.0, 500.0 * gap_s, 0.0, after_ns))
     assert after.x_mm == pytest.approx(-60.0, abs=3.0)
 
 
 def test_time_that_goes_back_does_no_harm() -> None:
-    tracker, ranges = PoseTracker(ROOM), heard(ROOM, *AT)
+    tracker, ranges = PoseTracker(ROOM), scan_at(ROOM, *AT)
     for k in range(20):
-        last = tracker.take(ranges, position(*WRONG, t_ns=(20 - k) * PERIOD_NS))
+        last = tracker.update(ranges, position(*WRONG, t_ns=(20 - k) * PERIOD_NS))
     assert (last.x_mm, last.y_mm) == pytest.approx((-40.0, 40.0), abs=4.0)
 
 
 def test_who_begins_in_the_middle_needs_no_past() -> None:
-    """A mapper that is started anew, 30 mm and 3 degrees off, at any time."""
-    last = stood(PoseTracker(ROOM), heard(ROOM, *AT), position(1_430.0, 1_200.0, 23.0, 10**15))
+    """A mapper that is restarted, 30 mm and 3 degrees off, at any time."""
+    last = stood(PoseTracker(ROOM), scan_at(ROOM, *AT), position(1_430.0, 1_200.0, 23.0, 10**15))
     assert last.x_mm == pytest.approx(-30.0, abs=4.0)
     assert last.heading_deg == pytest.approx(-3.0, abs=0.3)
 
@@ -162,8 +162,8 @@ def test_who_begins_in_the_middle_needs_no_past() -> None:
 def test_hours_at_one_place_leave_it_able_to_learn() -> None:
     """Scans make it surer and surer; then the robot is pushed aside by 80 mm while its wheels stand."""
     tracker = PoseTracker(ROOM)
-    stood(tracker, heard(ROOM, *AT), position(*AT), scans=2_000)
-    pushed = heard(ROOM, AT[0] + 80.0, AT[1], AT[2])
+    stood(tracker, scan_at(ROOM, *AT), position(*AT), scans=2_000)
+    pushed = scan_at(ROOM, AT[0] + 80.0, AT[1], AT[2])
     last = stood(tracker, pushed, position(*AT, t_ns=2_000 * PERIOD_NS), scans=60)
     assert last.x_mm == pytest.approx(80.0, abs=20.0)
 
@@ -179,10 +179,10 @@ def test_hours_at_one_place_leave_it_able_to_learn() -> None:
 def test_certainties_stay_within_their_bounds(
     scans: list[tuple[tuple[float, ...], float, float, float]],
 ) -> None:
-    local = HimmMap(HimmSetting(half_side_mm=3_000.0))
+    local = HimmMap(HimmParameters(half_side_mm=3_000.0))
     for ranges, ahead, left, heading in scans:
         local.mark(LocalPose(ahead, left, heading), np.array(ranges))
-        assert local.grid.max() <= MOST  # unsigned: what is below 0 would be above
+        assert local.grid.max() <= MAX_CERTAINTY  # unsigned: what is below 0 would be above
     cells = local.cells()
     assert np.abs(np.concatenate([cells.ahead_mm, cells.left_mm, [0.0]])).max() < 3_000.0
 
@@ -199,7 +199,7 @@ def test_a_line_that_is_drawn_is_found(angle: float, distance: float, begin: flo
     cosine, sine = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     ahead, left = cosine * along - sine * distance, sine * along + cosine * distance
     at = np.unique(np.floor(np.stack([ahead, left], axis=1) / 100.0) * 100.0 + 50.0, axis=0)
-    first = lines_in(Cells(at[:, 0], at[:, 1], np.full(len(at), 12.0)), HoughSetting())[0]
+    first = lines_in(Cells(at[:, 0], at[:, 1], np.full(len(at), 12.0)), HoughParameters())[0]
     off = math.remainder(first.angle_deg - angle, 180.0)
     # Cells along the grid may have a step of one cell: what is fitted to it is steeper by half than it.
     assert abs(off) < math.degrees(1.5 * 110.0 / length)

@@ -6,16 +6,22 @@ import numpy as np
 import pytest
 
 from colony.nav.mapping.hough import Line
-from colony.nav.mapping.wall_matching import Sighting, WallMatch, combined, matched, sighted
+from colony.nav.mapping.wall_matching import (
+    WallCandidate,
+    WallMatch,
+    combine_matches,
+    in_building_frame,
+    match_wall,
+)
 from colony.nav.maps.stickrep.model import EdgeKind, Pose
 from colony.nav.maps.walls import Walls
-from colony.nav.pose.echoes import Mirrors, mirrors_of
+from colony.nav.pose.echoes import Reflectors, reflectors_of
 
 NORTH = Pose(0.0, 0.0, 0.0)
 """In the middle of a hallway 2.4 m wide that leads north, and ends 6 m ahead."""
 
 
-def hallway(attributes: tuple[str, ...] = ("brick", "brick", "wood", "brick")) -> Mirrors:
+def hallway(attributes: tuple[str, ...] = ("brick", "brick", "wood", "brick")) -> Reflectors:
     """The west wall, whole; the end; the east wall with a door in it."""
     segments = [
         (-1_200, -6_000, -1_200, 6_000),
@@ -25,7 +31,7 @@ def hallway(attributes: tuple[str, ...] = ("brick", "brick", "wood", "brick")) -
         (1_200, -500, 1_200, -6_000),
     ]
     kinds = (EdgeKind.WALL, EdgeKind.WALL, EdgeKind.DOOR, EdgeKind.WALL, EdgeKind.WALL)
-    return mirrors_of(
+    return reflectors_of(
         Walls(segments=np.array(segments, dtype=float), kinds=kinds, attributes=(*attributes, "brick"))
     )
 
@@ -34,14 +40,14 @@ def line(angle_deg: float, distance_mm: float, begin: float = -1_500.0, end: flo
     return Line(angle_deg, distance_mm, 300.0, begin, end, 30.0)
 
 
-def match(seen: Line, walls: Mirrors | None = None) -> WallMatch | None:
-    return matched(sighted(seen, NORTH), hallway() if walls is None else walls, NORTH)
+def match(seen: Line, walls: Reflectors | None = None) -> WallMatch | None:
+    return match_wall(in_building_frame(seen, NORTH), hallway() if walls is None else walls, NORTH)
 
 
 def test_a_line_in_the_building() -> None:
     west = Pose(1_000.0, 2_000.0, 90.0)
-    x0, y0, x1, y1, *_ = sighted(line(0.0, 500.0, -100.0, 900.0), west)
-    assert (x0, y0) == pytest.approx((1_100.0, 1_500.0))  # 500 to the left of who looks west is south
+    x0, y0, x1, y1, *_ = in_building_frame(line(0.0, 500.0, -100.0, 900.0), west)
+    assert (x0, y0) == pytest.approx((1_100.0, 1_500.0))  # facing west, 500 to the left is south
     assert (x1, y1) == pytest.approx((100.0, 1_500.0))
 
 
@@ -74,9 +80,9 @@ def test_the_back_wall_of_a_room_is_no_wall() -> None:
 
 
 def test_what_is_on_the_other_side_of_the_robot_is_no_wall() -> None:
-    narrow = Mirrors(*(field[:1] for field in hallway()))
+    narrow = Reflectors(*(field[:1] for field in hallway()))
     near = Pose(-1_150.0, 0.0, 0.0)
-    assert matched(Sighting(-1_100.0, -900.0, -1_100.0, 900.0, 300.0, 30.0), narrow, near) is None
+    assert match_wall(WallCandidate(-1_100.0, -900.0, -1_100.0, 900.0, 300.0, 30.0), narrow, near) is None
 
 
 def test_a_line_beyond_the_end_of_a_wall_is_no_wall() -> None:
@@ -88,13 +94,13 @@ def test_glass_is_no_wall() -> None:
 
 
 def test_no_walls_and_no_length() -> None:
-    assert match(line(0.0, 1_200.0), Mirrors(*(field[:0] for field in hallway()))) is None
-    assert matched(Sighting(1.0, 1.0, 1.0, 1.0, 1.0, 1.0), hallway(), NORTH) is None
+    assert match(line(0.0, 1_200.0), Reflectors(*(field[:0] for field in hallway()))) is None
+    assert match_wall(WallCandidate(1.0, 1.0, 1.0, 1.0, 1.0, 1.0), hallway(), NORTH) is None
 
 
 def test_side_walls_leave_the_place_along_the_hallway() -> None:
     sides = tuple(m for m in (match(line(-4.0, 1_150.0)), match(line(-4.0, -1_230.0))) if m is not None)
-    fix = combined(sides)
+    fix = combine_matches(sides)
     assert fix is not None
     assert fix.heading_deg == pytest.approx(4.0)
     assert (fix.x_mm, fix.y_mm) == pytest.approx((-40.0, 0.0), abs=0.5)
@@ -105,7 +111,7 @@ def test_a_wall_ahead_gives_it() -> None:
     """The end of the hallway seems to be 200 mm nearer than it is drawn."""
     ahead = match(line(-90.0, -5_800.0, -1_000.0, 1_000.0)) or match(line(-90.0, 5_800.0, -1_000.0, 1_000.0))
     assert ahead is not None
-    fix = combined(tuple(m for m in (match(line(0.0, 1_200.0)), ahead) if m is not None))
+    fix = combine_matches(tuple(m for m in (match(line(0.0, 1_200.0)), ahead) if m is not None))
     assert fix is not None
     assert (fix.x_mm, fix.y_mm) == pytest.approx((0.0, 200.0), abs=1e-6)
 
@@ -113,6 +119,6 @@ def test_a_wall_ahead_gives_it() -> None:
 def test_a_line_that_contradicts_the_surest_one_is_left_out() -> None:
     sure = WallMatch(2.0, 10.0, 1.0, 0.0, 0.2, 10.0)
     other = WallMatch(-9.0, 300.0, -1.0, 0.0, 2.0, 10.0)
-    assert combined((other, sure)) == combined((sure,))
-    assert combined(()) is None
-    assert not math.isnan(combined((sure,)).x_mm)  # type: ignore[union-attr]
+    assert combine_matches((other, sure)) == combine_matches((sure,))
+    assert combine_matches(()) is None
+    assert not math.isnan(combine_matches((sure,)).x_mm)  # type: ignore[union-attr]

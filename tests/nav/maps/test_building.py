@@ -41,7 +41,7 @@ def tower(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def told(path: Path) -> list[str]:
+def errors_of(path: Path) -> list[str]:
     with pytest.raises(DiagnosticError) as caught:
         load_building(path)
     return [headline(d).removeprefix(f"{path.parent}/") for d in caught.value.diagnostics]
@@ -89,16 +89,16 @@ def test_looking_up(tower: Path) -> None:
 
 def test_a_map_that_is_not_there(tower: Path) -> None:
     (tower / "up/3.stickrep").unlink()
-    (line,) = told(tower / "1.stickrep")
+    (line,) = errors_of(tower / "1.stickrep")
     assert line.startswith(
-        "2.stickrep:16:14: error[M029]: the elevator `b.L` leads to a map that is not there"
+        "2.stickrep:16:14: error[M029]: the elevator `b.L` leads to a map that cannot be loaded"
     )
 
 
 def test_an_unsound_map_on_the_way_is_told_with_its_own_place(tower: Path) -> None:
     text = (tower / "2.stickrep").read_text()
     (tower / "2.stickrep").write_text(text.replace("-270 D W 0 5", "-270 D W 0 6"))
-    (line,) = told(tower / "1.stickrep")
+    (line,) = errors_of(tower / "1.stickrep")
     assert line.startswith("2.stickrep:6:1: error[M018]")
 
 
@@ -120,7 +120,7 @@ def test_an_unsound_map_on_the_way_is_told_with_its_own_place(tower: Path) -> No
 )
 def test_elevators_that_do_not_fit(tower: Path, line: str, expected: str) -> None:
     (tower / "1.stickrep").write_text(floor("one", line, level="1"))
-    first = told(tower / "1.stickrep")[0]
+    first = errors_of(tower / "1.stickrep")[0]
     assert first.startswith("1.stickrep:15:")
     assert expected in first
 
@@ -136,7 +136,7 @@ def test_the_missing_line_is_told(tower: Path) -> None:
 def test_floors_and_maps_have_names_of_their_own(tower: Path) -> None:
     text = (tower / "2.stickrep").read_text()
     (tower / "2.stickrep").write_text(text.replace("floor 2", "floor  1 # sic").replace("map two", "map one"))
-    assert [line.split(": ")[:2] for line in told(tower / "1.stickrep")] == [
+    assert [line.split(": ")[:2] for line in errors_of(tower / "1.stickrep")] == [
         ["2.stickrep:2:5", "error[M031]"],
         ["2.stickrep:3:8", "error[M031]"],
     ]
@@ -146,5 +146,5 @@ def test_a_building_has_an_end(tmp_path: Path) -> None:
     for i in range(MAX_MAPS + 2):
         lines = [f"elevator a.L {i - 1}.stickrep b.L"] * (i > 0) + [f"elevator b.L {i + 1}.stickrep a.L"]
         (tmp_path / f"{i}.stickrep").write_text(floor(f"m{i}", *lines))
-    (line,) = told(tmp_path / "0.stickrep")
+    (line,) = errors_of(tmp_path / "0.stickrep")
     assert f"{MAX_MAPS - 1}.stickrep:16:14: error[M023]" in line

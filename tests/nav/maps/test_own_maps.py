@@ -18,33 +18,33 @@ from colony.text.source import Source
 from tests.paths import MAPS
 
 PATHS = sorted((MAPS).glob("*.stickrep"))
-MAPS = {path.stem: load_map(path) for path in PATHS}
-MSU = MAPS["msu_engineering_3"]
+MAP_BY_NAME = {path.stem: load_map(path) for path in PATHS}
+MSU = MAP_BY_NAME["msu_engineering_3"]
 
-every_map = pytest.mark.parametrize("name", MAPS)
+every_map = pytest.mark.parametrize("name", MAP_BY_NAME)
 
 
 def test_these_come_along() -> None:
     here = {"atrium", "hallway", "loop", "msu_engineering_2", "msu_engineering_3", "narrow"}
-    assert here <= set(MAPS)
+    assert here <= set(MAP_BY_NAME)
 
 
 @every_map
 def test_a_map_is_called_as_its_file_and_survives_being_written(name: str) -> None:
-    assert MAPS[name].name == name
-    again = read_map(Source("again.stickrep", write_map(MAPS[name])))
-    assert write_map(again) == write_map(MAPS[name])
-    assert (again.links, again.elevators) == (MAPS[name].links, MAPS[name].elevators)
+    assert MAP_BY_NAME[name].name == name
+    again = read_map(Source("again.stickrep", write_map(MAP_BY_NAME[name])))
+    assert write_map(again) == write_map(MAP_BY_NAME[name])
+    assert (again.links, again.elevators) == (MAP_BY_NAME[name].links, MAP_BY_NAME[name].elevators)
 
 
 @every_map
 def test_from_every_ring_every_other_can_be_reached(name: str) -> None:
-    assert len(linked_rings(MAPS[name])) == 1
+    assert len(linked_rings(MAP_BY_NAME[name])) == 1
 
 
 @every_map
 def test_every_door_has_two_jambs_of_one_name_in_order(name: str) -> None:
-    for ring in MAPS[name].rings:
+    for ring in MAP_BY_NAME[name].rings:
         for i, edge in enumerate(ring.edges):
             left, right = ring.nodes[i].name, ring.nodes[(i + 1) % len(ring.nodes)].name
             if edge.kind is not EdgeKind.WALL:
@@ -54,8 +54,8 @@ def test_every_door_has_two_jambs_of_one_name_in_order(name: str) -> None:
 
 @every_map
 def test_lights_hang_in_the_middle_of_corridors(name: str) -> None:
-    corridors = corridors_of(MAPS[name])
-    for x, y in lights_of(MAPS[name]):
+    corridors = corridors_of(MAP_BY_NAME[name])
+    for x, y in lights_of(MAP_BY_NAME[name]):
         aside = [
             abs((x - c.start.x) * (c.end.y - c.start.y) - (y - c.start.y) * (c.end.x - c.start.x))
             / c.length_mm
@@ -65,9 +65,9 @@ def test_lights_hang_in_the_middle_of_corridors(name: str) -> None:
         assert min(aside) < 10.0, (x, y)
 
 
-@pytest.mark.parametrize("name", sorted(set(MAPS) - {"hallway"}))
+@pytest.mark.parametrize("name", sorted(set(MAP_BY_NAME) - {"hallway"}))
 def test_neighboring_lights_are_four_to_six_meters_apart_but_for_gaps(name: str) -> None:
-    lights = lights_of(MAPS[name])
+    lights = lights_of(MAP_BY_NAME[name])
     apart = np.hypot(*(lights[:, None] - lights[None]).transpose(2, 0, 1))
     apart[np.diag_indices(len(lights))] = np.inf
     nearest = apart.min(axis=1)
@@ -77,8 +77,8 @@ def test_neighboring_lights_are_four_to_six_meters_apart_but_for_gaps(name: str)
 
 @every_map
 def test_no_wall_leaks(name: str) -> None:
-    segments, at = walls_of(MAPS[name]).segments, 0
-    for ring in MAPS[name].rings:
+    segments, at = walls_of(MAP_BY_NAME[name]).segments, 0
+    for ring in MAP_BY_NAME[name].rings:
         part = segments[at : at + len(ring.edges)]
         assert (part[:, 2:] == np.roll(part[:, :2], -1, axis=0)).all()
         at += len(ring.edges)

@@ -1,4 +1,4 @@
-"""Where plates and markers hang: every door of the maps has its plate, on a wall, in view of who passes."""
+"""The places of plates and markers: every door of the maps has its plate, in view of a passing robot."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_plates_hang_on_walls_and_markers_on_elevators(path: Path) -> None:
 
 
 def test_a_plate_is_at_the_right_jamb_as_seen_by_who_stands_before_it(tmp_path: Path) -> None:
-    # The wall runs north with the corridor to its east: who faces it looks west, and right is north.
+    # The wall runs north with the corridor to its east: a robot that faces it looks west, and right is north.
     (plate,) = plates_of(nook(tmp_path, 1.0))
     assert plate.heading_deg == pytest.approx(90.0)
     assert plate.middle.y > 4900.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.nav.missions.clerk import TRACKER_S, clerk
+from colony.nav.missions.clerk import TRACKER_TIMEOUT_S, clerk
 from colony.nav.shared import (
     CEILING_LIGHT,
     GOAL_ANSWERED,
@@ -133,7 +133,7 @@ def test_lights_are_not_held_back_for_ever() -> None:
     stage = waiting()
     stage.ask(data.set_many({GOAL_TYPE: int(GoalKind.LIGHTS), GOAL_DISTANCE: 1, CEILING_LIGHT: 1}))
     stage.signal(GOAL_DATA)
-    stage.run(TRACKER_S + 0.2)
+    stage.run(TRACKER_TIMEOUT_S + 0.2)
     assert stage.variable(GOAL_NUMBER) == 1
 
 

@@ -1,12 +1,12 @@
-"""Somebody at a terminal who presses the buttons of elevators."""
+"""The prompts for an operator at a terminal."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from colony.nav.maps.building import Building, load_building
-from colony.nav.missions.elevator_calls import Call
-from colony.nav.missions.elevator_prompt import Heard, asked_for, elevator_prompt
+from colony.nav.missions.elevator_calls import ElevatorCall
+from colony.nav.missions.elevator_prompt import PollResult, asked_for, elevator_prompt
 from colony.nav.shared import ELEVATOR_CALL, FLOOR_REACHED
 from tests.nav.floors import two_floors
 from tests.nav.script_stage import Stage
@@ -15,17 +15,17 @@ CALL = ["liftL", "ground", "upper"]
 BACK = ["liftL", "upper", "ground"]
 
 
-class Ear:
-    """Somebody who enters what is put into `lines`. Mutable: that."""
+class FakeLineInput:
+    """An input with the given `lines`. Mutable."""
 
     def __init__(self) -> None:
-        self.lines: list[Heard] = []
+        self.lines: list[PollResult] = []
         self.forgot = 0
 
-    def forget(self) -> None:
+    def discard(self) -> None:
         self.forgot += 1
 
-    def listen(self) -> Heard:
+    def poll(self) -> PollResult:
         return self.lines.pop(0) if self.lines else "nothing"
 
 
@@ -33,8 +33,8 @@ class Desk:
     """The script, what it said, and DServer. Mutable: all of it."""
 
     def __init__(self, building: Building) -> None:
-        self.ear, self.said = Ear(), list[str]()
-        self.stage = Stage(prompt=elevator_prompt(building, self.ear, say=self.said.append))
+        self.line_input, self.said = FakeLineInput(), list[str]()
+        self.stage = Stage(prompt=elevator_prompt(building, self.line_input, say=self.said.append))
 
     def run(self, call: list[str]) -> object:
         """What FloorReached is, a second after ElevatorCall has become this."""
@@ -53,7 +53,7 @@ def test_enter_tells_that_the_floor_is_reached(tmp_path: Path) -> None:
         "When the robot has turned around inside, press that of floor 2.",
         "Press Enter here when its doors are open on floor 2.",
     ]
-    desk.ear.lines.append("line")
+    desk.line_input.lines.append("line")
     assert desk.run(CALL) == 1
     assert desk.run(CALL) == 1
     assert desk.run([]) == 0
@@ -61,30 +61,30 @@ def test_enter_tells_that_the_floor_is_reached(tmp_path: Path) -> None:
 
 def test_each_ride_is_asked_for_and_answered_by_itself(tmp_path: Path) -> None:
     desk = Desk(two_floors(tmp_path))
-    desk.ear.lines += ["line"]
+    desk.line_input.lines += ["line"]
     assert desk.run(CALL) == 1
     assert desk.run([]) == 0
     assert desk.run(BACK) == 0
     assert "on floor 2, down" in desk.said[2]
-    desk.ear.lines += ["line"]
+    desk.line_input.lines += ["line"]
     assert desk.run(BACK) == 1
-    assert desk.ear.forgot == 2
+    assert desk.line_input.forgot == 2
 
 
 def test_a_line_too_many_is_kept_for_the_next_question(tmp_path: Path) -> None:
     """A pipe says all at once what a person says in time."""
     desk = Desk(two_floors(tmp_path))
-    desk.ear.lines += ["line", "line"]
+    desk.line_input.lines += ["line", "line"]
     assert desk.run(CALL) == 1
-    assert desk.ear.lines == ["line"]
+    assert desk.line_input.lines == ["line"]
 
 
 def test_where_nobody_can_answer_the_robot_goes_by_what_it_sees(tmp_path: Path) -> None:
     desk = Desk(two_floors(tmp_path))
     assert desk.run([]) == 0
-    desk.ear.lines.append("end")
+    desk.line_input.lines.append("end")
     assert desk.run(CALL) == 1
-    assert desk.said[-1] == "Nobody can answer here: the robot goes out when it sees the doors open."
+    assert desk.said[-1] == "No answers can be read here: the robot leaves when it detects the open doors."
     assert desk.run([]) == 1
     assert desk.run(BACK) == 1
     assert len(desk.said) == 4
@@ -96,7 +96,7 @@ def test_floors_that_are_not_counted_are_neither_up_nor_down(tmp_path: Path) -> 
     path = tmp_path / "ground.stickrep"
     path.write_text(path.read_text().replace("floor  1", "floor  lobby"))
     building = load_building(path)
-    assert asked_for(building, Call("liftL", "ground", "upper")) == (
+    assert asked_for(building, ElevatorCall("liftL", "ground", "upper")) == (
         "Press the button of the elevator lift on floor lobby. "
         "When the robot has turned around inside, press that of floor 2."
     )

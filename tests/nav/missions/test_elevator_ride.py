@@ -66,7 +66,7 @@ class Ride:
             "operator": operator(self.site.elevators, world, seed=seed),
         }
         if eyes:
-            ahead = self.site.eyes(_camera_ahead)
+            ahead = self.site.camera_per_floor(_camera_ahead)
             sight["CServerFront"] = lambda now_ns: LevelShot(ahead(), world, 0, now_ns)
             scripts["markers"] = marker_finder({floor.name: markers_of(floor) for floor in building.maps})
         self.loop = loop_of(

@@ -9,11 +9,11 @@ import pytest
 
 from colony.nav.maps.signs import plates_of
 from colony.nav.missions.goal_verification import (
-    NEAR_MM,
-    SeenPlate,
+    SAME_PLATE_MM,
+    ReportedPlate,
     Verdict,
     plate_at,
-    seen_plate,
+    reported_plate,
     verdict_of,
 )
 from tests.buildings import MSU
@@ -22,8 +22,8 @@ FLOOR = MSU
 PLATE = next(plate for plate in plates_of(FLOOR) if plate.door == "376")
 
 
-def seen(text: str, off_mm: float = 0.0) -> SeenPlate:
-    return SeenPlate(1, 1, text, PLATE.middle.x + off_mm, PLATE.middle.y)
+def seen(text: str, off_mm: float = 0.0) -> ReportedPlate:
+    return ReportedPlate(1, 1, text, PLATE.middle.x + off_mm, PLATE.middle.y)
 
 
 @pytest.mark.parametrize(
@@ -32,7 +32,7 @@ def seen(text: str, off_mm: float = 0.0) -> SeenPlate:
         ([], Verdict.UNSEEN),
         ([seen("376")], Verdict.RIGHT),
         ([seen("376", 800.0)], Verdict.RIGHT),
-        ([seen("376", NEAR_MM + 1.0)], Verdict.UNSEEN),
+        ([seen("376", SAME_PLATE_MM + 1.0)], Verdict.UNSEEN),
         ([seen("374")], Verdict.WRONG),
         ([seen("374", 900.0)], Verdict.UNSEEN),
         ([seen("")], Verdict.UNSEEN),
@@ -40,7 +40,7 @@ def seen(text: str, off_mm: float = 0.0) -> SeenPlate:
         ([seen("376", 100.0), seen("374", 2_000.0)], Verdict.RIGHT),
     ],
 )
-def test_the_plate_of_the_goal_near_its_place_is_right(plates: list[SeenPlate], verdict: Verdict) -> None:
+def test_the_plate_of_the_goal_near_its_place_is_right(plates: list[ReportedPlate], verdict: Verdict) -> None:
     assert verdict_of(PLATE, plates) is verdict
 
 
@@ -55,12 +55,12 @@ def test_who_has_no_plate_has_none() -> None:
 
 
 @pytest.mark.parametrize(
-    "told", [None, [], [1, 1, "376", 0.0], [1, 1, 376, 0.0, 0.0], [1.5, 1, "376", 0.0, 0.0], "plate"]
+    "value", [None, [], [1, 1, "376", 0.0], [1, 1, 376, 0.0, 0.0], [1.5, 1, "376", 0.0, 0.0], "plate"]
 )
-def test_what_is_no_plate_is_none(told: object) -> None:
-    assert seen_plate(told) is None
+def test_what_is_no_plate_is_none(value: object) -> None:
+    assert reported_plate(value) is None
 
 
 def test_a_plate_comes_back_as_it_was() -> None:
-    assert seen_plate([1, 2, "376", 3, 4.5]) == SeenPlate(1, 2, "376", 3.0, 4.5)
-    assert seen_plate([1, 2, "376", 3, math.inf]) is None
+    assert reported_plate([1, 2, "376", 3, 4.5]) == ReportedPlate(1, 2, "376", 3.0, 4.5)
+    assert reported_plate([1, 2, "376", 3, math.inf]) is None

@@ -6,7 +6,7 @@ import pytest
 
 from colony.nav.maps.corridors import STAND_MM, Corridor
 from colony.nav.maps.stickrep.geometry import Point
-from colony.nav.plan.legs import LEAVE_MM, LIGHT_AHEAD_MM, Apart, Leg, legs_of, segments_of
+from colony.nav.plan.legs import LEAVE_MM, LIGHT_AHEAD_MM, DisconnectedCorridors, Leg, legs_of, segments_of
 
 
 def corridor(start: tuple[float, float], end: tuple[float, float], width: float = 2000.0) -> Corridor:
@@ -22,7 +22,7 @@ BEYOND = corridor((-3_000.0, 17_000.0), (-3_000.0, 40_000.0), width=3000.0)
 
 def modes(corridors: tuple[Corridor, ...], origin: Point, goal: Point, *lights: Point) -> tuple[str, str]:
     legs = legs_of(corridors, origin, goal)
-    assert not isinstance(legs, Apart)
+    assert not isinstance(legs, DisconnectedCorridors)
     segments, letters = segments_of(legs, lights, "f")
     return "".join(chr(s.kind) + f"{s.length_mm:.0f} " for s in segments), letters
 
@@ -41,7 +41,7 @@ def test_lights_end_where_the_last_one_is() -> None:
 
 def _legs() -> tuple[Leg, ...]:
     legs = legs_of((SOUTH,), Point(2000.0, 0.0), Point(11_000.0, 0.0))
-    assert not isinstance(legs, Apart)
+    assert not isinstance(legs, DisconnectedCorridors)
     return legs
 
 
@@ -97,7 +97,7 @@ def test_who_stands_in_the_turning_space_goes_back_to_its_middle() -> None:
     text, letters = modes((SOUTH, WEST), Point(-300.0, -900.0), Point(0.0, 9000.0))
     assert (text, letters) == ("E300 C1500 D7500 ", "cd")
     legs = legs_of((SOUTH, WEST), Point(-300.0, 0.0), Point(0.0, 9000.0))
-    assert not isinstance(legs, Apart)
+    assert not isinstance(legs, DisconnectedCorridors)
     assert legs[0].heading_deg == 270.0
 
 
@@ -114,4 +114,6 @@ def test_a_dead_end_that_a_ring_leads_into_is_left_out() -> None:
 
 
 def test_corridors_that_do_not_meet() -> None:
-    assert legs_of((SOUTH, BEYOND), Point(9000.0, 0.0), Point(-3000.0, 30_000.0)) == Apart(SOUTH, BEYOND)
+    assert legs_of((SOUTH, BEYOND), Point(9000.0, 0.0), Point(-3000.0, 30_000.0)) == DisconnectedCorridors(
+        SOUTH, BEYOND
+    )

@@ -1,4 +1,4 @@
-"""The Planner's script: what it tells the Navigator and CTracker, and in which order."""
+"""The Planner's script: its calls for the Navigator and CTracker, and their order."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.missions.goal_verification import Verdict
 from colony.nav.plan.plan import Place, Plan, Segment
-from colony.nav.plan.planner import INTO_ELEVATOR_MM, Goal, goal_of, landing, planner, progress_along
+from colony.nav.plan.planner import INTO_ELEVATOR_MM, Goal, goal_of, place_after_ride, planner, progress_along
 from colony.nav.shared import (
     CEILING_LIGHT,
     ELEVATOR_CALL,
@@ -68,8 +68,8 @@ def obedient(stage: list[Stage], error: Errors, after_s: float = 0.0) -> Script:
         yield from do("DServer", data.create_semaphore(name, 0))
     while True:
         yield from do("DServer", data.wait(GOAL_DATA))
-        told = yield from do("DServer", data.get_many((GOAL_TYPE, GOAL_DIRECTION, GOAL_DISTANCE)))
-        kind, heading, distance = told[GOAL_TYPE], told[GOAL_DIRECTION], told[GOAL_DISTANCE]
+        values = yield from do("DServer", data.get_many((GOAL_TYPE, GOAL_DIRECTION, GOAL_DISTANCE)))
+        kind, heading, distance = values[GOAL_TYPE], values[GOAL_DIRECTION], values[GOAL_DISTANCE]
         way = distance
         if kind == GoalKind.LIGHTS:
             yield from do("DServer", data.wait(TRACK_DATA))
@@ -114,10 +114,10 @@ def driven(plan: Plan, ahead: float = 0.0, left: float = 0.0, **options: Any) ->
 def goals(stage: Stage) -> list[tuple[str, float, float]]:
     """Mode, direction and distance of each goal that was set."""
     found = []
-    for told in stage.said("planner", "set_many"):
-        if GOAL_TYPE not in told:
+    for values in stage.said("planner", "set_many"):
+        if GOAL_TYPE not in values:
             continue  # of floors and elevators
-        found.append((chr(told[GOAL_TYPE]), told[GOAL_DIRECTION], told[GOAL_DISTANCE]))
+        found.append((chr(values[GOAL_TYPE]), values[GOAL_DIRECTION], values[GOAL_DISTANCE]))
     return found
 
 
@@ -133,10 +133,10 @@ def test_a_plan_is_told_segment_by_segment() -> None:
 def test_it_makes_the_semaphores_and_uses_none_but_those_of_the_table() -> None:
     stage = driven(PLAN)
     assert stage.said("planner", "create_semaphore") == [{name: 0} for name in SEMAPHORES]
-    assert [name for told in stage.said("planner", "signal") for name in told] == [
+    assert [name for values in stage.said("planner", "signal") for name in values] == [
         TRACK_DATA, START_MAP, GOAL_DATA, GOAL_DATA, GOAL_DATA, GOAL_DATA,
     ]  # fmt: skip
-    written = {name for told in stage.said("planner", "set", "set_many") for name in told}
+    written = {name for values in stage.said("planner", "set", "set_many") for name in values}
     assert written == {GOAL_TYPE, GOAL_DIRECTION, GOAL_DISTANCE, LIGHT_OFFSET, FLOOR, ELEVATOR_CALL}
 
 
@@ -144,7 +144,9 @@ def test_what_a_goal_is_stands_before_it_is_announced() -> None:
     """Who is woken by a semaphore reads at once."""
     stage = driven(PLAN)
     by_planner = [
-        (how, tuple(told)) for by, how, told in stage.calls if by == "planner" and how != "create_semaphore"
+        (how, tuple(values))
+        for by, how, values in stage.calls
+        if by == "planner" and how != "create_semaphore"
     ]
     assert by_planner[0][1] == (FLOOR, ELEVATOR_CALL)
     assert by_planner[1][0] == "set_many"
@@ -237,10 +239,10 @@ def test_an_answer_that_comes_late_is_none_to_the_next_goal() -> None:
     stage.tell(OVERSHOOT, 0.0)
     stage.signal(END_L_MODE)
     stage.run(1.0)
-    assert [told[0] for told in goals(stage)] == ["L"]
+    assert [values[0] for values in goals(stage)] == ["L"]
     stage.signal(ROBOT_STATUS)
     stage.run(1.0)
-    assert [told[0] for told in goals(stage)] == ["L", "E"]
+    assert [values[0] for values in goals(stage)] == ["L", "E"]
 
 
 RIDE = Segment(
@@ -262,18 +264,20 @@ def test_after_a_ride_the_robot_is_on_the_other_floor() -> None:
     assert goals(made) == [("V", 270.0, 1200.0 + 100.0 + INTO_ELEVATOR_MM)]
     # The doors there are north of it, and the corridor is 300 mm wider on this side of them.
     assert (made.x, made.y, made.heading) == pytest.approx((5000.0, 5200.0, 180.0))
-    assert landing(RIDE, 1000.0, 2000.0) == pytest.approx((5000.0, 5300.0))
+    assert place_after_ride(RIDE, 1000.0, 2000.0) == pytest.approx((5000.0, 5300.0))
     assert RIDE.length_mm == 0.0
 
 
 def test_a_ride_is_called_for_and_when_it_is_over_the_floor_is_another() -> None:
     made = driven(replace(PLAN, segments=(RIDE,)))
-    calls = [told for told in made.said("planner", "set") if ELEVATOR_CALL in told]
-    floors = [told for told in made.said("planner", "set_many") if FLOOR in told]
+    calls = [values for values in made.said("planner", "set") if ELEVATOR_CALL in values]
+    floors = [values for values in made.said("planner", "set_many") if FLOOR in values]
     assert calls == [{ELEVATOR_CALL: ["lift.one", "one", "two"]}]
     assert floors == [{FLOOR: floor, ELEVATOR_CALL: []} for floor in ("one", "two")]
-    # The position is that of the new floor's map before anybody hears of the floor.
-    order = [how for _, how, told in made.calls if how == "adjust" or (how == "set_many" and FLOOR in told)]
+    # The position is that of the new floor's map before Floor is set.
+    order = [
+        how for _, how, values in made.calls if how == "adjust" or (how == "set_many" and FLOOR in values)
+    ]
     assert order == ["set_many", "adjust", "set_many"]
 
 
@@ -298,8 +302,8 @@ def arrived(seen: list[tuple[str, float]], ahead: float = 0.0, before_s: float =
     def finder() -> Script:
         yield from do("DServer", data.wait("$Arrived"))
         for number, (text, x) in enumerate(seen, 1):
-            told = [stage[0].now_ns - round(before_s * 1e9), number, text, x, 10800.0]
-            yield from do("DServer", data.set(PLATE_SEEN, told))
+            values = [stage[0].now_ns - round(before_s * 1e9), number, text, x, 10800.0]
+            yield from do("DServer", data.set(PLATE_SEEN, values))
 
     def robot() -> Script:
         goals = 0

@@ -73,7 +73,7 @@ def test_a_ring_is_followed_as_it_is_traced() -> None:
 def test_the_sides_of_an_alcove_count_for_nothing() -> None:
     found = plan(floor("loop"), "209R", "213L", travel="wall-on-left")
     assert found.distance_mm == pytest.approx((64 + 16 + 40 + 16 + 140) * 25.4)
-    assert found.way_mm == pytest.approx(found.distance_mm, abs=10.0)
+    assert found.travel_mm == pytest.approx(found.distance_mm, abs=10.0)
 
 
 # --- names ----------------------------------------------------------------------------------------------
@@ -95,8 +95,8 @@ def test_a_door_stands_for_the_jamb_that_makes_the_shorter_path() -> None:
         ("2011", "205", "there is no start `2011` in the map `loop`", "`201`"),
         ("201", "b", "there is no goal `b` in the map `loop`", "did you mean `B`"),
         ("201", "%", "there is no goal `%` in the map `loop`", "`colony map` draws the names"),
-        ("201", "201", "`201` and `201` are one place", "name a start and a goal that differ"),
-        ("201L", "201L", "`201L` and `201L` are one place", "name a start and a goal that differ"),
+        ("201", "201", "`201` and `201` are the same place", "name a start and a goal that differ"),
+        ("201L", "201L", "`201L` and `201L` are the same place", "name a start and a goal that differ"),
     ],
 )
 def test_names_that_make_no_plan(origin: str, goal: str, message: str, hint: str) -> None:
@@ -119,7 +119,7 @@ def test_rings_without_links_are_not_joined_where_the_wall_is_on_the_left() -> N
         NoPlanError, match=r"ring `outline`, the other on `block`, and no links join these"
     ) as problem:
         plan(unlinked, "201R", "214L", travel="wall-on-left")
-    assert "write lines `link` into the map" in problem.value.hint
+    assert "add `link` lines to the map" in problem.value.hint
     # What one may travel either way needs no links: a corridor has both its walls.
     assert plan(unlinked, "201R", "214L").modes == "ld"
 
@@ -127,7 +127,7 @@ def test_rings_without_links_are_not_joined_where_the_wall_is_on_the_left() -> N
 def test_links_join_rings_and_count_for_nothing() -> None:
     linked = plan(floor("loop"), "203R", "212L", travel="wall-on-left")
     assert linked.modes == "ld"
-    assert linked.way_mm < 8_000.0
+    assert linked.travel_mm < 8_000.0
 
 
 def test_between_nodes_of_one_ring_no_link_is_taken() -> None:
@@ -139,7 +139,7 @@ def test_between_nodes_of_one_ring_no_link_is_taken() -> None:
 def test_what_stands_in_no_corridor_cannot_be_reached() -> None:
     loop = floor("loop")
     hall = replace(loop, rings=(loop.rings[0],), links=())  # without its block it is one hall of 30 m by 20 m
-    with pytest.raises(NoPlanError, match="`201L` stands in no corridor"):
+    with pytest.raises(NoPlanError, match="`201L` is in no corridor"):
         plan(hall, "201L", "205L")
 
 
@@ -191,7 +191,7 @@ def test_names_are_looked_for_on_the_floor_that_was_asked_for() -> None:
 def test_floors_without_an_elevator_are_apart() -> None:
     both = Building(maps=building("msu_engineering_3").maps)
     with pytest.raises(
-        NoPlanError, match="from `msu_engineering_3` to `msu_engineering_2` has no elevator that"
+        NoPlanError, match="no elevator that can be reached leads from `msu_engineering_3` to"
     ):
         plan(both, "350R", "264L")
 
@@ -203,7 +203,7 @@ def test_a_floor_may_have_the_name_of_another_map() -> None:
     renamed = Building(
         maps=tuple(replace(floor, name=names[floor.name]) for floor in (three, two)),
         rides=tuple(
-            Ride(*(landing._replace(map=names[landing.map]) for landing in ride))
+            Ride(*(place_after_ride._replace(map=names[place_after_ride.map]) for place_after_ride in ride))
             for ride in building("msu_engineering_3").rides
         ),
     )

@@ -166,8 +166,8 @@ def test_plans_in_a_grid_are_the_shortest_ways(grid: Grid, data: st.DataObject) 
     if origin == goal:
         return
     found = plan(grid.map(), origin, goal)
-    assert found.way_mm == pytest.approx(oracle(grid, places[origin], places[goal]), abs=1.0)
-    assert found.distance_mm == pytest.approx(found.way_mm, abs=1.0)
+    assert found.travel_mm == pytest.approx(oracle(grid, places[origin], places[goal]), abs=1.0)
+    assert found.distance_mm == pytest.approx(found.travel_mm, abs=1.0)
     for one, other in pairwise(found.segments):
         turned = round(other.heading_deg - one.heading_deg) % 360
         assert turned in ((90, 270) if chr(other.kind) == "C" else (0,))
@@ -208,7 +208,7 @@ def check_grammar(found: Plan) -> None:
 
 
 def check_lights(segment: Segment, floor: Map) -> None:
-    """Those of a segment hang above it, none is told twice, and it ends below the last one."""
+    """Those of a segment hang above it, none is listed twice, and it ends below the last one."""
     assert (segment.kind is GoalKind.LIGHTS) == bool(segment.lights_mm)
     if not segment.lights_mm:
         return

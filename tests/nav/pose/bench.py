@@ -16,7 +16,7 @@ from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import LocalServer
 from colony.runtime.library.proximity import SonarReading
 from colony.runtime.library.robot import PoseArguments
-from colony.runtime.protocol.calls import Asked
+from colony.runtime.protocol.calls import CallId
 from colony.runtime.servers.base import Base
 from colony.sim.drivers import Plant, SimulatedBase
 from colony.sim.world.world import World
@@ -40,13 +40,13 @@ class Bench(ScriptStage):
         server.handlers = {**server.handlers, "adjust_position": self._counted}
         ring = Server("PServer", {"sonar": lambda *_: self._scans[0 if lag else 1]})
         super().__init__({"script": script}, server, ring)
-        self._base.look()
+        self._base.refresh()
         self._scans = [self._scan()] * 2
 
     @property
     def believed(self) -> OdometerPose:
         """Where RServer says that the robot is."""
-        self._base.look()
+        self._base.refresh()
         return self._base.pose
 
     @property
@@ -59,7 +59,7 @@ class Bench(ScriptStage):
         return self.believed.x - true.x_mm, self.believed.y - true.y_mm
 
     def adjust(self, dx: float, dy: float, dheading: float) -> None:
-        """As somebody else adjusts the position."""
+        """Adjust the position as another client."""
         self._adjust(ASKED, PoseArguments(x=dx, y=dy, heading=dheading), self.now_ns)
 
     def slip(self, turn_deg: float, back_mm: float = 0.0) -> None:
@@ -73,11 +73,11 @@ class Bench(ScriptStage):
         """Drive for a frame, and let the script go on."""
         self.world.command(0, velocity, turn)
         self.now_ns += FRAME_NS
-        self._base.look()
+        self._base.refresh()
         self._scans = [self._scans[-1], self._scan()]
         self.settle()
 
-    def _counted(self, asked: Asked, arguments: PoseArguments, now_ns: int) -> object:
+    def _counted(self, asked: CallId, arguments: PoseArguments, now_ns: int) -> object:
         self.adjusted += 1
         return self._adjust(asked, arguments, now_ns)
 

@@ -126,7 +126,7 @@ def test_the_leaves_of_open_doors_are_not_taken_for_walls(leaf: float) -> None:
 
 
 def test_glass_that_is_not_seen_does_no_harm() -> None:
-    """The outer wall of the south side is of glass, and there is nothing to be heard of it."""
+    """The outer wall of the south side is of glass, and returns no echo."""
     glass = WALLS.segments[:, [1, 3]].max(axis=1) < 1.0
     walls = Walls(
         segments=WALLS.segments,
@@ -209,10 +209,10 @@ class Stepped:
 
     def _on(self, step: Step) -> Step:
         while isinstance(step, Do) and step.server == "DServer":
-            told: Any = step.ask.arguments
-            names = getattr(told, "names", None) or (told.name,)
+            arguments: Any = step.ask.arguments
+            names = getattr(arguments, "names", None) or (arguments.name,)
             if step.ask.method == "set":
-                self.variables[names[0]] = msgspec.msgpack.decode(told.value)
+                self.variables[names[0]] = msgspec.msgpack.decode(arguments.value)
                 step = self._script.send(None)
             elif any(name not in self.variables for name in names):
                 step = self._script.throw(CallRefusedError("unset", f"{names} were never set"))
@@ -253,7 +253,7 @@ def test_servers_that_are_away_are_waited_for(problem: RobotConnectionError) -> 
     adjust = robot.answer(turned)
     assert isinstance(adjust, Do)
     assert adjust.ask.method == "adjust_position"
-    assert robot.refuse(problem) == Sleep(0.1)  # and tells it again
+    assert robot.refuse(problem) == Sleep(0.1)  # and publishes it again
     robot.answer(0)
     robot.answer(proximity.SonarReading(t_ns=2, ranges=SCAN.ranges))
     again = robot.answer(Position(x=turned.x, y=turned.y, heading=turned.heading, t_ns=2))
@@ -308,8 +308,8 @@ def test_who_stands_where_he_believes_to_be_is_not_corrected() -> None:
 
 
 class Witness(Bench):
-    """A bench whose DServer is told fixes: every `every` frames where the robot was `late` frames before, as
-    a light tells it, with an error of `sigma_mm`. Mutable: where the robot was."""
+    """A bench with fixes at DServer: every `every` frames the robot's position `late` frames before, as
+    a light measures it, with an error of `sigma_mm`. Mutable: where the robot was."""
 
     def __init__(
         self, world: World, script: Script, *, name: str = LIGHT_FIX, every: int = 40, late: int = 6,
@@ -421,7 +421,7 @@ def test_in_an_elevator_the_sonars_say_nothing_of_the_map() -> None:
 
 
 def told_twice(fixes: list[object]) -> tuple[float, float]:
-    """Where a robot believes to stand, x and y, that was told these one after the other."""
+    """Return the estimated x and y of a robot after these corrections."""
     script = pose_estimator({"here": WALLS}, sources=frozenset({Source.LIGHTS}))
     robot = Stepped(script)
     for k, fix in enumerate([[], *fixes], 1):
@@ -429,7 +429,7 @@ def told_twice(fixes: list[object]) -> tuple[float, float]:
         robot.answer(0)
         step = robot.answer(Position(x=EAST_POSE.x, y=EAST_POSE.y, heading=270.0, t_ns=k * 100_000_000))
         if step != Sleep(0.1):
-            assert robot.refuse(ConnectionLostError("lost")) == Sleep(0.1)  # who is not told stays wrong
+            assert robot.refuse(ConnectionLostError("lost")) == Sleep(0.1)  # uncorrected, it stays wrong
     pose = pose_of(robot.variables["Pose"])
     assert pose is not None
     return pose.x_mm, pose.y_mm

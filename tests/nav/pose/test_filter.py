@@ -9,21 +9,21 @@ from hypothesis import strategies as st
 
 from colony.nav.maps.stickrep.reader import read_map
 from colony.nav.maps.walls import walls_of
-from colony.nav.pose.echoes import CHANNELS, Floats, Ring, SonarModel, mirrors_of
-from colony.nav.pose.filter import Leap, PoseFilter, Uncertainty
+from colony.nav.pose.echoes import CHANNELS, Floats, SonarModel, SonarRing, reflectors_of
+from colony.nav.pose.filter import JumpLimit, PoseFilter, Uncertainty
 from colony.nav.pose.fixes import Row
-from colony.nav.pose.steps import Since, Step
+from colony.nav.pose.steps import MotionSince, Step
 from colony.text.source import Source
 from tests.nav.maps.small_maps import ROOM
 
-RING = Ring(SonarModel())
-MIRRORS = mirrors_of(walls_of(read_map(Source("room", ROOM.replace("glass", "wood")))))
+RING = SonarRing(SonarModel())
+MIRRORS = reflectors_of(walls_of(read_map(Source("room", ROOM.replace("glass", "wood")))))
 TRUE = (1_400.0, 1_200.0, 20.0)
 
 
 def scan(pose: tuple[float, float, float] = TRUE) -> Floats:
     """What is read at a pose, by the same model: what is left of an error is the filter's own."""
-    ranges = RING.expect(MIRRORS, pose[0], pose[1], math.radians(pose[2])).ranges
+    ranges = RING.predict(MIRRORS, pose[0], pose[1], math.radians(pose[2])).ranges
     return np.where(np.isfinite(ranges), ranges, 10_000.0)
 
 
@@ -37,7 +37,7 @@ def test_scans_correct_the_pose_and_make_it_surer() -> None:
     pose_filter = PoseFilter(RING, (1_440.0, 1_160.0, 22.0))
     before = np.diag(pose_filter.covariance).copy()
     for _ in range(10):
-        pose_filter.listen(MIRRORS, scan())
+        pose_filter.observe_scan(MIRRORS, scan())
     assert off(pose_filter)[0] < 3.0
     assert off(pose_filter)[1] < 0.2
     assert (np.diag(pose_filter.covariance)[:3] < 0.1 * before[:3]).all()
@@ -48,20 +48,20 @@ def test_a_reading_that_is_far_off_does_not_count() -> None:
     pose_filter, other = PoseFilter(RING, TRUE), PoseFilter(RING, TRUE)
     disturbed = scan()
     disturbed[[3, 9, 20]] = 250.0  # people, and cross-talk
-    pose_filter.listen(MIRRORS, scan())
-    other.listen(MIRRORS, disturbed)
+    pose_filter.observe_scan(MIRRORS, scan())
+    other.observe_scan(MIRRORS, disturbed)
     assert off(other) == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
 def test_a_scan_while_turning_says_less_of_the_heading() -> None:
     pose_filter, blurred = PoseFilter(RING, TRUE), PoseFilter(RING, TRUE)
-    pose_filter.listen(MIRRORS, scan())
-    blurred.listen(MIRRORS, scan(), math.radians(6.0))
+    pose_filter.observe_scan(MIRRORS, scan())
+    blurred.observe_scan(MIRRORS, scan(), math.radians(6.0))
     assert blurred.covariance[2, 2] > 2.0 * pose_filter.covariance[2, 2]
 
 
 def test_moving_makes_it_less_sure_up_to_a_bound() -> None:
-    pose_filter = PoseFilter(RING, TRUE, Uncertainty(most_mm=200.0))
+    pose_filter = PoseFilter(RING, TRUE, Uncertainty(max_mm=200.0))
     x, y, heading = pose_filter.state[:3]
     assert pose_filter.move(Step(0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
     pose_filter.move(Step(100.0, 20.0, 0.1))
@@ -89,7 +89,7 @@ def test_the_drift_of_the_odometry_is_learned() -> None:
             pose[2] + math.degrees(drift * step),
         )
         moved = pose_filter.move(Step(step, 0.0, 0.0))
-        pose_filter.listen(MIRRORS, scan(pose))
+        pose_filter.observe_scan(MIRRORS, scan(pose))
     assert pose_filter.state[3] == pytest.approx(drift, rel=0.3)
     assert math.copysign(1.0, moved.turned_rad) == math.copysign(1.0, step)
 
@@ -113,7 +113,7 @@ def test_a_scan_that_fits_nowhere_changes_nothing() -> None:
     state, covariance = pose_filter.state.copy(), pose_filter.covariance.copy()
     for ranges in (np.full(CHANNELS, 300.0), np.full(CHANNELS, 10_000.0), np.full(CHANNELS, math.nan)):
         assert not pose_filter.relocate(MIRRORS, ranges)
-        assert not pose_filter.consider((1_000.0, 1_000.0, 90.0), MIRRORS, ranges)
+        assert not pose_filter.adopt_if_better((1_000.0, 1_000.0, 90.0), MIRRORS, ranges)
     assert (pose_filter.state == state).all()
     assert (pose_filter.covariance == covariance).all()
 
@@ -121,8 +121,8 @@ def test_a_scan_that_fits_nowhere_changes_nothing() -> None:
 def test_who_hears_nothing_of_what_he_should_is_lost_and_who_expects_nothing_is_not() -> None:
     lost, outside = PoseFilter(RING, TRUE), PoseFilter(RING, (90_000.0, 0.0, 0.0))
     for _ in range(6):
-        lost.listen(MIRRORS, np.full(CHANNELS, 10_000.0))
-        outside.listen(MIRRORS, np.full(CHANNELS, 500.0))
+        lost.observe_scan(MIRRORS, np.full(CHANNELS, 10_000.0))
+        outside.observe_scan(MIRRORS, np.full(CHANNELS, 500.0))
     assert lost.is_lost
     assert not outside.is_lost
     assert off(lost) == pytest.approx((0.0, 0.0), abs=1e-9)
@@ -130,10 +130,10 @@ def test_who_hears_nothing_of_what_he_should_is_lost_and_who_expects_nothing_is_
 
 def test_another_pose_is_taken_only_if_it_explains_more() -> None:
     pose_filter = PoseFilter(RING, (1_000.0, 1_200.0, 70.0))
-    assert not pose_filter.consider((1_000.0, 1_600.0, -40.0), MIRRORS, scan())
-    assert pose_filter.consider((TRUE[0] + 40.0, TRUE[1], TRUE[2] - 2.0), MIRRORS, scan())
+    assert not pose_filter.adopt_if_better((1_000.0, 1_600.0, -40.0), MIRRORS, scan())
+    assert pose_filter.adopt_if_better((TRUE[0] + 40.0, TRUE[1], TRUE[2] - 2.0), MIRRORS, scan())
     assert off(pose_filter)[0] < 10.0
-    assert not pose_filter.consider(TRUE, MIRRORS, scan())
+    assert not pose_filter.adopt_if_better(TRUE, MIRRORS, scan())
 
 
 def test_a_correction_by_others_moves_the_pose_and_not_the_doubt() -> None:
@@ -149,12 +149,12 @@ def test_a_correction_by_others_moves_the_pose_and_not_the_doubt() -> None:
 # --- landmarks ----------------------------------------------------------------------------------------
 
 
-BELIEVED = Leap(500.0, 0.3)
+BELIEVED = JumpLimit(500.0, 0.3)
 
 
-def drive(pose_filter: PoseFilter, way_mm: float) -> None:
+def drive(pose_filter: PoseFilter, travel_mm: float) -> None:
     """Go straight on, in steps of 50 mm."""
-    for _ in range(round(way_mm / 50.0)):
+    for _ in range(round(travel_mm / 50.0)):
         pose_filter.move(Step(50.0, 0.0, 0.0))
 
 
@@ -181,7 +181,7 @@ def test_a_heading_is_right_from_whatever_turn_it_is_counted(turns: int) -> None
 def test_what_was_seen_a_while_ago_holds_for_the_pose_of_then() -> None:
     """The robot went a meter to the north and half a meter to the west since."""
     now, then = PoseFilter(RING, (0.0, 0.0, 90.0)), PoseFilter(RING, (0.0, 0.0, 90.0))
-    since = Since(ahead_mm=500.0, left_mm=-1_000.0, turned_rad=math.radians(90.0), way_mm=0.0)
+    since = MotionSince(ahead_mm=500.0, left_mm=-1_000.0, turned_rad=math.radians(90.0), travel_mm=0.0)
     assert now.observe(Row(0.0, 1.0, 0.0, 30.0, 20.0))
     assert then.observe(Row(0.0, 1.0, 0.0, 30.0 - 1_000.0, 20.0), since)
     assert then.state[1] == pytest.approx(now.state[1], rel=0.5)
@@ -208,7 +208,7 @@ def test_a_landmark_that_surprises_tells_of_a_slip_and_teaches_nothing() -> None
     assert pose_filter.observe(Row(0.0, 1.0, 0.0, 5_000.0, 25.0))
     scale = pose_filter.state[4]
     drive(pose_filter, 1_000.0)
-    assert pose_filter.observe(Row(0.0, 1.0, 0.0, 5_600.0, 25.0), most=BELIEVED)
+    assert pose_filter.observe(Row(0.0, 1.0, 0.0, 5_600.0, 25.0), limit=BELIEVED)
     assert pose_filter.state[1] == pytest.approx(5_600.0, abs=10.0)
     assert pose_filter.state[4] == scale
     assert pose_filter.covariance[1, 1] < 30.0**2
@@ -217,7 +217,7 @@ def test_a_landmark_that_surprises_tells_of_a_slip_and_teaches_nothing() -> None
 def test_a_heading_that_surprises_is_taken_over() -> None:
     pose_filter = PoseFilter(RING, (0.0, 0.0, 0.0))
     pose_filter.observe(Row(0.0, 0.0, 1.0, 0.0, 0.005))
-    assert pose_filter.observe(Row(0.0, 0.0, 1.0, 0.2, 0.01), most=BELIEVED)
+    assert pose_filter.observe(Row(0.0, 0.0, 1.0, 0.2, 0.01), limit=BELIEVED)
     assert pose_filter.state[2] == pytest.approx(0.2, abs=0.005)
 
 
@@ -235,7 +235,7 @@ def test_a_heading_that_surprises_is_taken_over() -> None:
 def test_what_is_not_believed_changes_nothing(row: Row) -> None:
     pose_filter = PoseFilter(RING, (0.0, 0.0, 0.0))
     state, covariance = pose_filter.state.copy(), pose_filter.covariance.copy()
-    assert not pose_filter.observe(row, most=BELIEVED)
+    assert not pose_filter.observe(row, limit=BELIEVED)
     assert (pose_filter.state == state).all()
     assert (pose_filter.covariance == covariance).all()
 
@@ -246,10 +246,10 @@ rows = st.builds(
 
 
 @given(st.lists(rows, max_size=8))
-def test_the_covariance_stays_one_whatever_landmarks_tell(told: list[Row]) -> None:
+def test_the_covariance_stays_one_whatever_landmarks_tell(rows: list[Row]) -> None:
     pose_filter = PoseFilter(RING, (0.0, 0.0, 0.0))
-    for row in told:
-        pose_filter.observe(row, most=BELIEVED)
+    for row in rows:
+        pose_filter.observe(row, limit=BELIEVED)
         pose_filter.move(Step(50.0, 0.0, 0.02))
     assert np.isfinite(pose_filter.state).all()
     scale = np.sqrt(np.diag(pose_filter.covariance))

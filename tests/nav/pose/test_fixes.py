@@ -21,6 +21,6 @@ def test_a_fix_comes_back_as_it_was(fix: Fix) -> None:
     assert fix_of(fix_list(fix)) == fix
 
 
-@pytest.mark.parametrize("told", [[], [1, 2.0], [1, 0.0, 0.0, 0.0, 0.0], [0.0] * 7])
-def test_a_list_that_was_cut_short_is_no_fix(told: list[float]) -> None:
-    assert fix_of(told) is None
+@pytest.mark.parametrize("value", [[], [1, 2.0], [1, 0.0, 0.0, 0.0, 0.0], [0.0] * 7])
+def test_a_list_that_was_cut_short_is_no_fix(value: list[float]) -> None:
+    assert fix_of(value) is None

@@ -21,10 +21,10 @@ def test_an_estimate_comes_back_as_it_was(t_ns: int, rest: list[float]) -> None:
 
 
 @pytest.mark.parametrize(
-    "told", [None, 3.0, [], [1.0] * 9, [1.0] * 11, [math.nan] * 10, ["1"] * 10, {"t": 1}, [[1.0] * 10]]
+    "value", [None, 3.0, [], [1.0] * 9, [1.0] * 11, [math.nan] * 10, ["1"] * 10, {"t": 1}, [[1.0] * 10]]
 )
-def test_what_is_no_estimate_is_none(told: object) -> None:
-    assert pose_of(told) is None
+def test_what_is_no_estimate_is_none(value: object) -> None:
+    assert pose_of(value) is None
 
 
 def test_how_sure_it_is_along_a_direction() -> None:

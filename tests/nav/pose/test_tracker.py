@@ -37,6 +37,6 @@ def test_the_first_position_is_taken_as_it_is() -> None:
 
 
 def test_small_corrections_are_not_worth_telling() -> None:
-    assert not Correction(x_mm=2.0, y_mm=-2.0, heading_deg=0.1).is_worth_telling
-    assert Correction(x_mm=3.0, y_mm=-3.0, heading_deg=0.0).is_worth_telling
-    assert Correction(x_mm=0.0, y_mm=0.0, heading_deg=-0.2).is_worth_telling
+    assert not Correction(x_mm=2.0, y_mm=-2.0, heading_deg=0.1).is_significant
+    assert Correction(x_mm=3.0, y_mm=-3.0, heading_deg=0.0).is_significant
+    assert Correction(x_mm=0.0, y_mm=0.0, heading_deg=-0.2).is_significant

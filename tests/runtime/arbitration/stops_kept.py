@@ -29,12 +29,12 @@ from typing import Literal, get_args
 
 import pytest
 
-from colony.runtime.arbitration.stop_file import FILE_BYTES, Kept, StopFile
+from colony.runtime.arbitration.stop_file import FILE_BYTES, StopFile, StopState
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import clock
-from colony.runtime.library.clock import Who
+from colony.runtime.library.clock import Participants
 from colony.runtime.protocol.messages import Stopped
 from colony.runtime.protocol.topics import CLOCK
 from tests.cli.machine import ROBOT, Machine, Started, release
@@ -90,12 +90,12 @@ class Trial:
                 self._small.fill()
             case "read-only":
                 if self._draw.random() < 0.5:
-                    file.write(Kept(stopped=None, released_ns=-1))
+                    file.write(StopState(stopped=None, released_ns=-1))
                 file.close()
                 self._small.remount("ro")
             case "corrupt":
                 earlier = Stopped(by="ann/1", t_ns=1)
-                file.write(Kept(stopped=self._draw.choice((None, earlier)), released_ns=-1))
+                file.write(StopState(stopped=self._draw.choice((None, earlier)), released_ns=-1))
                 file.close()
                 self._damage(file.path)
             case "good" | "full late":
@@ -119,11 +119,11 @@ class Trial:
         assert not started.ended(), started.err
         return started
 
-    def _until_it_answers(self) -> Who:
-        def who() -> Who | None:
+    def _until_it_answers(self) -> Participants:
+        def who() -> Participants | None:
             try:
                 with self._machine.session() as session, session.connect(CLOCK, timeout_s=1.0) as connection:
-                    return connection.do(clock.who())
+                    return connection.do(clock.participants())
             except RobotConnectionError:
                 return None
 
@@ -142,7 +142,7 @@ class Trial:
                     killer.join()
         if pressed.kept:
             return "acknowledged"
-        return "refused" if "is started again may not be" in pressed.problems.get(CLOCK, "") else "unanswered"
+        return "refused" if "may lose the stop" in pressed.problems.get(CLOCK, "") else "unanswered"
 
     def _until_served(self, session: Session) -> None:
         until(lambda: {CLOCK, "RServer"} <= set(session.servers()), "both servers are there")
@@ -155,7 +155,7 @@ class Trial:
             killer.join()
         if code == 0:
             return "acknowledged"
-        return "refused" if "is started again may not be" in command.err else "unanswered"
+        return "refused" if "may lose the stop" in command.err else "unanswered"
 
     def _killers(self, servers: list[Started], first_s: float, last_s: float) -> list[threading.Timer]:
         """Begin to kill each server at a random moment from `first_s` to `last_s`, which is counted from

@@ -9,14 +9,14 @@ import pytest
 from colony.ir.program import Actuator, ActuatorField
 from colony.ir.types import BOOL
 from colony.runtime.arbitration.arbiter import (
-    AHEAD,
-    LONGEST_NOTE,
-    MOST_NOTES,
+    MAX_FRAMES_AHEAD,
+    MAX_NOTE_LENGTH,
+    MAX_NOTES,
     Arbiter,
     Dispatch,
     timing,
 )
-from colony.runtime.arbitration.ballot import Ballot, Others, Outside, Places, malformed
+from colony.runtime.arbitration.ballot import Ballot, Interventions, OutsideCommand, Places, malformed
 from colony.runtime.protocol.fields import SPEED
 from colony.runtime.protocol.messages import Request, Tick, Verdict
 from tests.runtime.arbitration.drive import COMMANDS, DRIVE, MS, PLACES, TIMES, arbiter, request, table, tick
@@ -136,7 +136,7 @@ def test_requests_may_come_before_their_tick_and_twice(one: Arbiter) -> None:
 def test_requests_of_other_frames_change_nothing(one: Arbiter) -> None:
     one.open(tick(5), frozenset(), 250 * MS)
     assert one.receive(request("back_off", "command", k=4), 251 * MS) == ()
-    assert one.receive(request("back_off", "command", k=6 + AHEAD), 251 * MS) == ()
+    assert one.receive(request("back_off", "command", k=6 + MAX_FRAMES_AHEAD), 251 * MS) == ()
     assert one.open(tick(5), frozenset(), 251 * MS) == ()
     assert one.open(tick(4), frozenset(), 251 * MS) == ()
 
@@ -179,7 +179,7 @@ def test_idle_hold_dispatches_nothing_to_send() -> None:
 
 BAD = [
     ("stranger", (1.0, 1.0), None, "is no client"),
-    ("cruise", (1.0,), None, "1 values, not 2"),
+    ("cruise", (1.0,), None, "1 values, expected 2"),
     ("cruise", None, None, "without values"),
     ("cruise", (float("nan"), 0.0), None, "velocity = nan"),
     ("cruise", (float("inf"), 0.0), None, "velocity = inf"),
@@ -238,19 +238,19 @@ def test_values_are_told_in_declared_units() -> None:
     assert verdict.values == (0.3,)
 
 
-def outside(priority: int, *values: float, connection: str = "ann/1") -> Outside:
-    return Outside(connection, priority, values or (10.0, 0.0))
+def outside(priority: int, *values: float, connection: str = "ann/1") -> OutsideCommand:
+    return OutsideCommand(connection, priority, values or (10.0, 0.0))
 
 
-def choice(came: str, others: Others, lost: str = "") -> tuple[str | None, bool]:
+def choice(came: str, interventions: Interventions, lost: str = "") -> tuple[str | None, bool]:
     """Who would act, by the bids of the three clients as in the table above, and whether that is settled."""
     ballot = Ballot(Places(tuple(zip(PLACES, (6, 4, 2), strict=True))), lost.split())
     for client, letter in zip(PLACES, came, strict=True):
         if letter == "x":
-            ballot.without(client)
+            ballot.exclude(client)
         elif letter != "-":
             ballot.take(request(client, "command" if letter == "c" else "silent"))
-    by, acts, settled = ballot.choose(others)
+    by, acts, settled = ballot.choose(interventions)
     assert by is None or acts is None
     return (by if acts is None else acts.connection), settled
 
@@ -277,19 +277,19 @@ BESIDES = [
 
 @pytest.mark.parametrize(("priority", "came", "lost", "who", "settled"), [b[1:] for b in BESIDES])
 def test_commands_from_outside(priority: int, came: str, lost: str, who: str | None, settled: bool) -> None:
-    assert choice(came, Others((outside(priority),)), lost) == (who, settled)
+    assert choice(came, Interventions((outside(priority),)), lost) == (who, settled)
 
 
 def test_of_those_outside_only_the_first_counts() -> None:
-    both = Others((outside(9), outside(1, connection="bob/1")))
+    both = Interventions((outside(9), outside(1, connection="bob/1")))
     assert choice("sss", both) == ("ann/1", True)
 
 
 def test_a_lock_lets_nobody_but_its_holder_act_and_a_stop_nobody() -> None:
     both = (outside(9), outside(1, connection="bob/1"))
-    assert choice("c--", Others(both, "locked", "bob/1")) == ("bob/1", True)
-    assert choice("c--", Others(both, "locked", "cy/1")) == (None, True)
-    assert choice("c--", Others(both, "stopped")) == (None, True)
+    assert choice("c--", Interventions(both, "locked", "bob/1")) == ("bob/1", True)
+    assert choice("c--", Interventions(both, "locked", "cy/1")) == (None, True)
+    assert choice("c--", Interventions(both, "stopped")) == (None, True)
 
 
 def naive(came: dict[str, str], lost: set[str], priority: int | None) -> tuple[str | None, bool]:
@@ -321,16 +321,16 @@ def test_the_rule_is_the_same_however_it_is_computed() -> None:
             ballot = Ballot(Places(tuple(zip(PLACES, (6, 4, 2), strict=True))), lost)
             for client in reversed([c for c in PLACES if c in came]):
                 ballot.take(request(client, came[client]))
-            by, acts, settled = ballot.choose(Others(() if priority is None else (outside(priority),)))
+            by, acts, settled = ballot.choose(Interventions(() if priority is None else (outside(priority),)))
             who = by if acts is None else acts.connection
             assert (who, settled) == naive(came, lost, priority), (bids, priority)
 
 
 def test_a_command_from_outside_within_a_frame_acts_in_it_unless_it_is_decided(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
-    (dispatch,) = one.intervene(Others((outside(9),)), 2 * MS)
+    (dispatch,) = one.intervene(Interventions((outside(9),)), 2 * MS)
     assert dispatch == Dispatch(0, None, (10.0, 0.0), None, "ann/1")
-    assert one.intervene(Others((outside(9, 20.0, 0.0),)), 3 * MS) == ()
+    assert one.intervene(Interventions((outside(9, 20.0, 0.0),)), 3 * MS) == ()
     for client in PLACES:
         events = one.receive(request(client, "command" if client == "cruise" else "silent"), 4 * MS)
     (verdict,) = events
@@ -341,12 +341,12 @@ def test_a_command_from_outside_within_a_frame_acts_in_it_unless_it_is_decided(o
 
 def test_verdicts_name_everyone_outside_who_did_not_get_through(one: Arbiter) -> None:
     both = (outside(9), outside(0, connection="bob/1"))
-    one.open(tick(), frozenset(), 0, Others(both))
+    one.open(tick(), frozenset(), 0, Interventions(both))
     (verdict,) = [e for e in one.finish() if isinstance(e, Verdict)]
     assert verdict.fates[-1] == ("bob/1", "overridden")
     for hold, fate in (("locked", "locked out"), ("stopped", "stopped")):
         one = arbiter()
-        one.open(tick(), frozenset(), 0, Others(both, hold, "cy/1"))  # type: ignore[arg-type]
+        one.open(tick(), frozenset(), 0, Interventions(both, hold, "cy/1"))  # type: ignore[arg-type]
         one.receive(request("avoid", "command"), MS)
         (verdict,) = [e for e in one.finish() if isinstance(e, Verdict)]
         assert (verdict.hold, verdict.by, verdict.outside, verdict.values) == (hold, None, None, (0.0, 0.0))
@@ -364,15 +364,15 @@ def test_notes_are_few_and_short_whatever_comes(one: Arbiter) -> None:
     for i in range(1000):
         one.receive(request(f"stranger {i} {'x' * 1000}", "command"), MS)
     (verdict,) = [e for e in one.finish() if isinstance(e, Verdict)]
-    assert len(verdict.notes) == MOST_NOTES
-    assert max(map(len, verdict.notes)) == LONGEST_NOTE
+    assert len(verdict.notes) == MAX_NOTES
+    assert max(map(len, verdict.notes)) == MAX_NOTE_LENGTH
 
 
 def test_a_remark_after_the_frame_is_in_the_next_verdict() -> None:
     one = Arbiter(table(DRIVE), TIMES)
-    one.remark("before")
+    one.add_note("before")
     _, first = one.open(tick(0), frozenset(), 0)
-    one.remark("after")
+    one.add_note("after")
     _, second = one.open(tick(1), frozenset(), 50 * MS)
     assert isinstance(first, Verdict)
     assert isinstance(second, Verdict)

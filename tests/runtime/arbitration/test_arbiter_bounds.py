@@ -8,22 +8,22 @@ from msgspec import structs
 from colony.ir.program import ActuatorField, in_declared_units
 from colony.ir.types import BOOL
 from colony.runtime.arbitration.arbiter import (
-    AHEAD,
-    LONGEST_NOTE,
-    MOST_NOTES,
+    MAX_FRAMES_AHEAD,
+    MAX_NOTE_LENGTH,
+    MAX_NOTES,
     Arbiter,
     Dispatch,
     Timing,
     timing,
 )
-from colony.runtime.arbitration.ballot import Ballot, Choice, Others, Outside, Places, malformed
+from colony.runtime.arbitration.ballot import Ballot, Choice, Interventions, OutsideCommand, Places, malformed
 from colony.runtime.protocol.fields import SPEED
 from colony.runtime.protocol.messages import Request, Tick, Verdict
 from tests.runtime.arbitration.drive import DRIVE, MS, PLACES, TIMES, arbiter, ranked, request, table, tick
 
 
-def outside(priority: int) -> Outside:
-    return Outside("user/1", priority, (1.0, 2.0))
+def outside(priority: int) -> OutsideCommand:
+    return OutsideCommand("user/1", priority, (1.0, 2.0))
 
 
 # --- who counts --------------------------------------------------------------------------------------
@@ -32,7 +32,7 @@ def outside(priority: int) -> Outside:
 def test_priorities_are_those_given() -> None:
     assert [Places((("a", 10), ("b", 5))).above(p) for p in (4, 5, 9, 10)] == [2, 1, 1, 0]
     one = Arbiter(structs.replace(table(DRIVE), clients=(("a", 10), ("b", 5))), TIMES)
-    one.open(tick(), frozenset(), 0, Others(commands=(outside(7),)))
+    one.open(tick(), frozenset(), 0, Interventions(commands=(outside(7),)))
     dispatch, *_ = one.receive(
         Request(k=0, actuator="drive", client="a", bid="command", values=(3.0, 4.0)), MS
     )
@@ -110,7 +110,7 @@ def test_timing_of_very_short_frames() -> None:
 
 def test_a_frame_is_opened_once_and_closed_once(one: Arbiter) -> None:
     assert one.finish() == ()
-    assert one.intervene(Others(hold="stopped"), 0) == ()
+    assert one.intervene(Interventions(hold="stopped"), 0) == ()
     assert one.wake(10**12) == ()
     one.open(tick(3), frozenset(PLACES), 0)
     assert one.open(tick(3), frozenset(), 0) == one.open(tick(2), frozenset(), 0) == ()
@@ -173,7 +173,9 @@ def test_both_ends_of_a_range_are_in_it(velocity: float, taken: bool) -> None:
 # --- ahead of time -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("ahead", "kept"), [(1, True), (AHEAD, True), (AHEAD + 1, False)])
+@pytest.mark.parametrize(
+    ("ahead", "kept"), [(1, True), (MAX_FRAMES_AHEAD, True), (MAX_FRAMES_AHEAD + 1, False)]
+)
 @pytest.mark.parametrize("now", [0, 1, 7])
 def test_a_request_comes_at_most_so_many_frames_ahead(one: Arbiter, now: int, ahead: int, kept: bool) -> None:
     one.open(tick(now), frozenset(), now * 50 * MS)
@@ -183,7 +185,7 @@ def test_a_request_comes_at_most_so_many_frames_ahead(one: Arbiter, now: int, ah
 
 
 def test_before_the_first_frame_requests_of_so_many_frames_are_kept() -> None:
-    for frames, kept in ((AHEAD, True), (AHEAD + 1, False)):
+    for frames, kept in ((MAX_FRAMES_AHEAD, True), (MAX_FRAMES_AHEAD + 1, False)):
         one = arbiter()
         for k in range(frames):
             one.receive(request("back_off", "command", k=10 * k), 0)
@@ -192,7 +194,7 @@ def test_before_the_first_frame_requests_of_so_many_frames_are_kept() -> None:
         events = one.open(tick(last), frozenset(), 0)
         assert (events == (Dispatch(last, "back_off", (-200.0, 15.0), None),)) is kept
     one = arbiter()
-    for k in range(AHEAD):
+    for k in range(MAX_FRAMES_AHEAD):
         one.receive(request("cruise", k=k), 0)
     one.receive(request("back_off", "command", k=0), 0)
     assert one.open(tick(0), frozenset(), 0) == (Dispatch(0, "back_off", (-200.0, 15.0), None),)
@@ -222,23 +224,23 @@ def test_what_was_kept_for_frames_that_did_not_come_is_forgotten(one: Arbiter) -
 
 def test_a_note_of_the_longest_length_is_whole(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
-    one.remark("x" * LONGEST_NOTE)
-    one.remark("y" * (LONGEST_NOTE + 1))
-    for n in range(MOST_NOTES):
-        one.remark(str(n))
+    one.add_note("x" * MAX_NOTE_LENGTH)
+    one.add_note("y" * (MAX_NOTE_LENGTH + 1))
+    for n in range(MAX_NOTES):
+        one.add_note(str(n))
     *_, verdict = one.finish()
     assert isinstance(verdict, Verdict)
-    assert verdict.notes[0] == "x" * LONGEST_NOTE
-    assert verdict.notes[1] == "y" * (LONGEST_NOTE - 3) + "..."
-    assert len(verdict.notes) == MOST_NOTES
+    assert verdict.notes[0] == "x" * MAX_NOTE_LENGTH
+    assert verdict.notes[1] == "y" * (MAX_NOTE_LENGTH - 3) + "..."
+    assert len(verdict.notes) == MAX_NOTES
 
 
 def test_a_remark_while_dispatched_is_of_this_frame_and_one_after_it_of_the_next(one: Arbiter) -> None:
     one.open(tick(), frozenset(), 0)
     one.wake(40 * MS)
-    one.remark("now")
+    one.add_note("now")
     (verdict,) = one.finish()
-    one.remark("later")
+    one.add_note("later")
     one.open(tick(1), frozenset(), 50 * MS)
     *_, after = one.finish()
     assert isinstance(verdict, Verdict)
@@ -253,40 +255,40 @@ def test_a_lost_client_that_commands_counts_neither_as_command_nor_as_heard() ->
     ballot = Ballot(Places(ranked(*PLACES)), ["back_off"])
     ballot.take(request("back_off", "command"))
     assert (ballot.commands, ballot.complete) == (0, False)
-    assert ballot.choose(Others()) == Choice(None, None, False)
+    assert ballot.choose(Interventions()) == Choice(None, None, False)
     ballot.take(request("cruise", "command"))
     ballot.take(request("cruise", "command"))
     assert ballot.commands == 1
-    assert ballot.choose(Others()) == Choice("cruise", None, False)
+    assert ballot.choose(Interventions()) == Choice("cruise", None, False)
     ballot.take(request("avoid"))
     assert ballot.complete
-    assert ballot.choose(Others()) == Choice("cruise", None, True)
+    assert ballot.choose(Interventions()) == Choice("cruise", None, True)
 
 
 def test_of_two_that_are_gone_the_higher_keeps_a_command_from_outside_out() -> None:
     for gone in (("back_off", "cruise"), ("cruise", "back_off")):
         ballot = Ballot(Places(ranked(*PLACES)), gone)
         ballot.take(request("avoid"))
-        assert ballot.choose(Others(commands=(outside(2),))) == Choice(None, None, True)
-        assert ballot.choose(Others(commands=(outside(4),))) == Choice(None, outside(4), True)
+        assert ballot.choose(Interventions(commands=(outside(2),))) == Choice(None, None, True)
+        assert ballot.choose(Interventions(commands=(outside(4),))) == Choice(None, outside(4), True)
 
 
 def test_the_highest_of_several_commands_counts() -> None:
     ballot = Ballot(Places(tuple(zip(PLACES, (30, 20, 10), strict=True))), ())
     for client in ("avoid", "cruise"):
         ballot.take(request(client, "command"))
-    assert ballot.choose(Others()) == Choice("avoid", None, False)
-    assert ballot.choose(Others(commands=(outside(15),))) == Choice("avoid", None, False)
-    assert ballot.choose(Others(commands=(outside(25),))) == Choice(None, outside(25), False)
-    ballot.late("back_off")
-    assert ballot.choose(Others(commands=(outside(25),))) == Choice(None, outside(25), True)
+    assert ballot.choose(Interventions()) == Choice("avoid", None, False)
+    assert ballot.choose(Interventions(commands=(outside(15),))) == Choice("avoid", None, False)
+    assert ballot.choose(Interventions(commands=(outside(25),))) == Choice(None, outside(25), False)
+    ballot.mark_late("back_off")
+    assert ballot.choose(Interventions(commands=(outside(25),))) == Choice(None, outside(25), True)
 
 
 def test_while_locked_only_the_command_of_the_holder_acts() -> None:
     ballot = Ballot(Places(ranked(*PLACES)), ())
-    other = Outside("other/1", 9, (0.0, 0.0))
+    other = OutsideCommand("other/1", 9, (0.0, 0.0))
     for holder, found in (("user/1", outside(3)), ("other/1", other), ("third/1", None), (None, None)):
-        others = Others(commands=(other, outside(3)), hold="locked", holder=holder)
-        assert ballot.choose(others) == Choice(None, found, True)
-    stopped = Others(commands=(other,), hold="stopped", holder="other/1")
+        interventions = Interventions(commands=(other, outside(3)), hold="locked", holder=holder)
+        assert ballot.choose(interventions) == Choice(None, found, True)
+    stopped = Interventions(commands=(other,), hold="stopped", holder="other/1")
     assert ballot.choose(stopped) == Choice(None, None, True)

@@ -14,7 +14,7 @@ from colony.runtime.library import clock as clock_library
 from colony.runtime.library import data, emergency
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.messages import Call
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, release
 from tests.runtime.calling import call_of, opening
@@ -30,7 +30,7 @@ S = 1000 * MS
 
 
 def call(server: str, method: str, number: int = 1) -> tuple[str, Call]:
-    ask = opening("ann") if method == "open" else Ask(method, Nothing(), None, "command")
+    ask = opening("ann") if method == "open" else Ask(method, NoArguments(), None, "command")
     ask = emergency.stop() if method == emergency.stop().method else ask
     return topics.calls(server), call_of(ask, "ann/1", number)
 
@@ -169,7 +169,7 @@ def test_without_a_clock_the_servers_stop_and_it_is_not_kept(machine: Machine) -
         pressed = button.press()
     assert pressed.acknowledged == ("RServer",)
     assert not pressed.kept
-    assert "the Clock is not there" in pressed.problems["Clock"]
+    assert "the Clock is down" in pressed.problems["Clock"]
 
 
 def test_the_clock_alone_keeps_it(machine: Machine) -> None:

@@ -5,17 +5,17 @@ from __future__ import annotations
 import pytest
 
 from colony.runtime.arbitration.locks import LockQueue
-from colony.runtime.protocol.calls import Asked, RefusedError
+from colony.runtime.protocol.calls import CallId, RefusedError
 from colony.runtime.protocol.connections import Caller
 
 S = 1_000_000_000
 
 
-def asked(name: str, number: int = 1, priority: int = 0) -> Asked:
-    return Asked(Caller(f"user/{name}", name, priority, "user"), number)
+def asked(name: str, number: int = 1, priority: int = 0) -> CallId:
+    return CallId(Caller(f"user/{name}", name, priority, "user"), number)
 
 
-def names(calls: tuple[Asked, ...]) -> list[str]:
+def names(calls: tuple[CallId, ...]) -> list[str]:
     return [call.caller.name for call in calls]
 
 

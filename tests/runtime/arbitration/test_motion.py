@@ -11,6 +11,7 @@ from colony.runtime.arbitration import motion
 from colony.runtime.arbitration.motion import (
     STILL,
     Arc,
+    BaseObservation,
     ConstantSpeeds,
     Go,
     Halt,
@@ -18,7 +19,6 @@ from colony.runtime.arbitration.motion import (
     Motion,
     Move,
     OdometerPose,
-    Seen,
     Speeds,
     Turn,
     braking_speed,
@@ -43,7 +43,7 @@ class Ground:
 
     def run(self, wanted: Motion, frames: int = 2000, *, held: bool = False) -> motion.End | None:
         for _ in range(frames):
-            seen = Seen(OdometerPose(self.x, self.y, self.heading), self.sent, DT)
+            seen = BaseObservation(OdometerPose(self.x, self.y, self.heading), self.sent, DT)
             self.sent, wanted, end = step(wanted, seen)
             self.log.append(self.sent)
             if not held:
@@ -79,7 +79,7 @@ def test_a_move_goes_as_far_as_it_was_told_and_no_further(
     ground: Ground, distance: float, velocity: float
 ) -> None:
     assert ground.run(Move(distance=distance, velocity=velocity, acceleration=400.0)) == "done"
-    assert ground.y == pytest.approx(distance, abs=motion.NEAR_MM)
+    assert ground.y == pytest.approx(distance, abs=motion.DISTANCE_TOLERANCE_MM)
     assert abs(ground.y) <= abs(distance)
     assert ground.x == 0.0
     assert all(abs(speeds.velocity) <= velocity for speeds in ground.log)
@@ -110,14 +110,14 @@ def test_a_turn_is_clockwise_where_it_is_positive_and_so_lowers_the_heading(
     ground: Ground, degrees: float
 ) -> None:
     assert ground.run(Turn(degrees=degrees, velocity=45.0, acceleration=90.0, braking=400.0)) == "done"
-    assert ground.heading == pytest.approx(-degrees, abs=motion.NEAR_DEG)
+    assert ground.heading == pytest.approx(-degrees, abs=motion.ANGLE_TOLERANCE_DEG)
     assert (ground.x, ground.y) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(("degrees", "side"), [(90.0, 1.0), (-90.0, -1.0)])
 def test_an_arc_ends_where_its_circle_says(ground: Ground, degrees: float, side: float) -> None:
     assert ground.run(Arc(degrees=degrees, radius=500.0, velocity=200.0, acceleration=400.0)) == "done"
-    assert ground.heading == pytest.approx(-degrees, abs=motion.NEAR_DEG)
+    assert ground.heading == pytest.approx(-degrees, abs=motion.ANGLE_TOLERANCE_DEG)
     assert (ground.x, ground.y) == pytest.approx((side * 500.0, 500.0), abs=5.0)
 
 
@@ -139,12 +139,14 @@ def test_go_speeds_up_with_the_acceleration_and_goes_backward_too(ground: Ground
 
 def test_a_base_that_was_held_fast_does_not_swing_by_what_it_integrated() -> None:
     wanted: Motion = Go(velocity=100.0, acceleration=400.0)
-    _, wanted, _ = step(wanted, Seen(OdometerPose(0.0, 0.0, 0.0), STILL, DT))
+    _, wanted, _ = step(wanted, BaseObservation(OdometerPose(0.0, 0.0, 0.0), STILL, DT))
     for _ in range(10_000):
-        speeds, wanted, _ = step(wanted, Seen(OdometerPose(0.0, 0.0, 30.0), Speeds(100.0, 0.0), DT))
+        speeds, wanted, _ = step(
+            wanted, BaseObservation(OdometerPose(0.0, 0.0, 30.0), Speeds(100.0, 0.0), DT)
+        )
     assert isinstance(wanted, Go)
-    assert wanted.error == -motion.MOST_INTEGRAL
-    assert speeds.turn == -motion.MOST_CORRECTION
+    assert wanted.error == -motion.MAX_INTEGRAL
+    assert speeds.turn == -motion.MAX_CORRECTION
 
 
 def test_jog_turns_clockwise_on_top_of_forward_motion(ground: Ground) -> None:
@@ -154,14 +156,17 @@ def test_jog_turns_clockwise_on_top_of_forward_motion(ground: Ground) -> None:
 
 
 def test_standing_still_at_once_or_gradually() -> None:
-    seen = Seen(None, Speeds(300.0, -40.0), DT)
+    seen = BaseObservation(None, Speeds(300.0, -40.0), DT)
     brake = {"acceleration": 400.0, "turn_acceleration": 100.0}
     assert step(Halt(gradual=False, **brake), seen).speeds == STILL
     assert step(Halt(gradual=True, **brake), seen).speeds == (280.0, -35.0)
 
 
 def test_drive_is_what_it_says() -> None:
-    assert step(ConstantSpeeds(speeds=Speeds(1.0, 2.0)), Seen(None, STILL, DT)).speeds == (1.0, 2.0)
+    assert step(ConstantSpeeds(speeds=Speeds(1.0, 2.0)), BaseObservation(None, STILL, DT)).speeds == (
+        1.0,
+        2.0,
+    )
 
 
 def test_what_cannot_be_measured_is_not_begun() -> None:
@@ -169,24 +174,30 @@ def test_what_cannot_be_measured_is_not_begun() -> None:
         Move(distance=10.0, velocity=10.0, acceleration=10.0),
         Turn(degrees=10.0, velocity=10.0, acceleration=10.0, braking=10.0),
     ):
-        assert step(wanted, Seen(None, STILL, DT)) == (STILL, wanted, None)
-    assert step(Go(velocity=10.0, acceleration=1000.0), Seen(None, STILL, DT)).speeds == (10.0, 0.0)
+        assert step(wanted, BaseObservation(None, STILL, DT)) == (STILL, wanted, None)
+    assert step(Go(velocity=10.0, acceleration=1000.0), BaseObservation(None, STILL, DT)).speeds == (
+        10.0,
+        0.0,
+    )
 
 
 def test_a_base_that_does_not_move_is_given_up_in_time(ground: Ground) -> None:
     assert ground.run(Move(distance=100.0, velocity=50.0, acceleration=400.0), held=True) == "stalled"
-    assert len(ground.log) == pytest.approx(motion.STALLED_S / DT, abs=3)
+    assert len(ground.log) == pytest.approx(motion.STALL_TIMEOUT_S / DT, abs=3)
 
 
 def test_after_an_interruption_go_holds_the_heading_it_finds_and_a_move_goes_on() -> None:
-    go = step(Go(velocity=10.0, acceleration=1000.0), Seen(OdometerPose(0.0, 0.0, 5.0), STILL, DT)).motion
+    go = step(
+        Go(velocity=10.0, acceleration=1000.0), BaseObservation(OdometerPose(0.0, 0.0, 5.0), STILL, DT)
+    ).motion
     assert isinstance(go, Go)
     assert go.heading == 5.0
     left = interrupted(go)
     assert isinstance(left, Go)
     assert left.heading is None
     move = step(
-        Move(distance=100.0, velocity=50.0, acceleration=400.0), Seen(OdometerPose(0.0, 0.0, 0.0), STILL, DT)
+        Move(distance=100.0, velocity=50.0, acceleration=400.0),
+        BaseObservation(OdometerPose(0.0, 0.0, 0.0), STILL, DT),
     ).motion
     assert interrupted(move) is move
 

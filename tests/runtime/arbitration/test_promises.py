@@ -14,7 +14,7 @@ from colony.runtime.library import clock as clock_library
 from colony.runtime.library import emergency, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.messages import Call, Malformed, Send, Tick, Verdict
 from tests.runtime.servers.base_stage import CLIENTS, FRAME, MS, Stage, bid, deployed, silent, stage_in_run
 
@@ -250,7 +250,7 @@ def test_what_is_wrong_is_said_to_whom_it_concerns() -> None:
     """A misspelled topic or field does nothing, without a word."""
     stage = Stage()
     stage.open("op/1")
-    unknown = stage.problem("op/1", Ask("drvie", Nothing(), type(None), "command"))
+    unknown = stage.problem("op/1", Ask("drvie", NoArguments(), type(None), "command"))
     assert "no method `drvie`" in unknown.message
     assert "drive" in unknown.message
     stage.give(Malformed(topic="RServer/call", connection="op/1", reason="found version 9"))
@@ -276,7 +276,7 @@ def urgent(connection: str, **changes: object) -> Call:
         "connection": connection,
         "number": 1,
         "method": "emergency_stop",
-        "arguments": msgspec.Raw(msgspec.msgpack.encode(Nothing())),
+        "arguments": msgspec.Raw(msgspec.msgpack.encode(NoArguments())),
         "right": "stop",
     }
     return Call(**(fields | changes))  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ import pytest
 
 from colony.runtime.arbitration.locks import LockQueue
 from colony.runtime.arbitration.motion import STILL, ConstantSpeeds
-from colony.runtime.arbitration.outside import LONGEST_LEASE_S, Outsiders, lease_end
+from colony.runtime.arbitration.outside import MAX_LEASE_S, OutsideCommanders, lease_end
 from colony.runtime.protocol.calls import RefusedError
 from tests.runtime.arbitration.test_locks import S, asked, names
 from tests.runtime.arbitration.test_outside import PLACES, caller
@@ -65,11 +65,11 @@ def test_those_who_are_late_are_told_in_the_order_in_which_they_were_to_be_serve
 
 
 def test_a_lease_up_to_the_longest_and_no_longer() -> None:
-    assert lease_end(LONGEST_LEASE_S, 3) == 60 * S + 3
+    assert lease_end(MAX_LEASE_S, 3) == 60 * S + 3
     assert lease_end(1.0, 3) == S + 3
     assert lease_end(1e-9, 3) == 4
     assert lease_end(2.6e-9, 0) == 3
-    for lease in (LONGEST_LEASE_S + 1e-6, 0.0):
+    for lease in (MAX_LEASE_S + 1e-6, 0.0):
         with pytest.raises(RefusedError) as refused:
             lease_end(lease, 0)
         assert refused.value.problem.code == "arguments"
@@ -78,40 +78,43 @@ def test_a_lease_up_to_the_longest_and_no_longer() -> None:
 
 
 def test_the_end_of_a_lease_is_its_last_moment_and_then_there_is_none() -> None:
-    outsiders = Outsiders()
-    ann = outsiders.enter(caller("ann", 2), {})
-    assert (ann.motion, ann.until_ns, ann.asked) == (None, None, None)
-    assert outsiders.commanding == ()
+    outside_commanders = OutsideCommanders()
+    ann = outside_commanders.enter(caller("ann", 2), {})
+    assert (ann.motion, ann.until_ns, ann.call_id) == (None, None, None)
+    assert outside_commanders.commanding == ()
     ann.motion, ann.until_ns = ConstantSpeeds(speeds=STILL), 10
-    outsiders.expire(9)
-    assert outsiders.commanding == (ann,)
-    outsiders.expire(10)
+    outside_commanders.expire(9)
+    assert outside_commanders.commanding == (ann,)
+    outside_commanders.expire(10)
     assert (ann.motion, ann.until_ns) == (None, None)
-    assert outsiders.all == (ann,)
-    assert Outsiders().commanding == Outsiders().all == ()
+    assert outside_commanders.all == (ann,)
+    assert OutsideCommanders().commanding == OutsideCommanders().all == ()
 
 
 def test_ties_are_told_in_full() -> None:
-    outsiders = Outsiders()
-    outsiders.enter(caller("ann", 9), PLACES)
+    outside_commanders = OutsideCommanders()
+    outside_commanders.enter(caller("ann", 9), PLACES)
     for priority, holder in ((9, "ann (user/ann)"), (3, "`back_off`, a client of the program,")):
         with pytest.raises(RefusedError) as refused:
-            outsiders.enter(caller("bob", priority), PLACES)
+            outside_commanders.enter(caller("bob", priority), PLACES)
         found = refused.value.problem
         assert found.code == "tie"
         assert found.message == (
             f"priority {priority} is taken: {holder} commands with it; open the connection with another"
         )
-    assert outsiders.of(caller("ann", 9)) is outsiders.all[0]
-    assert outsiders.of(caller("bob", 9)) is None
-    assert outsiders.of(caller("ann", 8)) is None
-    assert outsiders.tied({}) is None
-    assert outsiders.tied({9: "cruise"}) == "`cruise` has priority 9, with which ann (user/ann) commands"
+    assert outside_commanders.of(caller("ann", 9)) is outside_commanders.all[0]
+    assert outside_commanders.of(caller("bob", 9)) is None
+    assert outside_commanders.of(caller("ann", 8)) is None
+    assert outside_commanders.tied({}) is None
+    assert (
+        outside_commanders.tied({9: "cruise"})
+        == "`cruise` has priority 9, with which ann (user/ann) commands"
+    )
 
 
 def test_somebody_outside_who_was_there_first_is_named_before_a_client_of_the_program() -> None:
-    outsiders = Outsiders()
-    outsiders.enter(caller("ann", 3), {})
+    outside_commanders = OutsideCommanders()
+    outside_commanders.enter(caller("ann", 3), {})
     with pytest.raises(RefusedError, match=r"ann \(user/ann\) commands with it"):
-        outsiders.enter(caller("bob", 3), PLACES)
-    assert outsiders.enter(caller("ann", 3), PLACES) is outsiders.all[0]
+        outside_commanders.enter(caller("bob", 3), PLACES)
+    assert outside_commanders.enter(caller("ann", 3), PLACES) is outside_commanders.all[0]

@@ -10,7 +10,7 @@ import pytest
 
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import clock
-from colony.runtime.library.clock import Who
+from colony.runtime.library.clock import Participants
 from colony.runtime.protocol.topics import CLOCK
 from tests.cli.machine import ROBOT, Machine, Started
 from tests.small_disk import SmallDisk, small_disk
@@ -38,10 +38,10 @@ class Robot:
         started.tell(signal.SIGKILL)
         started.process.wait()
 
-    def who(self) -> Who | None:
+    def who(self) -> Participants | None:
         try:
             with self.machine.session() as session, session.connect(CLOCK, timeout_s=1.0) as connection:
-                return connection.do(clock.who())
+                return connection.do(clock.participants())
         except RobotConnectionError:
             return None
 
@@ -83,12 +83,12 @@ def test_a_clock_that_has_no_room_for_a_stop_says_so_and_keeps_trying(robot: Rob
     robot.disk.fill()
     first = robot.start()
     trouble = f"{robot.disk.path}/colony/{ROBOT}/Clock.stop: No space left on device"
-    assert first.err.splitlines().count(f"an emergency stop cannot be kept: {trouble}") == 1
+    assert first.err.splitlines().count(f"an emergency stop cannot be saved: {trouble}") == 1
     assert not (robot.state / "Clock.stop").exists(), "half a file would stop the next Clock"
     robot.until_shown(f"trouble: {trouble}")
     code, said = robot.run("stop")
     assert code == 1
-    assert "stopped, but a Clock that is started again may not be: " in said
+    assert "stopped, but a restart of the Clock may lose the stop: " in said
     found = robot.who()
     assert found is not None
     assert found.stopped is not None, "the robot is stopped all the same"
@@ -107,7 +107,7 @@ def test_a_stop_on_a_disk_that_may_only_be_read_is_refused_as_not_kept(robot: Ro
         robot.kill(robot.start())
     robot.disk.remount("ro")
     started = robot.start()
-    assert "an emergency stop cannot be kept: " in started.err
+    assert "an emergency stop cannot be saved: " in started.err
     before = robot.who()
     assert before is not None
     assert before.stopped is None, "what the file says is known"

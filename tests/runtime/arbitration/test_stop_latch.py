@@ -15,7 +15,7 @@ import pytest
 from colony.files import open_descriptor
 from colony.runtime.arbitration import stop_file
 from colony.runtime.arbitration.stop_file import FILE_BYTES
-from colony.runtime.arbitration.stop_latch import LONGEST_BY, UNREADABLE, StopFollower, StopLatch
+from colony.runtime.arbitration.stop_latch import MAX_AUTHOR_LENGTH, UNREADABLE, StopFollower, StopLatch
 from colony.runtime.protocol.messages import Stopped, Tick
 
 ANN = Stopped(by="ann/1", t_ns=5)
@@ -90,7 +90,7 @@ def test_the_room_is_taken_when_the_clock_starts_and_stays_the_same(latch: StopL
     assert room[1] >= FILE_BYTES
     latch.engage(Stopped(by="\0" * 1000, t_ns=5))
     assert (path.stat().st_size, path.stat().st_blocks * 512, path.stat().st_ino) == room
-    assert found(path) == Stopped(by="\0" * LONGEST_BY, t_ns=5)
+    assert found(path) == Stopped(by="\0" * MAX_AUTHOR_LENGTH, t_ns=5)
     latch.release(2**63 - 1)
     assert begun(path, 2**63 - 1).released_ns == 2**63 - 1
 
@@ -138,7 +138,7 @@ def test_a_file_that_cannot_be_read_counts_as_a_stop(path: Path, kind: str) -> N
     latch.begin(0)
     assert latch.stopped == Stopped(by=UNREADABLE, t_ns=0)
     (line,) = said
-    assert line == f"stopped until released, by a file that cannot be read: {latch.trouble}"
+    assert line == f"stopped until released, because the stop file cannot be read: {latch.trouble}"
     assert (latch.trouble or "").startswith(f"{path}: ")
     latch.save(10**12)
     assert path.read_bytes() == bad, "it is left as it is until somebody stops or releases the robot"
@@ -236,7 +236,7 @@ def test_what_could_not_be_written_holds_and_is_written_when_it_can_be(tmp_path:
     latch.engage(ANN)
     assert latch.stopped is not None
     assert latch.trouble == f"{path}: No such file or directory"
-    assert said == [f"an emergency stop cannot be kept: {latch.trouble}"], "once"
+    assert said == [f"an emergency stop cannot be saved: {latch.trouble}"], "once"
     path.parent.mkdir()
     latch.save(0)
     assert latch.trouble is None
@@ -297,7 +297,7 @@ def test_a_file_that_is_moved_away_while_it_is_written_keeps_nothing(
 
     monkeypatch.setattr(os, "fdatasync", moved)
     latch.engage(ANN)
-    assert latch.trouble == f"{path}: it was moved away while it was written"
+    assert latch.trouble == f"{path}: it was moved while it was being written"
     monkeypatch.undo()
     latch.save(0)
     assert latch.trouble is None
@@ -394,10 +394,10 @@ def test_a_server_stops_by_its_own_ears_and_goes_on_by_a_later_release() -> None
     server = StopFollower()
     server.follow(Tick(k=1, t_ns=0, released_ns=4))
     assert server.stopped is None
-    server.hear(ANN)
+    server.engage(ANN)
     server.follow(Tick(k=2, t_ns=0, released_ns=4))
     assert server.stopped == ANN, "the release was before the stop"
-    server.hear(Stopped(by="bob/1", t_ns=8))
+    server.engage(Stopped(by="bob/1", t_ns=8))
     server.follow(Tick(k=3, t_ns=0, released_ns=7))
     assert server.stopped == Stopped(by="ann/1", t_ns=8), "of two stops the later one counts"
     server.follow(Tick(k=4, t_ns=0, released_ns=8))

@@ -35,12 +35,12 @@ from typing import Literal, NamedTuple
 from colony.execute.executor import ClientMemory
 from colony.ir.frame import Answer, Decision, Frame, Reading
 from colony.ir.program import Program
-from colony.robots.scripted import SENSING, Sent
+from colony.robots.scripted import SENSOR_SERVERS, SentCommand
 from colony.runtime.clients.memory import decode_memory
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Message, Tick
 from colony.runtime.protocol.topics import module_of
-from colony.runtime.transport.faults import Faults, Rates
+from colony.runtime.transport.faults import FaultRates, Faults
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import frame_in_base_units
 from colony.verify.testing.strategies import run_of_seed
@@ -88,12 +88,12 @@ def plan(robot: Robot, random: Random, until_ns: int) -> None:
 def link(seed: int, random: Random, until_ns: int, robot: list[Robot]) -> Faults:
     """Faults of the network until then, and none on the way to the observer."""
     share = random.choice((0.0, 0.3, 1.0, 2.0))
-    rates = Rates(lost=0.02 * share, doubled=0.02 * share, late=0.03 * share, reordered=0.1 * share)
+    rates = FaultRates(lost=0.02 * share, duplicated=0.02 * share, late=0.03 * share, reordered=0.1 * share)
 
     def spared(sender: str, receiver: str, message: Message) -> bool:
         return receiver == "Observer" or not robot or robot[0].now_ns >= until_ns
 
-    return Faults(seed, rates, spares=spared)
+    return Faults(seed, rates, exempt=spared)
 
 
 def run(seed: int, *, degrade: bool = False) -> Counter[str]:
@@ -148,13 +148,13 @@ def epochs(ticks: Mapping[int, Tick]) -> Iterable[list[Tick]]:
 
 def disputed(seen: Seen, epoch: list[Tick]) -> bool:
     """Whether a frame is void that was published."""
-    return any((s, t.k) in seen.void and (s, t.k) in seen.frames for t in epoch for s in SENSING)
+    return any((s, t.k) in seen.void and (s, t.k) in seen.frames for t in epoch for s in SENSOR_SERVERS)
 
 
 def frame_of(seen: Seen, tick: Tick, *, void_counts: bool) -> Frame:
     """The frame as published; or as it is where void frames are "no value"."""
     readings: dict[str, Reading] = {}
-    for server in SENSING:
+    for server in SENSOR_SERVERS:
         at = (server, tick.k)
         if server in tick.down or at not in seen.frames or (void_counts and at in seen.void):
             continue
@@ -183,7 +183,7 @@ def path_of(robot: Robot, epoch: list[Tick], *, void_counts: bool) -> Path:
 def check(robot: Robot) -> Counter[str]:
     """Hold a run against the reference; gives what happened in it."""
     seen, counts = robot.seen, Counter[str]()
-    sent: dict[int, list[Sent]] = {}
+    sent: dict[int, list[SentCommand]] = {}
     for one in seen.sent:
         sent.setdefault(one.k, []).append(one)
     last: Path | None = None
@@ -209,7 +209,7 @@ def check(robot: Robot) -> Counter[str]:
     return counts
 
 
-def check_sent(robot: Robot, one: Sent, due: list[Decision]) -> None:
+def check_sent(robot: Robot, one: SentCommand, due: list[Decision]) -> None:
     """A command is one of those that are due, or idle."""
     if one.by is None:
         idle = next(a.idle for a in robot.program.robot.actuators if a.name == one.actuator)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.robots.scripted import ScriptedRobot, Sent
+from colony.robots.scripted import ScriptedRobot, SentCommand
 from colony.runtime.clients.client import ClientNode
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
@@ -32,7 +32,7 @@ class Seen:
     void: set[tuple[str, int]] = field(default_factory=set)
     checkpoints: dict[tuple[str, int], bytes] = field(default_factory=dict)
     verdicts: dict[tuple[int, str], Verdict] = field(default_factory=dict)
-    sent: list[Sent] = field(default_factory=list)
+    sent: list[SentCommand] = field(default_factory=list)
     recalled: set[str] = field(default_factory=set)
     restarts: set[tuple[str, int]] = field(default_factory=set)
 

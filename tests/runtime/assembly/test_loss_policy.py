@@ -69,7 +69,7 @@ def epochs_ignored(patch: pytest.MonkeyPatch) -> None:
 
 def frames_given_up_by_guess(patch: pytest.MonkeyPatch) -> None:
     """Each reader decides for itself that the frame of a server that is down now will not come."""
-    gone = FrameAssembler._gone
+    gone = FrameAssembler._absent
 
     def wrong(self: FrameAssembler, tick: Tick) -> frozenset[str]:
         newest = self._ticks.get(self._latest, tick)
@@ -77,7 +77,7 @@ def frames_given_up_by_guess(patch: pytest.MonkeyPatch) -> None:
             frozenset(newest.down) & frozenset(self._servers) - frozenset(self._modules)
         )
 
-    patch.setattr(FrameAssembler, "_gone", wrong)
+    patch.setattr(FrameAssembler, "_absent", wrong)
 
 
 def frames_invented(patch: pytest.MonkeyPatch) -> None:
@@ -98,7 +98,7 @@ def never_asked_for_again(patch: pytest.MonkeyPatch) -> None:
     def none(self: FrameAssembler) -> Iterator[Effect]:
         yield from ()
 
-    patch.setattr(FrameAssembler, "_gaps", none)
+    patch.setattr(FrameAssembler, "_fetches", none)
     patch.setattr(client, "RECALL_NS", -1)
     patch.setattr(FrameAssembler, "lost", property(lambda self: False))
 
@@ -118,11 +118,11 @@ def memory_of_the_first_client_alone(patch: pytest.MonkeyPatch) -> None:
 def liveness_forgotten(patch: pytest.MonkeyPatch) -> None:
     """Whoever was missing once is missing for good."""
 
-    def heard(self: liveness.Liveness, name: str, now_ns: int) -> None:
+    def renew(self: liveness.Liveness, name: str, now_ns: int) -> None:
         if name in self._heard and name not in self.missing(now_ns):
             self._heard[name] = now_ns
 
-    patch.setattr(liveness.Liveness, "heard", heard)
+    patch.setattr(liveness.Liveness, "renew", renew)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from colony.compile.pipeline import compile_program
 from colony.execute.compiled import Compiled
 from colony.ir.program import Actuator, ActuatorField, Command, Module, PythonModule, Use, Wire
-from colony.ir.types import PLAIN
+from colony.ir.types import DIMENSIONLESS
 from colony.runtime.assembly.nodes import build_announcer, build_clients, build_observer
 from colony.runtime.assembly.sharing import ClientProcess, announcer_process, client_processes
 from colony.runtime.protocol.bindings import bind
@@ -23,7 +23,7 @@ def with_light(on_loss: Literal["stop", "degrade"]) -> Compiled:
     """A program with a second actuator, for which this is declared."""
     light = Actuator(
         name="light",
-        fields=(ActuatorField(name="value", type=PLAIN),),
+        fields=(ActuatorField(name="value", type=DIMENSIONLESS),),
         server="DServer",
         command="Light",
         idle=None,

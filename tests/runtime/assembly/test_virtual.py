@@ -20,7 +20,7 @@ from colony.ir.program import (
     Use,
     Wire,
 )
-from colony.ir.types import BOOL, PLAIN
+from colony.ir.types import BOOL, DIMENSIONLESS
 from colony.runtime.protocol.messages import Announcement, Message, Sample, ServerFrame
 from colony.runtime.servers.runtime_server import random_of_frame
 from tests.runtime.programs import go, number, roam, robot
@@ -226,23 +226,29 @@ def test_while_the_activity_of_a_module_in_python_is_unknown_nobody_below_it_dri
 
 def over(name: str, least: float) -> Expression:
     return BinaryOperation(
-        type=BOOL, operator=Binary.GREATER, left=SensorValue(type=PLAIN, name=name), right=number(least)
+        type=BOOL,
+        operator=Binary.GREATER,
+        left=SensorValue(type=DIMENSIONLESS, name=name),
+        right=number(least),
     )
 
 
 def counting() -> Program:
     """Counts in a variable of DServer by reading what it wrote, and drives while `Goal` is set."""
-    count = Sensor(name="count", type=PLAIN, default=0.0, server="DServer", field="Count")
-    goal = Sensor(name="goal", type=PLAIN, server="DServer", field="Goal", within_ns=200 * MS)
+    count = Sensor(name="count", type=DIMENSIONLESS, default=0.0, server="DServer", field="Count")
+    goal = Sensor(name="goal", type=DIMENSIONLESS, server="DServer", field="Goal", within_ns=200 * MS)
     say = Actuator(
         name="say",
-        fields=(ActuatorField(name="value", type=PLAIN),),
+        fields=(ActuatorField(name="value", type=DIMENSIONLESS),),
         server="DServer",
         command="Count",
         idle=None,
     )
     more = BinaryOperation(
-        type=PLAIN, operator=Binary.ADD, left=SensorValue(type=PLAIN, name="count"), right=number(1.0)
+        type=DIMENSIONLESS,
+        operator=Binary.ADD,
+        left=SensorValue(type=DIMENSIONLESS, name="count"),
+        right=number(1.0),
     )
     true = Constant(type=BOOL, value=True)
     return Program(

@@ -6,7 +6,16 @@ from __future__ import annotations
 from colony.ir.frame import Answer, Frame
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.frames.assembler import FrameAssembler
-from colony.runtime.protocol.messages import Announcement, Fetch, Message, Ready, Restart, Send, Sent, Tick
+from colony.runtime.protocol.messages import (
+    Announcement,
+    Fetch,
+    Message,
+    Ready,
+    Restart,
+    Send,
+    SentMessage,
+    Tick,
+)
 
 ADDRESS = "DServer/activity/pulse"
 KEEP = 4
@@ -30,7 +39,7 @@ def announcer() -> Announcer:
     return Announcer("pulse", FrameAssembler((), run="run", keep=KEEP), Third(), run="run", keep=KEEP)
 
 
-def take(node: Announcer, *messages: Message) -> list[Sent]:
+def take(node: Announcer, *messages: Message) -> list[SentMessage]:
     return [e.message for m in messages for e in node.handle(m, 0) if isinstance(e, Send)]
 
 

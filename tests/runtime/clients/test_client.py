@@ -14,7 +14,7 @@ from colony.runtime.assembly.nodes import build_clients
 from colony.runtime.clients.client import RECALL_NS, ClientNode
 from colony.runtime.clients.memory import encode_memory
 from colony.runtime.frames.assembler import frames_kept
-from colony.runtime.frames.membership import READY_AGAIN_NS
+from colony.runtime.frames.membership import READY_INTERVAL_NS
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.messages import (
     Checkpoint,
@@ -27,7 +27,7 @@ from colony.runtime.protocol.messages import (
     Restart,
     Sample,
     Send,
-    Sent,
+    SentMessage,
     ServerFrame,
     Tick,
 )
@@ -57,23 +57,23 @@ def base(k: int, bumper: bool = False) -> ServerFrame:
     return ServerFrame(server="RServer", k=k, fields={"bumper": Sample(bumper, k * FRAME)})
 
 
-def take(node: ClientNode, *messages: Message, now_ns: int = 0) -> list[Sent]:
+def take(node: ClientNode, *messages: Message, now_ns: int = 0) -> list[SentMessage]:
     effects: list[Effect] = []
     for message in messages:
         effects += node.handle(message, now_ns)
     return [e.message for e in effects if isinstance(e, Send)]
 
 
-def only(kind: type, messages: Iterable[Sent]) -> list[Sent]:
+def only(kind: type, messages: Iterable[SentMessage]) -> list[SentMessage]:
     return [m for m in messages if isinstance(m, kind)]
 
 
-def run(node: ClientNode, ks: Iterable[int], pressed: int = 3) -> list[Sent]:
+def run(node: ClientNode, ks: Iterable[int], pressed: int = 3) -> list[SentMessage]:
     """Frames one after the other, in one of which the bumper is pressed."""
     return [m for k in ks for m in take(node, tick(k), base(k, k == pressed), now_ns=k * FRAME)]
 
 
-def bids(messages: Iterable[Sent]) -> dict[int, str]:
+def bids(messages: Iterable[SentMessage]) -> dict[int, str]:
     return {m.k: m.bid for m in messages if isinstance(m, Request)}
 
 
@@ -107,10 +107,10 @@ def test_doubled_and_late_messages_change_nothing(node: ClientNode) -> None:
 
 def test_a_tick_of_another_run_makes_it_say_that_it_is_ready(node: ClientNode) -> None:
     list(node.start(0))
-    assert take(node, tick(0, run=""), now_ns=READY_AGAIN_NS - 1) == []
-    assert take(node, tick(1, run=""), now_ns=READY_AGAIN_NS) == [Ready(client=ADDRESS, run="run")]
-    assert take(node, tick(2, run=""), now_ns=READY_AGAIN_NS + FRAME) == []
-    assert not only(Ready, take(node, tick(3, start=3), now_ns=10 * READY_AGAIN_NS))
+    assert take(node, tick(0, run=""), now_ns=READY_INTERVAL_NS - 1) == []
+    assert take(node, tick(1, run=""), now_ns=READY_INTERVAL_NS) == [Ready(client=ADDRESS, run="run")]
+    assert take(node, tick(2, run=""), now_ns=READY_INTERVAL_NS + FRAME) == []
+    assert not only(Ready, take(node, tick(3, start=3), now_ns=10 * READY_INTERVAL_NS))
 
 
 def test_with_its_requests_it_tells_the_clock_that_it_lives_but_not_more_often_than_needed(

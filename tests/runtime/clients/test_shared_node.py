@@ -21,7 +21,7 @@ from colony.runtime.protocol.messages import (
     Restart,
     Sample,
     Send,
-    Sent,
+    SentMessage,
     ServerFrame,
 )
 from tests.runtime.assembly.test_virtual import counting
@@ -46,12 +46,12 @@ def both() -> ClientNode:
     return shared()
 
 
-def run(node: ClientNode, ks: Iterable[int], pressed: int = 3) -> list[Sent]:
+def run(node: ClientNode, ks: Iterable[int], pressed: int = 3) -> list[SentMessage]:
     """Frames one after the other, in one of which the bumper is pressed."""
     return [m for k in ks for m in take(node, tick(k), base(k, k == pressed), now_ns=k * FRAME)]
 
 
-def bids(messages: Iterable[Sent]) -> list[tuple[int, str, str]]:
+def bids(messages: Iterable[SentMessage]) -> list[tuple[int, str, str]]:
     return [(m.k, m.client, m.bid) for m in messages if isinstance(m, Request)]
 
 

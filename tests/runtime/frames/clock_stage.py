@@ -13,7 +13,7 @@ from colony.ir.program import Program
 from colony.runtime.frames.clock import Clock
 from colony.runtime.library import clock as library
 from colony.runtime.library.ask import Ask
-from colony.runtime.library.clock import Who
+from colony.runtime.library.clock import Participants
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import Deployment, deployment
 from colony.runtime.protocol.messages import (
@@ -120,8 +120,8 @@ class Leader:
         problem = self.ask(library.deploy(what)).problem
         return None if problem is None else problem.code
 
-    def who(self) -> Who:
-        return msgspec.msgpack.decode(self.ask(library.who()).result, type=Who)
+    def who(self) -> Participants:
+        return msgspec.msgpack.decode(self.ask(library.participants()).result, type=Participants)
 
     def alive(self) -> None:
         self._stage.take(Alive(connection=self._connection))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime.frames.assembler import ASKED_AT_ONCE, Awaited, FrameAssembler, frames_kept
+from colony.runtime.frames.assembler import MAX_FETCHES_PER_TICK, Awaited, FrameAssembler, frames_kept
 from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.messages import Fetch, Sample, Send, ServerFrame, Tick
 from tests.runtime.frames.test_assembler import (
@@ -121,7 +121,7 @@ def test_a_module_that_is_down_is_waited_for_where_the_sensors_are_there() -> No
 @pytest.mark.parametrize("most", [2, 3, 4])
 def test_of_what_is_void_the_newest_is_remembered(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
     """Three frames are void, of the frames 0, 1 and 2: the oldest is forgotten first."""
-    monkeypatch.setattr("colony.runtime.frames.assembler.KEPT_MOST", most)
+    monkeypatch.setattr("colony.runtime.frames.assembler.MAX_FRAMES_KEPT", most)
     assembler = FrameAssembler((SONAR, BUMPER), keep=100)
     assembler.take(base(0))
     assembler.take(base(1))
@@ -156,7 +156,7 @@ def test_only_what_is_missing_of_who_lives_is_asked_for() -> None:
 
 
 def test_a_portion_begins_behind_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("colony.runtime.frames.assembler.ASKED_AT_ONCE", 8)
+    monkeypatch.setattr("colony.runtime.frames.assembler.MAX_FETCHES_PER_TICK", 8)
     assembler = FrameAssembler((BUMPER,), keep=100)
     for latest, numbers in ((20, (0, 1, 2, 3)), (21, (4, 5, 6, 7))):
         requests = assembler.take(tick(latest))
@@ -177,8 +177,8 @@ def test_what_does_not_come_is_asked_for_again_after_twice_as_many_frames() -> N
 
 
 def test_a_portion_ends_with_a_whole_frame() -> None:
-    asked = FrameAssembler((SONAR, BUMPER)).take(tick(ASKED_AT_ONCE))
-    assert len(asked) == 3 * (ASKED_AT_ONCE // 3 + 1)
+    asked = FrameAssembler((SONAR, BUMPER)).take(tick(MAX_FETCHES_PER_TICK))
+    assert len(asked) == 3 * (MAX_FETCHES_PER_TICK // 3 + 1)
 
 
 def test_how_many_frames_are_kept() -> None:
@@ -192,10 +192,10 @@ def test_a_single_value_enters_in_base_units() -> None:
 
 
 def test_what_did_not_come_is_asked_for_in_portions() -> None:
-    asked = FrameAssembler((BUMPER,)).take(tick(ASKED_AT_ONCE))
-    assert len(asked) == ASKED_AT_ONCE
+    asked = FrameAssembler((BUMPER,)).take(tick(MAX_FETCHES_PER_TICK))
+    assert len(asked) == MAX_FETCHES_PER_TICK
     assert asked[:2] == (
         Send("Clock/fetches", Fetch(server="Clock", k=0)),
         Send("R/fetches", Fetch(server="R", k=0)),
     )
-    assert asked[-1] == Send("R/fetches", Fetch(server="R", k=ASKED_AT_ONCE // 2 - 1))
+    assert asked[-1] == Send("R/fetches", Fetch(server="R", k=MAX_FETCHES_PER_TICK // 2 - 1))

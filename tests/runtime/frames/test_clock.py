@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from colony.ir.frame import Answer
-from colony.runtime.frames.clock import GATHER_NS, IDLE_FRAME_NS
+from colony.runtime.frames.clock import IDLE_FRAME_NS, READY_TIMEOUT_NS
 from colony.runtime.frames.liveness import Liveness, TickAnswers, lease
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import (
@@ -148,9 +148,9 @@ def test_a_run_begins_when_all_are_ready(stage: Stage) -> None:
 def test_who_is_not_ready_in_time_is_lost() -> None:
     stage = Stage(deployed())
     stage.ready(clients=CLIENTS[:2])
-    stage.until(GATHER_NS)
+    stage.until(READY_TIMEOUT_NS)
     first = next(t for t in stage.ticks if t.run == "run")
-    assert (first.t_ns, first.lost) == (GATHER_NS, ("drive/cruise",))
+    assert (first.t_ns, first.lost) == (READY_TIMEOUT_NS, ("drive/cruise",))
     assert stage.ticks[0].t_ns == IDLE_FRAME_NS
 
 
@@ -331,17 +331,17 @@ def test_modules_in_python_are_watched_by_what_they_announce() -> None:
 
 def test_liveness_ignores_strangers() -> None:
     liveness = Liveness(("a",), lease_ns=10, now_ns=0)
-    liveness.heard("b", 100)
+    liveness.renew("b", 100)
     assert liveness.missing(10) == ()
     assert liveness.missing(11) == ("a",)
 
 
 def test_one_that_is_gone_is_missing_until_it_is_heard_of() -> None:
     liveness = Liveness(("a", "b"), lease_ns=10, now_ns=0)
-    liveness.gone("a")
-    liveness.slept(5)
+    liveness.mark_missing("a")
+    liveness.extend(5)
     assert liveness.missing(15) == ("a",)
-    liveness.heard("a", 16)
+    liveness.renew("a", 16)
     assert liveness.missing(16) == ("b",)
 
 
@@ -353,22 +353,22 @@ def test_a_lease_has_at_least_three_frames() -> None:
 def test_a_frame_is_void_once() -> None:
     answers = TickAnswers(("a", "b"), keep=10)
     for k in range(3):
-        answers.asked(k, ())
-    answers.answered("a", 1, 0)
-    answers.answered("stranger", 1, 0)
+        answers.tick_sent(k, ())
+    answers.frame_received("a", 1, 0)
+    answers.frame_received("stranger", 1, 0)
     assert answers.void(("a",)) == (("a", 0), ("a", 2))
     assert answers.void(("a",)) == ()
     assert list(answers.overdue(2)) == [("b", 0)]
-    answers.answered("b", 2, 1)
+    answers.frame_received("b", 2, 1)
     assert answers.void(()) == (("b", 0),)
-    answers.forget()
+    answers.clear()
     assert answers.void(("a", "b")) == ()
 
 
 def test_no_more_is_waited_for_than_is_kept() -> None:
     answers = TickAnswers(("a",), keep=3)
     for k in range(10):
-        answers.asked(k, ())
+        answers.tick_sent(k, ())
     assert answers.void(("a",)) == (("a", 7), ("a", 8), ("a", 9))
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from colony.ir.frame import Answer
 from colony.ir.program import Actuator, Program
-from colony.runtime.frames.clock import GATHER_NS, IDLE_FRAME_NS, Clock
+from colony.runtime.frames.clock import IDLE_FRAME_NS, READY_TIMEOUT_NS, Clock
 from colony.runtime.frames.liveness import Liveness, TickAnswers
 from colony.runtime.frames.registry import ClientRegistry
 from colony.runtime.library import clock as library
@@ -159,10 +159,10 @@ def test_waiting_ends_between_two_frames_too(stage: Stage) -> None:
     stage.until(70 * MS)
     leader = Leader(stage, "me/1")
     leader.deploy(deployed())
-    while stage.now_ns < 70 * MS + GATHER_NS:
+    while stage.now_ns < 70 * MS + READY_TIMEOUT_NS:
         leader.alive()
         stage.until(stage.now_ns + 100 * MS)
-    assert times(stage, "run") == [(70 * MS + GATHER_NS) / MS]
+    assert times(stage, "run") == [(70 * MS + READY_TIMEOUT_NS) / MS]
 
 
 def test_deploying_does_not_delay_the_frames_that_there_are(stage: Stage) -> None:
@@ -273,7 +273,7 @@ def test_restarts_are_those_in_the_middle_of_a_run(stage: Stage) -> None:
 def test_to_lead_what_runs_already_changes_nothing() -> None:
     heard: list[Deployment] = []
     stage = Stage()
-    stage.clock = Clock(servers=("PServer",), keep=9, deployment=deployed(), told=heard.append)
+    stage.clock = Clock(servers=("PServer",), keep=9, deployment=deployed(), on_deploy=heard.append)
     stage.ticks.clear()
     stage.take()
     stage._took(stage.clock.start(0))
@@ -288,7 +288,7 @@ def test_to_lead_what_runs_already_changes_nothing() -> None:
 def test_a_leader_may_go_on_to_another_run_of_which_is_told() -> None:
     heard: list[Deployment] = []
     stage = Stage()
-    stage.clock = Clock(servers=(), keep=9, told=heard.append)
+    stage.clock = Clock(servers=(), keep=9, on_deploy=heard.append)
     stage._took(stage.clock.start(0))
     leader = Leader(stage, "me/1")
     for run in ("a", "b"):
@@ -304,16 +304,19 @@ def test_a_leader_may_go_on_to_another_run_of_which_is_told() -> None:
 
 def test_the_registry_counts_fates() -> None:
     registry = ClientRegistry(("drive/a", "drive/b"), lease_ns=10, now_ns=0)
-    registry.judged(verdict(0, ("a", "won"), ("b", "late")), 0)
-    registry.judged(verdict(0, ("a", "lost"), ("b", "lost")), 0)
-    registry.judged(verdict(0, ("a", "silent"), ("b", "late")), 0)
-    assert [(c.client, c.on_time, c.late) for c in registry.who(0)] == [("drive/a", 2, 0), ("drive/b", 0, 2)]
+    registry.record_verdict(verdict(0, ("a", "won"), ("b", "late")), 0)
+    registry.record_verdict(verdict(0, ("a", "lost"), ("b", "lost")), 0)
+    registry.record_verdict(verdict(0, ("a", "silent"), ("b", "late")), 0)
+    assert [(c.client, c.on_time, c.late) for c in registry.statuses(0)] == [
+        ("drive/a", 2, 0),
+        ("drive/b", 0, 2),
+    ]
 
 
 @pytest.mark.parametrize("fate", get_args(Fate))
 def test_a_verdict_renews_the_lease_of_a_client_whose_request_came(fate: Fate) -> None:
     registry = ClientRegistry(("drive/a", "drive/b"), lease_ns=10, now_ns=0)
-    registry.judged(verdict(0, ("a", fate)), 8)
+    registry.record_verdict(verdict(0, ("a", fate)), 8)
     unheard = fate in ("late", "lost", "refused")
     assert registry.lost(15) == (("drive/a", "drive/b") if unheard else ("drive/b",))
 
@@ -334,7 +337,7 @@ def test_the_lease_includes_its_last_moment() -> None:
     liveness = Liveness(("a", "b"), lease_ns=10, now_ns=3)
     assert liveness.missing(13) == ()
     assert liveness.missing(14) == ("a", "b")
-    liveness.slept(4)
+    liveness.extend(4)
     assert liveness.missing(17) == ()
     assert liveness.missing(18) == ("a", "b")
 
@@ -342,11 +345,11 @@ def test_the_lease_includes_its_last_moment() -> None:
 def test_a_server_gives_up_only_frames_before_those_that_it_knows() -> None:
     answers = TickAnswers(("a",), keep=10)
     for k in range(4):
-        answers.asked(k, ())
-    answers.answered("a", 3, 2)
+        answers.tick_sent(k, ())
+    answers.frame_received("a", 3, 2)
     assert answers.void(()) == (("a", 0), ("a", 1))
     assert list(answers.overdue(4)) == [("a", 2)]
-    answers.answered("a", 9, 2)
+    answers.frame_received("a", 9, 2)
     assert answers.void(()) == ()
     assert answers.void(("stranger",)) == ()
 
@@ -354,15 +357,15 @@ def test_a_server_gives_up_only_frames_before_those_that_it_knows() -> None:
 def test_frames_are_asked_for_when_they_are_two_four_and_eight_ticks_old() -> None:
     answers = TickAnswers(("a", "b"), keep=10)
     for k in range(10):
-        answers.asked(k, ("b",) if k < 6 else ())
+        answers.tick_sent(k, ("b",) if k < 6 else ())
     assert list(answers.overdue(10)) == [("a", 8), ("a", 6), ("a", 2), ("b", 8), ("b", 6)]
     assert list(answers.overdue(1)) == []
-    answers.answered("a", 6, 0)
+    answers.frame_received("a", 6, 0)
     assert list(answers.overdue(10)) == [("a", 8), ("a", 2), ("b", 8), ("b", 6)]
 
 
 def test_a_server_that_is_far_behind_is_not_asked_more() -> None:
     answers = TickAnswers(("a",), keep=2000)
     for k in range(5000):
-        answers.asked(k, ())
+        answers.tick_sent(k, ())
     assert len(list(answers.overdue(5000))) == 10

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from colony.ir.frame import Answer
 from colony.runtime.frames.publishing import (
     KEPT_BYTES,
-    REPUBLISHED_BYTES,
-    REPUBLISHED_FRAMES,
+    MAX_REPUBLISHED_BYTES,
+    MAX_REPUBLISHED_FRAMES,
     Fields,
     Publisher,
 )
@@ -121,9 +121,9 @@ def test_so_many_frames_are_published_again_between_two_ticks() -> None:
     server = Publisher("S", lambda tick: {}, keep=1000)
     for k in range(0, 400, 2):
         server.handle(tick(k))
-    assert fetched(server, range(398)) == list(range(REPUBLISHED_FRAMES))
+    assert fetched(server, range(398)) == list(range(MAX_REPUBLISHED_FRAMES))
     server.handle(tick(400))
-    assert fetched(server, range(300, 398)) == list(range(300, 300 + REPUBLISHED_FRAMES))
+    assert fetched(server, range(300, 398)) == list(range(300, 300 + MAX_REPUBLISHED_FRAMES))
 
 
 def test_so_many_bytes_are_published_again_between_two_ticks() -> None:
@@ -131,7 +131,7 @@ def test_so_many_bytes_are_published_again_between_two_ticks() -> None:
     server = Publisher("S", lambda tick: fields, keep=1000)
     for k in range(20):
         server.handle(tick(k))
-    assert fetched(server, range(20)) == list(range(REPUBLISHED_BYTES // 180_000))
+    assert fetched(server, range(20)) == list(range(MAX_REPUBLISHED_BYTES // 180_000))
 
 
 def test_a_frame_larger_than_the_budget_is_published_again_all_the_same() -> None:
@@ -147,7 +147,7 @@ def test_frames_that_are_kept_have_so_many_bytes() -> None:
         server.handle(tick(k))
     most = KEPT_BYTES // 450_000
     (said,) = server.reached
-    assert said == f"frames: {most} of 1000 are kept, as 16 MiB have no room for more"
+    assert said == f"frames: {most} of 1000 are kept, because of the limit of 16 MiB"
     assert fetched(server, [0, 99 - most]) == []
     assert fetched(server, [100 - most, 99]) == [100 - most, 99]
 
@@ -189,6 +189,6 @@ def test_activities_are_handed_on_again_at_a_bounded_rate() -> None:
         return sum(len(tuple(relay.fetch(Fetch(server=name, k=k)))) for k in ks)
 
     assert again([1, 1, 2]) == 2
-    assert again(range(200)) == REPUBLISHED_FRAMES - 2
+    assert again(range(200)) == MAX_REPUBLISHED_FRAMES - 2
     relay.tick()
     assert again([1]) == 1

@@ -11,7 +11,7 @@ import msgspec
 
 from colony.runtime.kit.server import Field, Method, Server, field, method
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Nothing, RefusedError
+from colony.runtime.protocol.calls import NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller
 from tests.runtime.transport.live.stage import ROBOT, python_process
 from tests.waiting import until
@@ -34,12 +34,12 @@ class Battery:
 
     def methods(self) -> list[Method]:
         return [
-            method("level", Nothing, lambda caller, nothing: self.level, right="read"),
+            method("level", NoArguments, lambda caller, nothing: self.level, right="read"),
             method("charge", Charge, self.charge),
-            method("who", Nothing, lambda caller, nothing: list(caller), right="read"),
-            method("fail", Nothing, lambda caller, nothing: 1 / 0),
-            method("wait", Nothing, lambda caller, nothing: self.wait.wait(20)),
-            method("halt", Nothing, lambda caller, nothing: "halted", right="stop"),
+            method("who", NoArguments, lambda caller, nothing: list(caller), right="read"),
+            method("fail", NoArguments, lambda caller, nothing: 1 / 0),
+            method("wait", NoArguments, lambda caller, nothing: self.wait.wait(20)),
+            method("halt", NoArguments, lambda caller, nothing: "halted", right="stop"),
         ]
 
     def fields(self) -> list[Field]:
@@ -59,7 +59,7 @@ class Battery:
 
 
 def level() -> Ask[float]:
-    return Ask("level", Nothing(), float, "read", repeatable=True)
+    return Ask("level", NoArguments(), float, "read", repeatable=True)
 
 
 def charge(amperes: float) -> Ask[float]:
@@ -67,11 +67,11 @@ def charge(amperes: float) -> Ask[float]:
 
 
 def plain(name: str, reply: object = None, *, repeatable: bool = False) -> Ask[object]:
-    return Ask(name, Nothing(), reply or object, "command", repeatable=repeatable)
+    return Ask(name, NoArguments(), reply or object, "command", repeatable=repeatable)
 
 
 def halt() -> Ask[str]:
-    return Ask("halt", Nothing(), str, "stop")
+    return Ask("halt", NoArguments(), str, "stop")
 
 
 @contextmanager

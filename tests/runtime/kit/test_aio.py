@@ -17,7 +17,7 @@ from colony.runtime.kit.errors import (
     ServerNotFoundError,
 )
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.calls import NoArguments
 from tests.runtime.kit.stage import BATTERY, battery_process, battery_thread, charge, gone, level, plain
 from tests.runtime.kit.test_connection import _Telling
 from tests.runtime.transport.live.stage import ROBOT, hosted
@@ -73,7 +73,7 @@ def test_nobody_there(environment: Mapping[str, str]) -> None:
 def test_notices(environment: Mapping[str, str]) -> None:
     async def work() -> None:
         async with aio.connect("Telling", robot=ROBOT, environment=environment) as connection:
-            await connection.keep(Ask("watch", Nothing(), None, "read"))
+            await connection.keep(Ask("watch", NoArguments(), None, "read"))
             came: list[object] = []
             async for notice in connection.notices():
                 came.append(msgspec.msgpack.decode(notice.body))

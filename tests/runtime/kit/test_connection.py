@@ -20,7 +20,7 @@ from colony.runtime.kit.errors import (
 )
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, method
+from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, method
 from colony.runtime.protocol.messages import Effect, Message
 from tests.runtime.kit.stage import (
     BATTERY,
@@ -54,7 +54,7 @@ def test_the_two_halves_of_an_exchange_apart(battery: Connection) -> None:
     later = battery.send(charge(1.0))
     assert battery.recv() == 0.5
     assert battery.recv() == later.result() == pytest.approx(0.6)
-    with pytest.raises(LookupError, match="nothing was sent to Battery"):
+    with pytest.raises(LookupError, match="every call sent to Battery"):
         battery.recv()
 
 
@@ -75,13 +75,17 @@ def test_the_server_knows_who_calls(environment: Mapping[str, str]) -> None:
     [
         (plain("fly"), "method", "Battery has no method `fly`; it has open, close, status, level"),
         (charge(-1.0), "range", "-1 A: expected 0 or more"),
-        (Ask("charge", Nothing(), float, "command"), "arguments", "Battery.charge: .*amperes"),
-        (Ask("charge", Nothing(), float, "read"), "right", "Battery.charge needs the right to command, not"),
+        (Ask("charge", NoArguments(), float, "command"), "arguments", "Battery.charge: .*amperes"),
+        (
+            Ask("charge", NoArguments(), float, "read"),
+            "right",
+            "Battery.charge needs the right to command, not",
+        ),
         (plain("fail"), "failed", "Battery.fail failed: ZeroDivisionError: division by zero"),
         (
-            Ask("level", Nothing(), str, "read"),
+            Ask("level", NoArguments(), str, "read"),
             "reply",
-            "Battery.level gave a strange result: Expected `str`",
+            "Battery.level returned an invalid result: Expected `str`",
         ),
     ],
 )
@@ -110,7 +114,7 @@ def test_a_call_may_ask_for_more_time_than_the_connection_gives(environment: Map
         connect(BATTERY, robot=ROBOT, environment=environment, timeout_s=2.0) as connection,
     ):
         server.wait.clear()
-        answer = connection.send(Ask("wait", Nothing(), bool, "command", wait_s=20.0))
+        answer = connection.send(Ask("wait", NoArguments(), bool, "command", wait_s=20.0))
         assert answer._timeout_s == 20.0
         server.wait.set()
         assert answer.result() is True
@@ -146,7 +150,7 @@ def test_connections_share_a_session(environment: Mapping[str, str]) -> None:
 
 def test_nobody_there(environment: Mapping[str, str]) -> None:
     with pytest.raises(
-        ServerNotFoundError, match=r"no robot `rome` on this machine: /tmp/.* is not there .*none"
+        ServerNotFoundError, match=r"no robot `rome` on this machine: /tmp/.* does not exist .*none"
     ):
         connect(BATTERY, robot=ROBOT, environment=environment)
     with battery_thread(environment):
@@ -162,7 +166,7 @@ def test_a_server_that_answers_nothing(environment: Mapping[str, str]) -> None:
     silent = Recorder("Silent", topics.calls("Silent"))
     with (
         hosted(environment, [silent]),
-        pytest.raises(ServerNotFoundError, match="Silent of rome is there, but does not answer"),
+        pytest.raises(ServerNotFoundError, match="Silent of rome is up but does not answer"),
     ):
         connect("Silent", robot=ROBOT, environment=environment, timeout_s=0.2)
 
@@ -173,7 +177,7 @@ def test_a_server_that_starts_late_is_waited_for(environment: Mapping[str, str])
 
         def ask() -> None:
             with session.connect("Late") as late:
-                found.append(late.do(Ask("one", Nothing(), float, "read")))
+                found.append(late.do(Ask("one", NoArguments(), float, "read")))
 
         asking = threading.Thread(target=ask)
         asking.start()
@@ -186,7 +190,7 @@ class _Late:
     address = "Late"
 
     def __init__(self) -> None:
-        self._desk = CallDesk("Late", (method("one", Nothing, lambda *_: 1.0, right="read"),))
+        self._desk = CallDispatcher("Late", (method("one", NoArguments, lambda *_: 1.0, right="read"),))
         self.listens = self._desk.listens
 
     def start(self, now_ns: int) -> Iterator[Effect]:
@@ -204,8 +208,8 @@ class _Telling(_Late):
     address = "Telling"
 
     def __init__(self) -> None:
-        self.asked: list[Asked] = []
-        self._desk = CallDesk("Telling", (method("watch", Nothing, self._watch, right="read"),))
+        self.asked: list[CallId] = []
+        self._desk = CallDispatcher("Telling", (method("watch", NoArguments, self._watch, right="read"),))
         self.listens = self._desk.listens
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
@@ -214,7 +218,7 @@ class _Telling(_Late):
             yield from self._desk.notify(asked.caller, "count", number)
         self.asked.clear()
 
-    def _watch(self, asked: Asked, nothing: Nothing, now_ns: int) -> None:
+    def _watch(self, asked: CallId, nothing: NoArguments, now_ns: int) -> None:
         self.asked.extend([asked] * 3)
 
 
@@ -223,7 +227,7 @@ def test_notices_come_in_their_order(environment: Mapping[str, str]) -> None:
         hosted(environment, [_Telling()]),
         connect("Telling", robot=ROBOT, environment=environment) as connection,
     ):
-        connection.keep(Ask("watch", Nothing(), None, "read"))
+        connection.keep(Ask("watch", NoArguments(), None, "read"))
         came = connection.notices(timeout_s=20)
         three = [next(came) for _ in range(3)]
         assert [(n.subject, msgspec.msgpack.decode(n.body)) for n in three] == [
@@ -287,10 +291,10 @@ def test_a_closed_connection_says_so(environment: Mapping[str, str]) -> None:
 
 def test_what_cannot_be_asked_is_told_at_once(battery: Connection) -> None:
     with pytest.raises(
-        TypeError, match=r"cannot ask <function level at .*>: call it; expected what a function"
+        TypeError, match=r"not a call: <function level at .*>: call it; expected the result of a"
     ):
         battery.do(level)  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match="cannot ask 'level'; expected"):
+    with pytest.raises(TypeError, match="not a call: 'level'; expected"):
         battery.send("level")  # type: ignore[arg-type]
 
 
@@ -311,11 +315,11 @@ def test_a_thousand_connections_are_one_key_to_the_network() -> None:
     ):
         hub = session.hub
         connections = [session.connect(BATTERY) for _ in range(3)]
-        ids = {connection._wire._talk.connection for connection in connections}
+        ids = {connection._wire._conversation.connection for connection in connections}
         assert len(ids) == 3
         assert {id.partition("/")[2][:3] for id in ids} == {f"{hub._bucket}-"}
-        assert set(hub._begun) == ids
+        assert set(hub._wires_by_connection) == ids
         for connection in connections:
             assert connection.do(level()) == 0.5
             connection.close()
-        assert hub._begun == {}
+        assert hub._wires_by_connection == {}

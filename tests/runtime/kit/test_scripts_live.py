@@ -75,5 +75,5 @@ def test_ended_from_outside_nothing_is_done_and_nothing_wrong(session: Session) 
 
 
 def test_a_leader_is_one_of_them(session: Session) -> None:
-    with pytest.raises(ValueError, match="the leader `boss` is no script; expected one of helper"):
+    with pytest.raises(ValueError, match="`boss` is not among the scripts; expected one of helper"):
         LiveScripts(session, {"helper": helper([])}, leader="boss")

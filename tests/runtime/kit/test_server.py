@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 import pytest
 
 from colony.ir.program import Sensor
-from colony.ir.types import BOOL, PLAIN, Array, Quantity
+from colony.ir.types import BOOL, DIMENSIONLESS, Array, Quantity
 from colony.runtime.kit.connection import Session, connect
 from colony.runtime.kit.description import Description, FieldDescription, describe, field_type, server_spec
 from colony.runtime.kit.errors import CallRefusedError
@@ -75,9 +75,9 @@ def test_it_says_what_it_has_so_that_programs_can_be_bound_to_it(environment: Ma
     assert [(m.name, m.right) for m in description.methods][:2] == [("level", "read"), ("charge", "command")]
     assert spec.name == BATTERY
     assert spec.fields == (
-        FieldSpec("level", PLAIN, "how full it is, 0 to 1"),
-        FieldSpec("cells", Array(PLAIN, 2), ""),
-        FieldSpec("broken", PLAIN, ""),
+        FieldSpec("level", DIMENSIONLESS, "how full it is, 0 to 1"),
+        FieldSpec("cells", Array(DIMENSIONLESS, 2), ""),
+        FieldSpec("broken", DIMENSIONLESS, ""),
         FieldSpec("nothing", BOOL, ""),
     )
 
@@ -109,7 +109,7 @@ def test_what_a_handler_raises_is_reported_and_the_server_lives_on(environment: 
 def test_its_name_is_taken_as_long_as_it_is_open(environment: Mapping[str, str]) -> None:
     with (
         battery_thread(environment),
-        pytest.raises(AlreadyRunningError, match="Battery of rome runs already"),
+        pytest.raises(AlreadyRunningError, match="Battery of rome is already running"),
     ):
         Server.open(BATTERY, robot=ROBOT, environment=environment)
     Server.open(BATTERY, robot=ROBOT, environment=environment).close()

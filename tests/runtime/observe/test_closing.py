@@ -8,25 +8,25 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.assembly.processes.ending import EXIT_FAILED, EXIT_FINAL
+from colony.runtime.assembly.processes.shutdown import EXIT_FAILED, EXIT_FINAL
 
 BEGIN = """
 import sys
-from colony.runtime.assembly.processes.ending import (
-    drop_what_cannot_be_printed, give_up, give_up_without, say,
+from colony.runtime.assembly.processes.shutdown import (
+    make_printing_safe, exit_with, exit_on_exhaustion, log_line,
 )
-drop_what_cannot_be_printed()
+make_printing_safe()
 print("from a module", end="", flush=True)
 print("from a module", file=sys.stderr)
-say("from a server")
+log_line("from a server")
 """
 
 LAST = [
     ("", 0),
-    ("give_up('wrong')", EXIT_FINAL),
-    ("give_up_without(MemoryError())", EXIT_FAILED),
-    ("give_up_without(OSError(28, 'No space left on device', 'a file'))", EXIT_FAILED),
-    ("give_up_without(KeyError('a bug'))", 1),
+    ("exit_with('wrong')", EXIT_FINAL),
+    ("exit_on_exhaustion(MemoryError())", EXIT_FAILED),
+    ("exit_on_exhaustion(OSError(28, 'No space left on device', 'a file'))", EXIT_FAILED),
+    ("exit_on_exhaustion(KeyError('a bug'))", 1),
 ]
 
 

@@ -67,7 +67,7 @@ def test_disagreements(changes: dict[str, object], wrong: bool) -> None:
     found = Monitor(Always()).check(Frame(0, {}), {"drive": verdict(**changes)}).disagreements
     assert bool(found) is wrong
     if wrong:
-        assert "by the client list it is avoid (80.0, 30.0)" in found[0]
+        assert "the client list gives avoid (80.0, 30.0)" in found[0]
 
 
 def test_an_actuator_without_a_verdict_is_not_compared() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from colony.ir.frame import Answer, Decision, Frame, Outcome
 from colony.ir.memory import ProgramMemory
-from colony.runtime.frames.assembler import KEPT_NS, FrameAssembler
+from colony.runtime.frames.assembler import FRAME_RETENTION_NS, FrameAssembler
 from colony.runtime.observe.monitor import Monitor
 from colony.runtime.observe.observer import Observer
 from colony.runtime.protocol import topics
@@ -51,11 +51,13 @@ SONAR = SensorBinding(sensor="sonar", server="P", field="sonar", within_ns=None,
 
 
 class Stage:
-    def __init__(self, heeded: tuple[str, ...] = (), sensors: tuple[SensorBinding, ...] = ()) -> None:
+    def __init__(
+        self, request_servers: tuple[str, ...] = (), sensors: tuple[SensorBinding, ...] = ()
+    ) -> None:
         self.log = Log()
         self.sent: list[Effect] = []
         assembler = FrameAssembler(sensors, run="run", keep=KEEP)
-        self.observer = Observer(assembler, ("drive",), Monitor(Counting()), (self.log,), heeded)
+        self.observer = Observer(assembler, ("drive",), Monitor(Counting()), (self.log,), request_servers)
 
     def take(self, *messages: Message, now_ns: int = 0) -> None:
         for message in messages:
@@ -91,9 +93,9 @@ def test_frames_wait_for_their_verdicts_in_order(stage: Stage) -> None:
 
 def test_a_frame_without_verdict_is_handed_on_in_the_end(stage: Stage) -> None:
     stage.take(tick(0), now_ns=5)
-    stage.take(tick(1), now_ns=5 + KEPT_NS)
+    stage.take(tick(1), now_ns=5 + FRAME_RETENTION_NS)
     assert stage.log.frames == []
-    stage.take(verdict(1, 2.0), now_ns=6 + KEPT_NS)
+    stage.take(verdict(1, 2.0), now_ns=6 + FRAME_RETENTION_NS)
     assert [(f.tick.k, len(f.verdicts)) for f in stage.log.frames] == [(0, 0), (1, 1)]
 
 

@@ -145,7 +145,7 @@ def test_what_kept_the_network_from_deciding() -> None:
     told = render(summary)
     assert "drive: joystick commanded from outside the network in 2 frames" in told
     assert "drive: the EMERGENCY STOP was on (`colony stop --release` ends it) in 1 frame" in told
-    assert "drive: somebody outside the network had the lock in 1 frame" in told
-    assert "all memory began anew 1 time\n  3 frames could not be observed" in told
-    assert "drive: inspector commanded, who has the lock, in 1 frame" in told
+    assert "drive: a connection outside the network held the lock in 1 frame" in told
+    assert "all memory restarted 1 time\n  3 frames could not be observed" in told
+    assert "drive: inspector, which holds the lock, commanded in 1 frame" in told
     assert summary.sound

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
-from colony.ir.types import BOOL, DEGREES, DISTANCE, PLAIN, Array, Enum, Type
-from colony.runtime.protocol.bindings import SensorBinding, bind, nearest
+from colony.ir.types import BOOL, DEGREES, DIMENSIONLESS, DISTANCE, Array, Enum, Type
+from colony.runtime.protocol.bindings import SensorBinding, bind, name_hint
 from colony.runtime.protocol.fields import SPEED, TURN_RATE
 from colony.text.diagnostics import DiagnosticError, render
 from colony.text.source import Source, Span
@@ -78,7 +78,7 @@ def test_errors_are_at_the_declaration_and_all_are_told() -> None:
 def test_dserver_has_every_field_and_plain_numbers_take_base_units() -> None:
     bound = bind(with_sensor(DISTANCE, "DServer", "Anything", factor=1000.0).robot).sensors[-1]
     assert (bound.field, bound.factor, bound.declared) == ("Anything", 1000.0, True)
-    assert bind(with_sensor(PLAIN, "RServer", "x").robot).sensors[-1].factor == 1.0
+    assert bind(with_sensor(DIMENSIONLESS, "RServer", "x").robot).sensors[-1].factor == 1.0
     hardware = bind(with_sensor(DISTANCE, "RServer", "x", factor=1000.0).robot).sensors[-1]
     assert (hardware.factor, hardware.declared) == (1000.0, False)
 
@@ -146,6 +146,6 @@ def test_two_actuators_on_one_command_would_not_be_arbitrated() -> None:
 
 
 def test_the_nearest_name_or_all_that_are_known() -> None:
-    assert nearest("rserver", ["PServer", "RServer"]) == "did you mean `RServer`?"
-    assert nearest("camera", ["PServer", "RServer"]) == "known are: PServer, RServer"
-    assert nearest("camera", []) == "there is none"
+    assert name_hint("rserver", ["PServer", "RServer"]) == "did you mean `RServer`?"
+    assert name_hint("camera", ["PServer", "RServer"]) == "known are: PServer, RServer"
+    assert name_hint("camera", []) == "there is none"

@@ -10,12 +10,12 @@ import pytest
 
 from colony.runtime.protocol import calls
 from colony.runtime.protocol.calls import (
-    ARGUMENT_BYTES,
     LATER,
     LEASE_NS,
-    Asked,
-    CallDesk,
-    Nothing,
+    MAX_ARGUMENT_BYTES,
+    CallDispatcher,
+    CallId,
+    NoArguments,
     Open,
     RefusedError,
     Status,
@@ -52,36 +52,36 @@ class Sums:
     def __init__(self) -> None:
         self.sum = 0
         self.sent_large = b""
-        self.asked: list[Asked] = []
+        self.asked: list[CallId] = []
         self.gone: list[Caller] = []
         self.banned = ""
-        self.desk = CallDesk(
+        self.desk = CallDispatcher(
             "Sums",
             (
-                method("sum", Nothing, lambda *_: self.sum, right="read"),
+                method("sum", NoArguments, lambda *_: self.sum, right="read"),
                 method("add", Add, self._add),
-                method("large", Nothing, lambda *_: self.sent_large),
-                method("wait", Nothing, self._wait, right="read"),
-                method("halt", Nothing, lambda *_: None, right="stop"),
-                method("long", Nothing, lambda *_: None, largest=100_000),
-                method("watch", Nothing, lambda *_: None, right="read", lasting=True),
-                method("fail", Nothing, self._fail, right="read"),
+                method("large", NoArguments, lambda *_: self.sent_large),
+                method("wait", NoArguments, self._wait, right="read"),
+                method("halt", NoArguments, lambda *_: None, right="stop"),
+                method("long", NoArguments, lambda *_: None, max_bytes=100_000),
+                method("watch", NoArguments, lambda *_: None, right="read", lasting=True),
+                method("fail", NoArguments, self._fail, right="read"),
             ),
             admit=self._admit,
-            lost=self._lost,
+            on_lost=self._lost,
         )
         self.wakes: list[int] = []
 
-    def _add(self, asked: Asked, add: Add, now_ns: int) -> int:
+    def _add(self, asked: CallId, add: Add, now_ns: int) -> int:
         if add.amount < 0:
             raise RefusedError("negative", f"found {add.amount}; expected at least 0")
         self.sum += add.amount
         return self.sum
 
-    def _fail(self, asked: Asked, arguments: Nothing, now_ns: int) -> None:
+    def _fail(self, asked: CallId, arguments: NoArguments, now_ns: int) -> None:
         raise RefusedError("failed", "x" * 4_000_000)
 
-    def _wait(self, asked: Asked, arguments: Nothing, now_ns: int) -> object:
+    def _wait(self, asked: CallId, arguments: NoArguments, now_ns: int) -> object:
         self.asked.append(asked)
         return LATER
 
@@ -217,7 +217,7 @@ def test_arguments_that_are_no_msgpack(sums: Sums) -> None:
     assert code(sums.tell(opening)) == "arguments"
 
 
-@pytest.mark.parametrize(("method", "most"), [("add", ARGUMENT_BYTES), ("long", 100_000)])
+@pytest.mark.parametrize(("method", "most"), [("add", MAX_ARGUMENT_BYTES), ("long", 100_000)])
 def test_arguments_that_are_too_large_are_refused_before_they_are_decoded(
     sums: Sums, method: str, most: int
 ) -> None:
@@ -362,7 +362,7 @@ def test_no_text_of_a_caller_makes_a_status_too_large(sums: Sums) -> None:
 
 
 def test_answers_of_all_connections_have_an_end(sums: Sums, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(calls, "ANSWER_BYTES", 10_000)
+    monkeypatch.setattr(calls, "MAX_ANSWER_BYTES", 10_000)
     for number in range(20):
         sums.open(f"ada/{number}")
         for call_number in range(2, 10):

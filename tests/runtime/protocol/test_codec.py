@@ -13,17 +13,17 @@ from hypothesis import strategies as st
 
 from colony.ir.frame import Answer
 from colony.runtime.protocol.codec import (
-    LARGEST,
+    MAX_MESSAGE_BYTES,
     VERSION,
     MessageFormatError,
     count,
     decode,
     decode_all,
     encode,
-    largest,
+    max_bytes,
 )
 from colony.runtime.protocol.messages import (
-    MOST_IN_BATCH,
+    MAX_BATCH_LENGTH,
     Alive,
     Announcement,
     Batch,
@@ -38,14 +38,14 @@ from colony.runtime.protocol.messages import (
     Request,
     Restart,
     Sample,
-    Sent,
+    SentMessage,
     ServerFrame,
     Tick,
     Verdict,
 )
 
 RAW = msgspec.Raw(msgspec.msgpack.encode({"velocity": 200.0}))
-MESSAGES: tuple[Sent, ...] = (
+MESSAGES: tuple[SentMessage, ...] = (
     Tick(k=3, t_ns=150_000_000, start=1, run="r", down=("PServer",), lost=("drive/avoid",)),
     ServerFrame(server="PServer", k=3, fields={"sonar": Sample((1.5, 2.0), 7), "infrared": None}),
     Fetch(server="PServer", k=2),
@@ -65,12 +65,12 @@ MESSAGES: tuple[Sent, ...] = (
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda m: type(m).__name__)
-def test_round_trip(message: Sent) -> None:
+def test_round_trip(message: SentMessage) -> None:
     assert decode(encode(message)) == message
 
 
 def test_every_kind_of_message_is_tried() -> None:
-    assert {type(m) for m in MESSAGES} == set(get_args(Sent))
+    assert {type(m) for m in MESSAGES} == set(get_args(SentMessage))
 
 
 @given(st.floats(), st.floats())
@@ -106,7 +106,7 @@ def test_types_stay_apart() -> None:
         ),
         (bytes([VERSION]) + msgspec.msgpack.encode(["Wake"]), "Invalid value 'Wake'"),
         (bytes([VERSION]) + b"\x91" * 100_000, "."),
-        (b"\x01" * (LARGEST + 1), "expected at most"),
+        (b"\x01" * (MAX_MESSAGE_BYTES + 1), "expected at most"),
     ],
 )
 def test_what_is_no_message(data: bytes, why: str) -> None:
@@ -117,7 +117,7 @@ def test_what_is_no_message(data: bytes, why: str) -> None:
 def read_or_refused(data: bytes) -> None:
     """Nothing but a message, or a reason why there is none, comes of any bytes."""
     with suppress(MessageFormatError):
-        assert isinstance(decode(data), get_args(Sent))
+        assert isinstance(decode(data), get_args(SentMessage))
 
 
 @given(st.binary(max_size=200))
@@ -127,7 +127,7 @@ def test_random_bytes(data: bytes) -> None:
 
 
 @given(st.sampled_from(MESSAGES), st.integers(0), st.integers(0, 255))
-def test_a_bit_gone_wrong(message: Sent, place: int, byte: int) -> None:
+def test_a_bit_gone_wrong(message: SentMessage, place: int, byte: int) -> None:
     data = bytearray(encode(message))
     data[place % len(data)] = byte
     read_or_refused(bytes(data))
@@ -139,10 +139,10 @@ def test_what_is_too_large_to_send() -> None:
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda m: type(m).__name__)
-def test_messages_of_frames_are_small_and_each_kind_has_its_limit(message: Sent) -> None:
-    most = largest(type(message))
-    assert most == LARGEST or most < 2 << 20
-    assert (most == LARGEST) == isinstance(message, (Call, Reply, Notice, Alive))
+def test_messages_of_frames_are_small_and_each_kind_has_its_limit(message: SentMessage) -> None:
+    most = max_bytes(type(message))
+    assert most == MAX_MESSAGE_BYTES or most < 2 << 20
+    assert (most == MAX_MESSAGE_BYTES) == isinstance(message, (Call, Reply, Notice, Alive))
 
 
 @pytest.mark.parametrize(
@@ -156,11 +156,11 @@ def test_messages_of_frames_are_small_and_each_kind_has_its_limit(message: Sent)
     ],
     ids=lambda m: type(m).__name__,
 )
-def test_one_that_is_too_large_for_its_kind_is_not_read(message: Sent) -> None:
+def test_one_that_is_too_large_for_its_kind_is_not_read(message: SentMessage) -> None:
     data = bytes([VERSION]) + msgspec.msgpack.encode(message)
-    assert len(data) < LARGEST
+    assert len(data) < MAX_MESSAGE_BYTES
     with pytest.raises(
-        MessageFormatError, match=f"{len(data)} bytes; expected at most {largest(type(message))}"
+        MessageFormatError, match=f"{len(data)} bytes; expected at most {max_bytes(type(message))}"
     ):
         decode(data)
 
@@ -170,7 +170,7 @@ def test_a_frame_that_is_too_large_is_not_sent() -> None:
         encode(ServerFrame(server="S", k=0, fields={"scan": Sample((1.5,) * 40_000, 0)}))
 
 
-def other_heads(message: Sent | Batch) -> tuple[bytes, ...]:
+def other_heads(message: SentMessage | Batch) -> tuple[bytes, ...]:
     """The message in other ways that msgpack has for the same: more elements, a longer head, a longer tag."""
     encoded = msgspec.msgpack.encode(message)
     elements, tag = encoded[0] & 0x0F, encoded[1] & 0x1F
@@ -211,14 +211,14 @@ def test_a_batch_comes_back_as_its_messages_and_is_counted_without_reading_it(
     assert count(data) == len(messages)
 
 
-@pytest.mark.parametrize("messages", [15, 16, 255, 256, MOST_IN_BATCH])
+@pytest.mark.parametrize("messages", [15, 16, 255, 256, MAX_BATCH_LENGTH])
 def test_where_msgpack_writes_lengths_in_another_way_batches_are_counted_right(messages: int) -> None:
     data = encode(Batch(messages=(Ready(client="c"),) * messages))
     assert count(data) == len(decode_all(data)) == messages
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda m: type(m).__name__)
-def test_any_other_message_is_one(message: Sent) -> None:
+def test_any_other_message_is_one(message: SentMessage) -> None:
     assert count(encode(message)) == 1
     assert decode_all(encode(message)) == (message,)
 
@@ -268,7 +268,7 @@ def wider_lengths(batch: Batch) -> tuple[bytes, ...]:
 @pytest.mark.parametrize(
     ("batch", "why"),
     [
-        (Batch(messages=(Ready(client="c"),) * (MOST_IN_BATCH + 1)), "length <= 1000"),
+        (Batch(messages=(Ready(client="c"),) * (MAX_BATCH_LENGTH + 1)), "length <= 1000"),
         (Batch(messages=()), "length >= 1"),
         (Batch(messages=(Fetch(server="S", k=0),)), "Invalid value 'Fetch'"),  # type: ignore[arg-type]
         (Batch(messages=(Batch(messages=SAID),)), "Invalid value 'Batch'"),  # type: ignore[arg-type]

@@ -15,11 +15,11 @@ from colony.compile.pipeline import compile_program
 from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Decision, Frame, Outcome, Reading
 from colony.ir.program import Actuator, ActuatorField, Program, Sensor
-from colony.ir.types import BOOL, PLAIN, Array
+from colony.ir.types import BOOL, DIMENSIONLESS, Array
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.messages import Sample, Tick, Verdict
-from colony.runtime.recordings.lines import Recording, encoder, seconds_text, summed
-from colony.runtime.recordings.replay import Rows, has_right_sum
+from colony.runtime.recordings.lines import Recording, add_checksum, encoder, seconds_text
+from colony.runtime.recordings.replay import Rows, has_valid_checksum
 from colony.text.diagnostics import DiagnosticError
 from colony.text.units import nanoseconds
 from tests.runtime.programs import roam
@@ -92,9 +92,9 @@ def test_times_of_eleven_days_read_back_through_a_double(t_ns: int) -> None:
 
 
 SENSORS = (
-    Sensor(name="n", type=PLAIN, server="DServer", field="n"),
+    Sensor(name="n", type=DIMENSIONLESS, server="DServer", field="n"),
     Sensor(name="b", type=BOOL, server="DServer", field="b"),
-    Sensor(name="a", type=Array(PLAIN, 2), server="DServer", field="a"),
+    Sensor(name="a", type=Array(DIMENSIONLESS, 2), server="DServer", field="a"),
 )
 LAMP = Actuator(
     name="lamp", fields=(ActuatorField(name="on", type=BOOL),), server="DServer", command="Lamp", idle=None
@@ -119,7 +119,7 @@ def line(readings: dict[str, Reading], verdict: Verdict | None = None) -> str:
 
 def members(of: str) -> str:
     """A line without its checksum, which is right."""
-    assert has_right_sum(of.encode())
+    assert has_valid_checksum(of.encode())
     return of[: of.rindex(', "@sum"')] + "}"
 
 
@@ -199,7 +199,7 @@ def rows(*lines: str) -> tuple[list[float], bool, bool]:
 
 
 def at(t: float) -> str:
-    return summed(f'{{"t": {t}, "@tick": 0, "b": true') + "\n"
+    return add_checksum(f'{{"t": {t}, "@tick": 0, "b": true') + "\n"
 
 
 def bad(t: float) -> str:
@@ -245,5 +245,5 @@ def test_a_time_beyond_all_clocks_is_refused() -> None:
 
 def test_names_that_repeat_are_found_at_once() -> None:
     many = ", ".join(f'"x{i}": 0' for i in range(100_000))
-    with pytest.raises(DiagnosticError, match="`x0` stands twice"):
+    with pytest.raises(DiagnosticError, match="`x0` appears twice"):
         rows(f'{{"t": 0, {many}, "x0": 1}}\n')

@@ -132,7 +132,7 @@ def test_frames_without_end_are_a_bomb() -> None:
 
 def test_a_program_without_end_is_refused() -> None:
     sources = tuple(SourceFile(kind="python", place=f"m{i}.py", data=bytes(5_000_000)) for i in range(8))
-    with pytest.raises(DiagnosticError, match="more than 32 MiB"):
+    with pytest.raises(DiagnosticError, match="larger than 32 MiB"):
         read_mcap(PROGRAM, as_mcap(PROGRAM, [], *sources).content)
 
 

@@ -74,12 +74,12 @@ import os, sys
 from dataclasses import replace
 from itertools import count
 import msgspec
-from colony.files import open_alone
+from colony.files import open_exclusive
 from colony.runtime.recordings.mcap_writer import McapRecording
 from tests.runtime.recordings.mcap_files import PROGRAM, SOURCES, trace
 from tests.verify.audit.recorded_runs import logs, mcap_to
 
-recording = mcap_to(open_alone(sys.argv[1]), PROGRAM, *SOURCES)
+recording = mcap_to(open_exclusive(sys.argv[1]), PROGRAM, *SOURCES)
 [log] = logs(PROGRAM, trace(1))
 for k in count():
     verdicts = {name: msgspec.structs.replace(v, k=k) for name, v in log.verdicts.items()}

@@ -6,7 +6,7 @@ from copy import deepcopy
 from typing import Any, NamedTuple
 
 from colony.runtime.library.ask import Ask
-from colony.runtime.servers.once import KEPT
+from colony.runtime.servers.call_answers import ANSWERS_PER_CONNECTION
 
 
 class Outcome(NamedTuple):
@@ -79,7 +79,7 @@ class Model:
     def _note(self, call: CallOf, outcome: Outcome) -> None:
         self.state.done[call] = outcome
         mine = [c for c in self.state.done if c.connection == call.connection]
-        assert len(mine) < KEPT, "the model does not know that answers are forgotten"
+        assert len(mine) < ANSWERS_PER_CONNECTION, "the model does not know that answers are forgotten"
 
     def _do(self, call: CallOf, ask: Ask[Any], now: int) -> Outcome | None:
         state, a = self.state, ask.arguments

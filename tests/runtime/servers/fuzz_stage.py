@@ -17,8 +17,8 @@ import msgspec
 
 from colony.runtime.frames.clock import Clock
 from colony.runtime.protocol import codec, topics
-from colony.runtime.protocol.calls import CallDesk, Method, Open
-from colony.runtime.protocol.codec import LARGEST, MessageFormatError
+from colony.runtime.protocol.calls import CallDispatcher, Method, Open
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES, MessageFormatError
 from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import (
     Announcement,
@@ -37,9 +37,9 @@ from colony.runtime.protocol.messages import (
     Right,
     Sample,
     Send,
-    Sent,
+    SentMessage,
     ServerFrame,
-    Settling,
+    SettlingNode,
     Tick,
     Verdict,
     Wake,
@@ -97,7 +97,7 @@ def methods_of(node: Node) -> dict[str, Method]:
     parts = [
         part for whole in (node, *vars(node).values()) for part in getattr(whole, "__dict__", {}).values()
     ]
-    (desk,) = {id(part): part for part in parts if isinstance(part, CallDesk)}.values()
+    (desk,) = {id(part): part for part in parts if isinstance(part, CallDispatcher)}.values()
     return {name: method for name, (method, _) in desk._methods.items()}
 
 
@@ -132,7 +132,7 @@ class Stage:
         self._vandal = Vandal(random)
         self._methods = {n: m for n, m in methods_of(node).items() if n not in without}
         self._topics = tuple(node.listens)
-        self._kinds = get_args(Sent)
+        self._kinds = get_args(SentMessage)
         self._wakes: list[int] = []
         self._numbers = dict.fromkeys(USERS, 0)
         self._deployment = msgspec.to_builtins(deployed())
@@ -177,7 +177,7 @@ class Stage:
             return
         self.give(message)
 
-    def call(self, right: Right, connection: str, data: bytes) -> list[Sent]:
+    def call(self, right: Right, connection: str, data: bytes) -> list[SentMessage]:
         """Bytes on the key of a caller; gives what the server says."""
         message: Message
         key = CallKey(right, connection)
@@ -270,7 +270,7 @@ class Stage:
 
     # --- what comes of it ----------------------------------------------------------------------------
 
-    def give(self, message: Message) -> list[Sent]:
+    def give(self, message: Message) -> list[SentMessage]:
         """Let the server handle this, and hold what it does to what a host can carry out."""
         self.given += 1
         try:
@@ -291,9 +291,9 @@ class Stage:
         """How many are due."""
         return len(self._wakes)
 
-    def _take(self, effects: Iterable[Effect]) -> list[Sent]:
+    def _take(self, effects: Iterable[Effect]) -> list[SentMessage]:
         effects = list(effects)
-        if isinstance(self.node, Settling):
+        if isinstance(self.node, SettlingNode):
             self.node.settle()
         said = []
         for effect in effects:
@@ -302,7 +302,7 @@ class Stage:
                     heapq.heappush(self._wakes, t_ns)
                 case Send(topic, message):
                     assert topic
-                    assert len(codec.encode(message)) <= LARGEST
+                    assert len(codec.encode(message)) <= MAX_MESSAGE_BYTES
                     said.append(message)
                     if isinstance(message, Tick):
                         self.ticks.append(message)

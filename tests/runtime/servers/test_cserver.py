@@ -6,7 +6,7 @@ import pytest
 
 from colony.runtime.library import camera
 from colony.runtime.protocol.calls import LEASE_NS
-from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import Fetch, Send, ServerFrame, Tick
 from colony.runtime.servers.cserver import CServer
@@ -164,11 +164,11 @@ def test_a_camera_that_is_gone_gives_no_image_and_comes_back() -> None:
 
 
 def test_an_image_too_large_for_a_message_can_be_had_in_rows() -> None:
-    one = asker(Film(width=LARGEST // 2))
+    one = asker(Film(width=MAX_MESSAGE_BYTES // 2))
     with pytest.raises(TroubleError, match="grab rows") as trouble:
         one.do("ann", camera.grab())
     assert trouble.value.code == "too large"
-    assert one.do("ann", camera.grab_rows(2)).width == LARGEST // 2
+    assert one.do("ann", camera.grab_rows(2)).width == MAX_MESSAGE_BYTES // 2
 
 
 def test_it_answers_ticks_with_empty_frames() -> None:

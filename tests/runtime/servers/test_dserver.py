@@ -9,7 +9,7 @@ import pytest
 from colony.ir.frame import Answer
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Nothing, Status
+from colony.runtime.protocol.calls import NoArguments, Status
 from colony.runtime.protocol.deployment import ActuatorTable, Deployment, FieldTable
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
@@ -22,7 +22,7 @@ from colony.runtime.protocol.messages import (
     Request,
     Send,
     ServerFrame,
-    Settling,
+    SettlingNode,
     Tick,
     Verdict,
     Wake,
@@ -92,7 +92,7 @@ def tick(stage: DataStage, k: int, run: str = "run") -> list[Effect]:
 
 
 def test_it_has_something_to_settle(stage: DataStage) -> None:
-    assert isinstance(stage.server, Settling)
+    assert isinstance(stage.server, SettlingNode)
     assert len(set(stage.server.listens)) == len(stage.server.listens)
 
 
@@ -263,7 +263,7 @@ def test_bytes_that_are_no_message_are_counted_and_told(stage: DataStage) -> Non
     assert [r.problem.code for r in ada.replies(effects) if r.problem] == ["malformed"]
     stage.handle(Malformed(topic="DServer/requests", connection=None, reason="nonsense"))
     stage.handle(Malformed(topic="DServer/checkpoints", connection=None, reason="nonsense"))
-    status = ada.do(Ask("status", Nothing(), Status, "read"))
+    status = ada.do(Ask("status", NoArguments(), Status, "read"))
     assert status.last_malformed == "nonsense"
 
 
@@ -283,7 +283,7 @@ def test_bytes_that_are_no_message_are_counted_and_told(stage: DataStage) -> Non
 def test_a_store_whose_entries_make_no_sense_is_refused(key: Key, junk: bytes) -> None:
     store = MemoryStore()
     store.commit({key: junk})
-    with pytest.raises(StoreError, match="does not fit together"):
+    with pytest.raises(StoreError, match="is inconsistent"):
         DServer(store=store)
 
 

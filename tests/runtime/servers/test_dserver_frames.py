@@ -5,7 +5,7 @@ from __future__ import annotations
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.deployment import Deployment
-from colony.runtime.servers.showing import LONGEST_LIST, MOST_ASKED, MOST_EACH
+from colony.runtime.servers.frame_content import MAX_LIST_LENGTH, MAX_NAMES_ASKED, MAX_NAMES_PER_CONNECTION
 from tests.runtime.servers.data_stage import MS, Connection, DataStage, S
 
 
@@ -94,14 +94,14 @@ def test_what_a_program_and_a_connection_ask_for_stays_while_one_of_them_does(
 
 
 def test_publishing_has_an_end(stage: DataStage, ada: Connection) -> None:
-    ada.do(data.publish([f"V{i}" for i in range(MOST_EACH)]))
+    ada.do(data.publish([f"V{i}" for i in range(MAX_NAMES_PER_CONNECTION)]))
     ada.do(data.publish(["V1"]))
     assert ada.refusal(data.publish(["one more"])) == "full"
-    assert ada.refusal(data.publish(["x"] * (MOST_EACH + 1))) == "size"
+    assert ada.refusal(data.publish(["x"] * (MAX_NAMES_PER_CONNECTION + 1))) == "size"
     assert ada.refusal(data.publish([""])) == "arguments"
-    others = [stage.connect(f"bob/{i}") for i in range(MOST_ASKED // MOST_EACH)]
+    others = [stage.connect(f"bob/{i}") for i in range(MAX_NAMES_ASKED // MAX_NAMES_PER_CONNECTION)]
     for number, other in enumerate(others[:-1]):
-        other.do(data.publish([f"W{number}.{i}" for i in range(MOST_EACH)]))
+        other.do(data.publish([f"W{number}.{i}" for i in range(MAX_NAMES_PER_CONNECTION)]))
     assert others[-1].refusal(data.publish(["one more"])) == "full"
     assert "names asked for in frames: 10000 of 10000 are used, and there was no room for more" in (
         stage.server.full()
@@ -109,33 +109,34 @@ def test_publishing_has_an_end(stage: DataStage, ada: Connection) -> None:
     ada.close()
     others[-1].do(data.publish(["one more"]))
     assert (
-        others[-1].refusal(deploy(program("run", *(f"R{i}" for i in range(MOST_ASKED + 1))))) == "arguments"
+        others[-1].refusal(deploy(program("run", *(f"R{i}" for i in range(MAX_NAMES_ASKED + 1)))))
+        == "arguments"
     )
 
 
 def test_what_no_program_reads_has_room_of_its_own_and_refuses_no_set(
     stage: DataStage, ada: Connection
 ) -> None:
-    quarter = [0.5] * (LONGEST_LIST // 4 - 10)
+    quarter = [0.5] * (MAX_LIST_LENGTH // 4 - 10)
     ada.do(data.set_many({"A": quarter, "B": quarter, "C": quarter}))
     ada.do(data.publish(["A", "B"]))
     assert ada.refusal(data.publish(["C"])) == "full"
     assert set(stage.fields(1)) == {"A", "B"}
-    ada.do(data.set("A", [0.5] * LONGEST_LIST))
+    ada.do(data.set("A", [0.5] * MAX_LIST_LENGTH))
     assert set(stage.fields(2)) == {"B"}, "it is left out"
     ada.do(data.publish(["C"]))
     assert set(stage.fields(3)) == {"B", "C"}
     ada.do(deploy(program("run", "P", "B")))
-    ada.do(data.set("P", [0.5] * (3 * LONGEST_LIST // 4 - 20)))
+    ada.do(data.set("P", [0.5] * (3 * MAX_LIST_LENGTH // 4 - 20)))
     assert set(stage.fields(4, "run")) == {"B", "C", "P"}, "nobody takes the program's room"
-    assert ada.refusal(data.set("P", [0.5] * LONGEST_LIST)) == "full"
+    assert ada.refusal(data.set("P", [0.5] * MAX_LIST_LENGTH)) == "full"
     assert set(stage.fields(5)) == {"B", "C"}, "of another run"
     said = {sentence.partition(":")[0] for sentence in stage.server.full()}
     assert said == {"numbers in frames", "numbers in frames that no program reads"}
 
 
 def test_what_the_program_reads_without_room_is_missing(stage: DataStage, ada: Connection) -> None:
-    ada.do(data.set_many({"Long": [0.5] * (LONGEST_LIST - 20), "Second": [0.5] * 100, "Short": 1}))
+    ada.do(data.set_many({"Long": [0.5] * (MAX_LIST_LENGTH - 20), "Second": [0.5] * 100, "Short": 1}))
     ada.do(deploy(program("run", "Long", "Second", "Short")))
     assert set(stage.fields(1, "run")) == {"Long", "Short"}
     assert ada.refusal(data.set("Second", [0.5] * 99)) == "full"

@@ -10,10 +10,10 @@ import pytest
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.messages import Wake, WakeAt
-from colony.runtime.servers import once, semaphores, variables, watching
-from colony.runtime.servers.naming import Names
-from colony.runtime.servers.once import CallAnswers
-from colony.runtime.servers.telling import PAUSE_NS, SLICE, SLICE_BYTES
+from colony.runtime.servers import call_answers, semaphores, variables, watching
+from colony.runtime.servers.call_answers import CallAnswers
+from colony.runtime.servers.names import SortedNames
+from colony.runtime.servers.notices import SLICE_BYTES, SLICE_INTERVAL_NS, SLICE_NOTICES
 from colony.runtime.store.store import Journal, MemoryStore
 from tests.runtime.servers.data_stage import Connection, DataStage
 
@@ -80,7 +80,7 @@ def test_a_long_history_comes_in_parts(ada: Connection) -> None:
 
 
 def test_there_are_so_many_variables(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(variables, "MOST", 3)
+    monkeypatch.setattr(variables, "MAX_VARIABLES", 3)
     stage = DataStage()
     ada = stage.connect()
     ada.do(data.set_many({"A": 1, "B": 2}))
@@ -96,7 +96,7 @@ def test_there_are_so_many_variables(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_there_are_so_many_semaphores_holds_and_waiting_calls(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("MOST", "MOST_HELD", "MOST_WAITING"):
+    for name in ("MAX_SEMAPHORES", "MAX_HOLDS", "MAX_WAITING_CALLS"):
         monkeypatch.setattr(semaphores, name, 2)
     stage = DataStage()
     ada, bob = stage.connect(), stage.connect("bob/1")
@@ -123,9 +123,9 @@ def test_there_are_so_many_semaphores_holds_and_waiting_calls(monkeypatch: pytes
 
 
 def test_there_are_so_many_names_and_prefixes_watched(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(watching, "MOST_NAMES", 3)
-    monkeypatch.setattr(watching, "MOST_PREFIXES", 2)
-    monkeypatch.setattr(watching, "SHARE", 1)
+    monkeypatch.setattr(watching, "MAX_WATCHED_NAMES", 3)
+    monkeypatch.setattr(watching, "MAX_WATCHED_PREFIXES", 2)
+    monkeypatch.setattr(watching, "USER_SHARE", 1)
     stage = DataStage()
     ada, bob = stage.connect(), stage.connect("bob/1")
     ada.do(data.watch("A", "B", prefixes=["P"]))
@@ -140,8 +140,8 @@ def test_there_are_so_many_names_and_prefixes_watched(monkeypatch: pytest.Monkey
 
 
 def test_no_user_watches_all_there_is_to_watch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(watching, "MOST_NAMES", 4)
-    monkeypatch.setattr(watching, "MOST_PREFIXES", 4)
+    monkeypatch.setattr(watching, "MAX_WATCHED_NAMES", 4)
+    monkeypatch.setattr(watching, "MAX_WATCHED_PREFIXES", 4)
     stage = DataStage()
     first, second, bob = stage.connect("ada/1"), stage.connect("ada/2"), stage.connect("bob/1")
     first.do(data.watch("A", prefixes=["P"]))
@@ -152,12 +152,12 @@ def test_no_user_watches_all_there_is_to_watch(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_answers_of_long_ago_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(once, "SPACE", 10 * (once.OVERHEAD + 10))
+    monkeypatch.setattr(call_answers, "MAX_TOTAL_BYTES", 10 * (call_answers.OVERHEAD + 10))
     store = MemoryStore()
     journal = Journal(store)
     answers = CallAnswers(journal)
     for i in range(20):
-        answers.note(f"ada/{i}", 1, b"\xc0")
+        answers.record(f"ada/{i}", 1, b"\xc0")
     journal.settle()
     loaded = CallAnswers(journal)
     loaded.load(dict(store.load()))
@@ -169,7 +169,7 @@ def test_answers_of_long_ago_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_names_are_found_in_order() -> None:
-    names = Names()
+    names = SortedNames()
     for name in ("b", "a2", "a1", "é", "a", "b\U0010ffff", "c"):
         names.add(name)
     assert names.page("", "", 100) == ("a", "a1", "a2", "b", "b\U0010ffff", "c", "é")
@@ -190,7 +190,7 @@ def told(stage: DataStage, ada: Connection) -> list[list[tuple[str, Any]]]:
     """What it is told in each of the slices that follow, until there is nothing more."""
     slices = []
     while True:
-        stage.now += PAUSE_NS
+        stage.now += SLICE_INTERVAL_NS
         changes = ada.changes(stage.handle(Wake()))
         if not changes:
             return slices
@@ -201,9 +201,9 @@ def test_thousands_of_present_values_are_told_in_slices(stage: DataStage, ada: C
     names = [f"V{i:03}" for i in range(600)]
     ada.do(data.set_many(dict.fromkeys(names, 1)))
     first = ada.changes(ada.begin(data.watch(prefixes=["V"])))
-    assert len(first) == SLICE
+    assert len(first) == SLICE_NOTICES
     second = ada.changes(ada.begin(data.set("V599", 2)))
-    assert len(second) == SLICE
+    assert len(second) == SLICE_NOTICES
     rest = [change for part in told(stage, ada) for change in part]
     assert {name for name, _ in [*first, *second, *rest]} == set(names)
     assert dict(rest)["V599"] == 2
@@ -211,14 +211,14 @@ def test_thousands_of_present_values_are_told_in_slices(stage: DataStage, ada: C
 
 
 def test_a_reopened_connection_is_told_in_slices_too(stage: DataStage, ada: Connection) -> None:
-    names = [f"V{i:03}" for i in range(SLICE + 10)]
+    names = [f"V{i:03}" for i in range(SLICE_NOTICES + 10)]
     ada.do(data.set_many(dict.fromkeys(names, 1)))
     ada.do(data.watch(prefixes=[""]))
     told(stage, ada)
     stage.kill_and_restart()
     first = ada.changes(ada.open())
-    assert [name for name, _ in first] == names[:SLICE]
-    assert [name for part in told(stage, ada) for name, _ in part] == names[SLICE:]
+    assert [name for name, _ in first] == names[:SLICE_NOTICES]
+    assert [name for part in told(stage, ada) for name, _ in part] == names[SLICE_NOTICES:]
 
 
 def test_large_values_are_told_a_few_at_a_time(stage: DataStage, ada: Connection) -> None:
@@ -231,17 +231,17 @@ def test_large_values_are_told_a_few_at_a_time(stage: DataStage, ada: Connection
 
 
 def test_everybody_who_watches_is_told_in_the_end(stage: DataStage) -> None:
-    watchers = [stage.connect(f"ada/{i}") for i in range(SLICE + 20)]
+    watchers = [stage.connect(f"ada/{i}") for i in range(SLICE_NOTICES + 20)]
     for watcher in watchers:
         watcher.do(data.watch("X"))
     bob = stage.connect("bob/1")
     begun = bob.begin(data.set("X", 1))
-    assert sum(len(w.changes(begun)) for w in watchers) == SLICE
-    stage.now += PAUSE_NS
+    assert sum(len(w.changes(begun)) for w in watchers) == SLICE_NOTICES
+    stage.now += SLICE_INTERVAL_NS
     later = stage.handle(Wake())
     assert [w.changes(begun + later) for w in watchers] == [[("X", 1)]] * len(watchers)
     begun = bob.begin(data.delete("X"))
-    stage.now += PAUSE_NS
+    stage.now += SLICE_INTERVAL_NS
     later = stage.handle(Wake())
     assert [w.changes(begun + later) for w in watchers] == [[("X", ...)]] * len(watchers)
 
@@ -252,5 +252,5 @@ def test_slices_are_asked_for_once(stage: DataStage, ada: Connection) -> None:
     effects = ada.begin(data.watch(prefixes=["V"]))
     for _ in range(2):
         effects += ada.begin(data.names())
-    wakes = [e for e in effects if isinstance(e, WakeAt) and e.t_ns == stage.now + PAUSE_NS]
+    wakes = [e for e in effects if isinstance(e, WakeAt) and e.t_ns == stage.now + SLICE_INTERVAL_NS]
     assert len(wakes) == 1

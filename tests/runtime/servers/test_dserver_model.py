@@ -14,7 +14,7 @@ from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import LEASE_NS
 from colony.runtime.protocol.messages import Effect
-from colony.runtime.servers.data_calls import RETURN_NS
+from colony.runtime.servers.data_calls import RECONNECT_GRACE_NS
 from tests.runtime.servers.data_model import CallOf, Model, Outcome
 from tests.runtime.servers.data_stage import Connection, DataStage, S
 
@@ -138,7 +138,7 @@ class DServerMachine(RuleBasedStateMachine):
         for connection in there:
             self.reopen(connection)
         if away:
-            self.wait_for(RETURN_NS, there)
+            self.wait_for(RECONNECT_GRACE_NS, there)
             for name in sorted(away):
                 self.model.lose(name)
             self.compare(self.effects)

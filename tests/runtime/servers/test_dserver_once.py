@@ -8,7 +8,7 @@ import pytest
 
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
-from colony.runtime.servers.once import CONNECTIONS, KEPT, CallAnswers
+from colony.runtime.servers.call_answers import ANSWERS_PER_CONNECTION, MAX_CONNECTIONS, CallAnswers
 from colony.runtime.store.store import Journal, MemoryStore
 from tests.runtime.servers.data_stage import Connection, S, StageError
 
@@ -89,21 +89,21 @@ def test_connections_do_not_share_numbers(ada: Connection) -> None:
 def test_a_call_from_too_far_back_is_refused(ada: Connection) -> None:
     ada.do(data.set("X", 0))
     number = ada.number
-    for x in range(KEPT):
+    for x in range(ANSWERS_PER_CONNECTION):
         ada.do(data.set("X", x))
     again(ada)
     with pytest.raises(StageError) as failed:
         ada.do(data.set("X", "again"), number)
     assert failed.value.code == "forgotten"
     ada.do(data.set("X", "in time"), number + 1)
-    assert ada.do(data.get("X")) == KEPT - 1
+    assert ada.do(data.get("X")) == ANSWERS_PER_CONNECTION - 1
 
 
 def test_a_call_that_still_waits_is_never_too_far_back(ada: Connection) -> None:
     ada.do(data.create_semaphore("S", 0))
     ada.begin(data.wait("S"))
     number = ada.number
-    for x in range(3 * KEPT):
+    for x in range(3 * ANSWERS_PER_CONNECTION):
         ada.do(data.set("X", x))
     for _ in range(2):
         again(ada)
@@ -125,27 +125,27 @@ def test_old_connections_are_forgotten() -> None:
     store = MemoryStore()
     journal = Journal(store)
     answers = CallAnswers(journal)
-    for i in range(CONNECTIONS + 1):
-        answers.note(f"ada/{i}", 1, b"\xc0")
-        answers.pend(f"ada/{i}", 2)
+    for i in range(MAX_CONNECTIONS + 1):
+        answers.record(f"ada/{i}", 1, b"\xc0")
+        answers.mark_pending(f"ada/{i}", 2)
     journal.settle()
     assert answers.find("ada/0", 1) is None
     assert answers.find("ada/1", 1) == b"\xc0"
-    assert len(store.load()) == 2 * CONNECTIONS
+    assert len(store.load()) == 2 * MAX_CONNECTIONS
 
 
 def test_answers_that_were_taken_back_leave_no_gap_in_the_ring() -> None:
     store = MemoryStore()
     journal = Journal(store)
     answers = CallAnswers(journal)
-    for number in range(1, 4 * KEPT):
-        answers.note("ada/1", number, b"\xc0")
+    for number in range(1, 4 * ANSWERS_PER_CONNECTION):
+        answers.record("ada/1", number, b"\xc0")
         if number % 5 == 0:
-            answers.undo("ada/1", number - 2)
+            answers.forget("ada/1", number - 2)
         journal.settle()
     loaded = CallAnswers(journal)
     loaded.load(dict(store.load()))
-    for number in range(1, 4 * KEPT):
+    for number in range(1, 4 * ANSWERS_PER_CONNECTION):
         found = []
         for one in (answers, loaded):
             try:

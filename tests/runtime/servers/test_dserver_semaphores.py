@@ -10,7 +10,7 @@ from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.data import SemaphoreState
 from colony.runtime.protocol.messages import Effect
-from colony.runtime.servers.data_calls import RETURN_NS
+from colony.runtime.servers.data_calls import RECONNECT_GRACE_NS
 from tests.runtime.servers.data_stage import MS, Connection, DataStage, S, StageError
 
 
@@ -217,9 +217,9 @@ def test_a_holder_has_time_to_come_back(stage: DataStage, ada: Connection) -> No
     bob.do(data.wait("$XYZ", hold=True))
     stage.kill_and_restart()
     ada.open()
-    stage.pass_time(RETURN_NS // 2, alive=(ada,))
+    stage.pass_time(RECONNECT_GRACE_NS // 2, alive=(ada,))
     bob.open()
-    stage.pass_time(RETURN_NS, alive=(ada, bob))
+    stage.pass_time(RECONNECT_GRACE_NS, alive=(ada, bob))
     assert state(ada).holding == ("bob/1",)
     bob.do(data.release("$XYZ"))
     assert state(ada) == SemaphoreState(value=1, waiting=(), holding=())
@@ -232,7 +232,7 @@ def test_a_holder_that_does_not_come_back_holds_no_more(stage: DataStage, ada: C
     ada.open()
     ada.begin(data.wait("$XYZ"))
     number = ada.number
-    assert answered(ada, stage.pass_time(RETURN_NS, alive=(ada,))) == [(number, None)]
+    assert answered(ada, stage.pass_time(RECONNECT_GRACE_NS, alive=(ada,))) == [(number, None)]
     assert state(ada) == SemaphoreState(value=0, waiting=(), holding=())
     stage.kill_and_restart()
     ada.open()

@@ -11,8 +11,8 @@ from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.messages import Wake
-from colony.runtime.servers.variables import VALUE_BYTES, Variables, prepared
-from colony.runtime.servers.watching import KEPT_NS
+from colony.runtime.servers.variables import MAX_VALUE_BYTES, Variables, checked_value
+from colony.runtime.servers.watching import LOST_WATCHES_NS
 from colony.runtime.store.store import Journal, MemoryStore
 from tests.runtime.servers.data_stage import MS, Connection, DataStage, S, StageError
 
@@ -121,7 +121,7 @@ def test_several_are_set_and_got_at_one_moment(stage: DataStage, ada: Connection
 
 def test_where_one_of_several_cannot_be_set_none_is(ada: Connection) -> None:
     ada.do(data.set("X", 1))
-    for bad in ({"X": 2, "": 3}, {"X": 2, "Y": b"a" * VALUE_BYTES}):
+    for bad in ({"X": 2, "": 3}, {"X": 2, "Y": b"a" * MAX_VALUE_BYTES}):
         with pytest.raises(StageError):
             ada.do(data.set_many(bad))
         assert ada.do(data.get("X")) == 1
@@ -140,14 +140,14 @@ def test_names_have_1_to_255_bytes(ada: Connection, name: str, ok: bool) -> None
 
 
 def test_a_value_that_is_too_large_is_refused(ada: Connection) -> None:
-    ada.do(data.set("Big", b"a" * (VALUE_BYTES - 5)))
-    assert ada.refusal(data.set("Big", b"a" * VALUE_BYTES)) == "size"
-    assert len(ada.do(data.get("Big", type=bytes))) == VALUE_BYTES - 5
+    ada.do(data.set("Big", b"a" * (MAX_VALUE_BYTES - 5)))
+    assert ada.refusal(data.set("Big", b"a" * MAX_VALUE_BYTES)) == "size"
+    assert len(ada.do(data.get("Big", type=bytes))) == MAX_VALUE_BYTES - 5
 
 
 def test_a_reply_that_would_be_too_large_is_refused(ada: Connection) -> None:
     for i in range(4):
-        ada.do(data.set(f"Big{i}", b"a" * (VALUE_BYTES - 5)))
+        ada.do(data.set(f"Big{i}", b"a" * (MAX_VALUE_BYTES - 5)))
     assert ada.refusal(data.get_many([f"Big{i}" for i in range(4)])) == "size"
 
 
@@ -165,7 +165,7 @@ def test_there_is_an_end_to_the_room() -> None:
     variables = Variables(Journal(MemoryStore()), space=12_000, frame_space=1_000)
 
     def put(name: str, value: object) -> None:
-        variables.set((prepared(name, msgspec.msgpack.encode(value)),), 0)
+        variables.set((checked_value(name, msgspec.msgpack.encode(value)),), 0)
 
     put("a", b"a" * 8_000)
     with pytest.raises(RefusedError, match="no room"):
@@ -265,13 +265,13 @@ def test_what_replaced_a_held_variable_survives_a_death_but_not_an_end() -> None
 
 def test_values_of_another_clock_are_old(stage: DataStage) -> None:
     """Variables outlive the robot's clock; a sensor with `within` must not take them for fresh."""
-    stage = DataStage(epoch="boot 1")
+    stage = DataStage(clock_id="boot 1")
     stage.connect().do(data.set("X", 1))
     stage.kill_and_restart()
     show(stage, "X")
     assert stage.frame(1).fields["X"] == (1.0, stage.now)
-    for epoch, now in (("boot 2", 2 * S), ("boot 2", 3 * S)):
-        stage.options, stage.now = {"epoch": epoch}, now
+    for clock_id, now in (("boot 2", 2 * S), ("boot 2", 3 * S)):
+        stage.options, stage.now = {"clock_id": clock_id}, now
         stage.kill_and_restart()
         show(stage, "X")
         sample = stage.frame(2).fields["X"]
@@ -335,7 +335,7 @@ def test_what_is_watched_is_forgotten_in_the_end(stage: DataStage, ada: Connecti
     ada.do(data.set("X", 1))
     ada.do(data.watch("X"))
     ada.close()
-    stage.now += KEPT_NS
+    stage.now += LOST_WATCHES_NS
     stage.handle(Wake())
     assert ada.changes(ada.open()) == []
 

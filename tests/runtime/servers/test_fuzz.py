@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 
 from colony.runtime.frames.clock import IDLE_FRAME_NS
 from colony.runtime.protocol import codec
-from colony.runtime.protocol.calls import LEASE_NS, WAITING_EACH, Nothing, Open
-from colony.runtime.protocol.deployment import LONGEST_FRAME_NS, SHORTEST_FRAME_NS
+from colony.runtime.protocol.calls import LEASE_NS, MAX_WAITING_PER_CONNECTION, NoArguments, Open
+from colony.runtime.protocol.deployment import MAX_FRAME_NS, MIN_FRAME_NS
 from colony.runtime.protocol.messages import Checkpoint, Recall, Request
 from colony.runtime.servers import checkpoints
 from colony.runtime.servers.dserver import DServer
@@ -51,7 +51,7 @@ def test_whatever_comes_no_server_fails_and_every_caller_is_answered(name: str) 
         stage = Stage(BUILD[name](), Random(f"{SEED}/{name}/{round_}"))
         for _ in range(EACH):
             stage.anything()
-        status = stage.do("status", Nothing())
+        status = stage.do("status", NoArguments())
         assert status["server"] == name
         refused, answered = refused + stage.refused, answered + stage.answered
         malformed += stage.malformed
@@ -182,13 +182,15 @@ def test_who_waits_a_thousand_times_is_refused(name: str, method: str, arguments
     _call(stage, "ada/1", 3, method, arguments)
     for number in range(2, 1002):
         _call(stage, "bob/1", number, method, arguments)
-    assert stage.refused == 1000 - WAITING_EACH + (name != "DServer"), "all but those that may wait"
-    assert stage.do("status", Nothing())["server"] == name
+    assert stage.refused == 1000 - MAX_WAITING_PER_CONNECTION + (name != "DServer"), (
+        "all but those that may wait"
+    )
+    assert stage.do("status", NoArguments())["server"] == name
     stage.pass_time(10_000_000_000)
-    assert len(stage.do("status", Nothing())["connections"]) == 1
+    assert len(stage.do("status", NoArguments())["connections"]) == 1
 
 
-@pytest.mark.parametrize("frame_ns", [0, 1, -5, SHORTEST_FRAME_NS - 1, LONGEST_FRAME_NS + 1, 2**63 - 1])
+@pytest.mark.parametrize("frame_ns", [0, 1, -5, MIN_FRAME_NS - 1, MAX_FRAME_NS + 1, 2**63 - 1])
 @pytest.mark.parametrize("name", ["Clock", "RServer", "DServer", "Runtime"])
 def test_frames_that_no_clock_can_keep_are_refused(name: str, frame_ns: int) -> None:
     stage = Stage(BUILD[name](), Random(SEED))
@@ -201,7 +203,7 @@ def test_frames_that_no_clock_can_keep_are_refused(name: str, frame_ns: int) -> 
 def test_a_robot_ticks_again_soon_after_a_run_of_slow_frames() -> None:
     stage = Stage(BUILD["Clock"](), Random(SEED))
     _call(stage, "ada/1", 1, "open", {"name": "ada"})
-    arguments = {**msgspec.to_builtins(deployed()), "frame_ns": LONGEST_FRAME_NS, "actuators": []}
+    arguments = {**msgspec.to_builtins(deployed()), "frame_ns": MAX_FRAME_NS, "actuators": []}
     _call(stage, "ada/1", 2, "deploy", arguments)
     stage.pass_time(100_000_000)
     assert stage.ticks[-1].run == "r1"
@@ -211,7 +213,7 @@ def test_a_robot_ticks_again_soon_after_a_run_of_slow_frames() -> None:
 
 
 def test_who_makes_up_clients_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checkpoints, "SPACE", 10 * checkpoints.OVERHEAD)
+    monkeypatch.setattr(checkpoints, "MAX_TOTAL_BYTES", 10 * checkpoints.OVERHEAD)
     [table] = deployed().actuators
     clients = tuple((str(number), number) for number in range(50))
     tables = (msgspec.structs.replace(table, clients=clients),)

@@ -144,7 +144,7 @@ def test_a_pressed_bumper_lets_nothing_go_into_it_whoever_commands(stage: Stage)
     assert stage.verdicts[-1].values == (300.0, 20.0)
     stage.frame(bid("back_off", -100.0, 0.0), *silent("back_off"))
     assert stage.base.told[-1][1:] == (-100.0, 0.0)
-    assert "300 mm/s was not sent, the front bumper is pressed" in stage.verdicts[-1].notes[0]
+    assert "300 mm/s was not sent, as the front bumper is pressed" in stage.verdicts[-1].notes[0]
     stage.base.front, stage.base.rear = False, True
     stage.frame(bid("back_off", -100.0, 0.0), *silent("back_off"))
     assert stage.base.told[-1][1:] == (0.0, 0.0)
@@ -227,7 +227,7 @@ BAD = [
     ({"clients": (("a", 1), ("b", 2))}, "not in the order of their priorities"),
     ({"command": "fly"}, "no command `fly`"),
     ({"places": (0,)}, "1 parameters; expected 2"),
-    ({"places": (0, 2)}, "none of its 2 fields"),
+    ({"places": (0, 2)}, "not one of its 2 fields"),
     ({"idle": (float("nan"), 0.0)}, "not finite"),
     ({"idle": (0.0,)}, "an idle command of 1 values"),
 ]
@@ -298,7 +298,7 @@ def test_a_server_that_stood_still_moves_nothing_by_what_waited_for_it() -> None
     assert len(stage.base.told) == told
     assert stage.base.velocity == 0.0
     notes = [note for verdict in stage.verdicts for note in verdict.notes]
-    assert any("nothing was sent, its tick came too late" in note for note in notes)
+    assert any("no command was sent, as the tick came too late" in note for note in notes)
     stage.k = 40
     stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
     assert stage.base.velocity == 300.0

@@ -36,7 +36,7 @@ def test_the_seed_comes_with_the_deployment() -> None:
 
 def test_the_clock_tells_it_before_the_first_frame() -> None:
     server = RuntimeServer(keep=10)
-    clock = Asker(Clock(servers=("Runtime",), keep=10, told=server.use))
+    clock = Asker(Clock(servers=("Runtime",), keep=10, on_deploy=server.use))
     clock.open("leader")
     clock.do("leader", deploy(msgspec.structs.replace(deployed("a"), seed=9)))
     assert chance(server, 5) == random_of_frame(9, 5)

@@ -67,9 +67,9 @@ def test_a_damaged_store_is_kept_aside_and_everybody_is_told(
     started = start(machine)
     (line,) = [line for line in started.err.splitlines() if "is damaged" in line]
     assert line.startswith(f"{path} is damaged: ")
-    assert line.endswith("it is kept as DServer.sqlite.damaged-1, and DServer begins with nothing")
+    assert line.endswith("it is kept as DServer.sqlite.damaged-1, and DServer starts empty")
     left = f"{path}.damaged-1-wal" if damage is without_database else f"{path}.damaged-1"
-    note = f"its file was damaged, so it began with nothing; remove {left} once nobody needs it"
+    note = f"its file was damaged, so it started empty; remove {left} when it is not needed"
     until(lambda: note in machine.run("ps", *HERE).out, "`colony ps` tells of it")
     listed = machine.run("data", "list", *HERE)
     assert (listed.wait(), listed.out, listed.err) == (0, "", f"colony: warning: DServer: {note}\n")

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from colony.runtime.store.reserve import RESERVE_BYTES
-from colony.runtime.store.store import Journal, Key, StoreFullError, UnmadeStore
+from colony.runtime.store.store import Journal, Key, PendingStore, StoreFullError
 from tests.paths import ROOT
 from tests.runtime.servers.data_stage import Cramped
 from tests.small_disk import SmallDisk, small_disk
@@ -241,7 +241,7 @@ def test_a_store_that_cannot_be_made_is_full_until_it_can() -> None:
             raise StoreFullError("no room for a store")
         return made
 
-    store = UnmadeStore(make, StoreFullError("no room"))
+    store = PendingStore(make, StoreFullError("no room"))
     assert (store.full, list(store.load())) == ("no room", [])
     journal = Journal(store)
     journal.put(X, b"1")

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.store.quarantine import damages, quarantined
+from colony.runtime.store.quarantine import damage_notes, quarantined
 from colony.runtime.store.sqlite import SqliteStore
 from colony.runtime.store.store import Journal, Key, MemoryStore, Store, StoreError
 from tests.paths import ROOT
@@ -182,12 +182,12 @@ def test_a_file_cut_short_is_kept_aside(path: Path) -> None:
         assert found == {}
         (line,) = said
         assert line.startswith(f"{path} is damaged: ")
-        assert line.endswith(f"it is kept as state.db.damaged-{number}, and DServer begins with nothing")
+        assert line.endswith(f"it is kept as state.db.damaged-{number}, and DServer starts empty")
         assert path.with_name(f"state.db.damaged-{number}").read_bytes() == whole[:size]
-        assert len(damages(path)) == number
+        assert len(damage_notes(path)) == number
         assert after_damage(path) == ({}, []), "the new one is whole"
     quarantined(path)[2].unlink()
-    assert len(damages(path)) == len(sizes) - 1
+    assert len(damage_notes(path)) == len(sizes) - 1
 
 
 def after_damage(path: Path) -> tuple[dict[Key, bytes], list[str]]:
@@ -256,9 +256,9 @@ def test_a_log_without_its_database_is_kept_aside(tmp_path: Path, left: bytes | 
     found, said = after_damage(copy)
     assert (found, len(said)) == ({}, 1)
     assert (tmp_path / "copy.db.damaged-1-wal").read_bytes() == log
-    (line,) = damages(copy)
+    (line,) = damage_notes(copy)
     there = "copy.db.damaged-1-wal" if left is None else "copy.db.damaged-1"
-    assert line.endswith(f"; remove {tmp_path / there} once nobody needs it")
+    assert line.endswith(f"; remove {tmp_path / there} when it is not needed")
     (tmp_path / "copy.db.damaged-1").write_bytes(whole)
     assert content(tmp_path / "copy.db.damaged-1") == {X: b"1"}, "both together can be read again"
 
@@ -296,7 +296,7 @@ def test_a_store_has_one_server(tmp_path: Path) -> None:
     path = tmp_path / "state.db"
     store = SqliteStore(path)
     with pytest.raises(StoreError, match="in use"):
-        SqliteStore(path, patience_s=0.0)
+        SqliteStore(path, lock_timeout_s=0.0)
     store.commit({X: b"1"})
     store.close()
     with pytest.raises(StoreError, match="is closed"):

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from colony.runtime.protocol import codec, topics
-from colony.runtime.protocol.codec import LARGEST, MessageFormatError
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES, MessageFormatError
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -20,7 +20,7 @@ from colony.runtime.protocol.messages import (
     Node,
     Reply,
     Send,
-    Sent,
+    SentMessage,
     ServerFrame,
     Tick,
     Wake,
@@ -47,7 +47,7 @@ class Stage(Protocol):
 
     def kill(self, address: str) -> None: ...
 
-    def tell(self, topic: str, message: Sent) -> None:
+    def tell(self, topic: str, message: SentMessage) -> None:
         """Send from outside."""
         ...
 
@@ -73,7 +73,7 @@ class VirtualStage:
     def kill(self, address: str) -> None:
         self._transport.kill(address).close()
 
-    def tell(self, topic: str, message: Sent) -> None:
+    def tell(self, topic: str, message: SentMessage) -> None:
         self._transport.inject(topic, message)
 
     def throw(self, topic: str, data: bytes, connection: str | None = None) -> None:
@@ -118,7 +118,7 @@ class LiveStage:
     def kill(self, address: str) -> None:
         self._hosts.pop(address).end()
 
-    def tell(self, topic: str, message: Sent) -> None:
+    def tell(self, topic: str, message: SentMessage) -> None:
         self._put(keys.sending("rome", topic, message, user="ada"), codec.encode(message))
 
     def throw(self, topic: str, data: bytes, connection: str | None = None) -> None:
@@ -260,8 +260,8 @@ def test_the_largest_message_arrives_and_a_larger_one_is_malformed(stage: Stage)
     node = Recorder("node", topics.calls("node"))
     stage.add(node)
     empty = len(codec.encode(_call(b"", 1)))
-    largest = _call(b"x" * (LARGEST - empty - 4), 1)
-    assert LARGEST - 8 <= len(codec.encode(largest)) <= LARGEST
+    largest = _call(b"x" * (MAX_MESSAGE_BYTES - empty - 4), 1)
+    assert MAX_MESSAGE_BYTES - 8 <= len(codec.encode(largest)) <= MAX_MESSAGE_BYTES
     stage.tell(topics.calls("node"), largest)
     stage.until(lambda: len(node.got) == 1)
     assert node.got == [largest]
@@ -269,7 +269,7 @@ def test_the_largest_message_arrives_and_a_larger_one_is_malformed(stage: Stage)
     stage.until(lambda: len(node.got) == 2)
     malformed = node.got[1]
     assert isinstance(malformed, Malformed)
-    assert str(LARGEST) in malformed.reason
+    assert str(MAX_MESSAGE_BYTES) in malformed.reason
     stage.tell(topics.calls("node"), _call(b"", 2))
     stage.until(lambda: len(node.got) == 3)
 

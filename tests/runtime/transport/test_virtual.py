@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import pytest
 
 from colony.runtime.protocol.messages import Effect, Fetch, Malformed, Message, Send, Tick, Wake, WakeAt
-from colony.runtime.transport.faults import Faults, Rates
+from colony.runtime.transport.faults import FaultRates, Faults
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 
 
@@ -187,13 +187,13 @@ def test_nothing_leaves_before_a_node_has_settled() -> None:
 
 
 def test_faults_are_those_of_the_seed() -> None:
-    rates = Rates(lost=0.1, doubled=0.1, late=0.1, reordered=0.2, late_ns=1000, reordered_ns=10)
+    rates = FaultRates(lost=0.1, duplicated=0.1, late=0.1, reordered=0.2, late_ns=1000, reordered_ns=10)
     message = Fetch(server="s", k=0)
     first, again = (
         [one("a", "b", message) for _ in range(50)] for one in (Faults(3, rates), Faults(3, rates))
     )
     assert first == again
-    one = Faults(7, rates, spares=lambda sender, receiver, message: receiver == "spared")
+    one = Faults(7, rates, exempt=lambda sender, receiver, message: receiver == "spared")
     drawn = [one("a", "b", message) for _ in range(10_000)]
     assert 800 < sum(d is None for d in drawn) < 1200
     assert 800 < sum(isinstance(d, tuple) and len(d) == 2 for d in drawn) < 1200

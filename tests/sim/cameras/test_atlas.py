@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from colony.sim.cameras.atlas import Picture, atlas_of
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.optics import PINHOLE
-from colony.sim.cameras.surfaces import PEOPLE, Hung, atlas_with, scene
+from colony.sim.cameras.surfaces import PEOPLE, WallPicture, atlas_with, scene
 
 WIDE, HIGH = 1000.0, 600.0
 EYE = 1350.0
@@ -23,8 +23,8 @@ def seen(picture: Picture, *, left: float = -500.0, top: float = EYE + 300.0) ->
     wall = [[-5000.0, DEPTH, 5000.0, DEPTH]]
     at = left + 5000.0
     end = at + picture.width_mm
-    hung = Hung(0, at, end, top - picture.height_mm, top, PEOPLE, at)
-    made = scene(wall, hung=[hung], atlas=atlas_with([picture]))
+    wall_pictures = WallPicture(0, at, end, top - picture.height_mm, top, PEOPLE, at)
+    made = scene(wall, wall_pictures=[wall_pictures], atlas=atlas_with([picture]))
     made = made._replace(shades=np.zeros(1))
     camera = Camera(made, CameraConfig(optics=PINHOLE), robot_radius_mm=400.0)
     return camera.image(np.array([[0.0, 0.0, 0.0]]), 0)

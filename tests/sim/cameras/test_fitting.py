@@ -12,7 +12,7 @@ from colony.nav.maps.signs import markers_of, plates_of
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import walls_of
 from colony.sim.cameras.camera import Camera, CameraConfig
-from colony.sim.cameras.fitting import fitted
+from colony.sim.cameras.fitting import scene_with_walls
 from colony.sim.cameras.optics import PINHOLE
 from colony.sim.cameras.scene import scene_of
 from colony.sim.compiled import Bytes2
@@ -88,17 +88,21 @@ def test_open_doors_show_the_cabin_and_no_marker() -> None:
 
 def test_plates_stay_beside_doors_that_stand_open() -> None:
     every = draw(Hazards(on=frozenset({Hazard.DOORS}), open_door=1.0), MSU, 1)
-    opened = {door.edge for door in every.doors}
+    open_door_segments = {door.edge for door in every.doors}
     made = scene_of(MSU, every)
-    hung = [wall for wall in range(made.own) if made.first_hung[wall + 1] > made.first_hung[wall]]
-    assert {plate.edge for plate in plates_of(MSU)} <= set(hung)
-    shut = {edge for edge, kind in enumerate(walls_of(MSU).kinds) if kind is EdgeKind.DOOR} - opened
-    assert {wall for wall in range(made.own) if not made.standing[wall]} == opened
+    wall_pictures = [
+        wall for wall in range(made.own) if made.first_wall_picture[wall + 1] > made.first_wall_picture[wall]
+    ]
+    assert {plate.edge for plate in plates_of(MSU)} <= set(wall_pictures)
+    shut = {
+        edge for edge, kind in enumerate(walls_of(MSU).kinds) if kind is EdgeKind.DOOR
+    } - open_door_segments
+    assert {wall for wall in range(made.own) if not made.standing[wall]} == open_door_segments
     assert all(made.standing[edge] for edge in shut)
     rooms = made.covers[made.own :] == made.rooms
-    assert rooms.sum() >= 3 * len(opened)
+    assert rooms.sum() >= 3 * len(open_door_segments)
     leaves = np.diff(made.first)[made.own :].sum()
-    assert len(opened) <= leaves <= 2 * len(opened)
+    assert len(open_door_segments) <= leaves <= 2 * len(open_door_segments)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -115,12 +119,12 @@ def test_a_plate_beside_an_open_door_looks_as_beside_a_shut_one(seed: int) -> No
 
 def test_fitting_again_gives_the_same_and_what_was_shut_comes_back() -> None:
     every = draw(Hazards(on=frozenset({Hazard.DOORS}), open_door=1.0), LOOP, 1)
-    shut, opened = scene_of(LOOP), scene_of(LOOP, every)
-    again = fitted(opened, every.walls)
-    for name, one, other in zip(opened._fields, opened, again, strict=True):
+    shut, open_door_segments = scene_of(LOOP), scene_of(LOOP, every)
+    again = scene_with_walls(open_door_segments, every.walls)
+    for name, one, other in zip(open_door_segments._fields, open_door_segments, again, strict=True):
         if isinstance(one, np.ndarray):
             assert np.array_equal(one, other), name
-    back = fitted(opened, shut.walls)
+    back = scene_with_walls(open_door_segments, shut.walls)
     assert back.standing.all()
     assert np.array_equal(back.panels, shut.panels)
     assert np.array_equal(back.first, shut.first)

@@ -63,9 +63,9 @@ def test_nothing_hangs_over_a_plate_or_over_the_end_of_a_wall(floor: Map) -> Non
     lengths = np.hypot(*(walls.segments[:, 2:] - walls.segments[:, :2]).T)
     crowded = Hazards(poster_spacing_mm=1500.0, black_poster_spacing_mm=4000.0, poster_on_door=0.5)
     for seed in range(4):
-        for edge, hung in spans(draw(crowded, floor, seed)).items():
+        for edge, wall_pictures in spans(draw(crowded, floor, seed)).items():
             taken = [(p.start_mm, p.end_mm) for p in plates_of(floor) if p.edge == edge]
-            ordered = sorted([*hung, *taken])
+            ordered = sorted([*wall_pictures, *taken])
             assert ordered[0][0] >= 0.0
             assert ordered[-1][1] <= lengths[edge]
             assert all(one[1] < other[0] for one, other in pairwise(ordered))

@@ -16,7 +16,7 @@ from colony.nav.maps.signs import (
 )
 from colony.sim.cameras.lettering import TEXEL_MM, font_file, marker, plate
 from colony.sim.cameras.posters import posters
-from colony.sim.cameras.silhouettes import LOOKS, extinguisher, people
+from colony.sim.cameras.silhouettes import PERSON_STYLES, extinguisher, people
 
 
 @pytest.mark.parametrize("text", ["376", "A372", "MEN", "LAB", "WWWWW", "I", "1"])
@@ -55,7 +55,7 @@ def test_shades_are_shades() -> None:
         assert one.cover is not None
         assert 0.2 < one.cover.mean() < 0.7
         assert 1600.0 < one.height_mm < 1900.0
-    assert len(people()) == 2 * LOOKS
+    assert len(people()) == 2 * PERSON_STYLES
 
 
 def test_the_font_is_there() -> None:

@@ -134,7 +134,7 @@ def test_every_wall_of_every_map_has_a_cover() -> None:
 def test_plates_and_markers_hang_where_the_signs_are() -> None:
     made = scene_of(MSU)
     for sign in (*plates_of(MSU), *markers_of(MSU)):
-        rows = made.hung[made.first_hung[sign.edge] : made.first_hung[sign.edge + 1]]
+        rows = made.wall_pictures[made.first_wall_picture[sign.edge] : made.first_wall_picture[sign.edge + 1]]
         [row] = [row for row in rows if row[0] == pytest.approx(sign.start_mm)]
         assert row[1] == pytest.approx(sign.end_mm)
         assert (row[2] + row[3]) / 2 == pytest.approx(SIGN_HEIGHT_MM)
@@ -146,7 +146,7 @@ def test_doors_that_are_too_narrow_have_nothing_on_them() -> None:
     narrow = read_map(Source("narrow.stickrep", NARROW))
     assert markers_of(narrow) == ()
     made = scene_of(narrow, draw(Hazards(), narrow, 1))
-    assert len(made.first_hung) == len(made.walls) + 1
+    assert len(made.first_wall_picture) == len(made.walls) + 1
     camera = Camera(made, CameraConfig(), robot_radius_mm=400.0)
     x, y, _ = narrow.start
     assert all(camera.image(np.array([[x, y, h]]), 0).std() > 0.0 for h in (0.0, 90.0, 180.0, 270.0))

@@ -30,7 +30,7 @@ PARTS = {
     Hazard.DOORS: ("doors",),
     Hazard.CROSS_TALK: ("cross_talk",),
     Hazard.ENCODERS: ("encoder_scale",),
-    Hazard.COMPASS: ("iron",),
+    Hazard.COMPASS: ("compass_disturbance",),
     Hazard.POSTERS: ("posters", "extinguishers"),
 }
 """What of a scenery comes from which hazard."""

@@ -12,8 +12,8 @@ from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.cameras.surfaces import scene
 from colony.sim.config import IDEAL
-from colony.sim.hazards.scenery import CeilingLight, bare
-from colony.sim.plant.devices import MOST_BEHIND_NS, STEP_NS, WATCHDOG_NS, Devices
+from colony.sim.hazards.scenery import CeilingLight, bare_scenery
+from colony.sim.plant.devices import MAX_LAG_NS, STEP_NS, WATCHDOG_NS, Devices
 from colony.sim.plant.ports import reading
 from colony.sim.plant.protocol import AttachBase, AttachCamera, AttachProximity
 from colony.sim.world.world import World
@@ -94,7 +94,7 @@ def test_what_is_too_late_is_skipped_and_nothing_moved_meanwhile() -> None:
 def test_what_is_a_little_late_is_simulated() -> None:
     one = devices()
     one.drive(0, 300.0, 0.0)
-    one.advance(7 + MOST_BEHIND_NS)
+    one.advance(7 + MAX_LAG_NS)
     truth = one.truth(0)
     assert (truth.skipped_ns, truth.velocity) == (0, 0.0)
     assert truth.distance > 300.0 * (WATCHDOG_NS / 1e9 - 300.0 / 800.0)
@@ -149,7 +149,7 @@ def test_a_robot_that_is_carried_does_not_notice() -> None:
 def test_names_are_told_where_they_are_wrong() -> None:
     one = devices()
     assert one.number("robot0") == 0
-    with pytest.raises(ValueError, match="there is no robot `bob` here; there is robot0"):
+    with pytest.raises(ValueError, match="no robot `bob`; the robots are robot0"):
         one.number("bob")
     with pytest.raises(ValueError, match="no camera `up`; they have ahead"):
         one.check_camera("up")
@@ -171,7 +171,7 @@ def test_logical_time_passes_by_itself_only_when_told() -> None:
 
 def test_a_camera_looks_up_from_where_its_robot_is() -> None:
     lamp = CeilingLight(x_mm=0.0, y_mm=0.0, heading_deg=0.0)
-    below = replace(bare(np.array(NORTH_WALL)), lights=(lamp,))
+    below = replace(bare_scenery(np.array(NORTH_WALL)), lights=(lamp,))
     world = World(walls=below, poses=((0.0, 0.0, 0.0), (3000.0, 0.0, 0.0)), config=IDEAL)
     one = Devices(world, ("under", "beside"), {"up": CeilingCamera(below)}, now_ns=7)
     under, beside = one.image(0, "up"), one.image(1, "up")

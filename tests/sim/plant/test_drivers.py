@@ -20,7 +20,7 @@ from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
 from colony.sim.config import IDEAL
 from colony.sim.plant.control import PlantControl
-from colony.sim.plant.drivers import FRESH_NS, RemoteBase, RemoteCamera, RemoteProximity
+from colony.sim.plant.drivers import MAX_READING_AGE_NS, RemoteBase, RemoteCamera, RemoteProximity
 from colony.sim.plant.protocol import Attached, BaseReading, Refusal, pack
 from tests.buildings import HALLWAY
 from tests.sim.plant.plants import START, PlantProcess, wait_for
@@ -66,7 +66,7 @@ def test_readings_are_in_the_robot_s_time(robot: Robot) -> None:
     assert image is not None
     now = time.monotonic_ns() - robot.base_ns
     for t_ns in (state.t_ns, sonar.t_ns, image.t_ns):
-        assert now - FRESH_NS - PATIENCE_S * 1e9 < t_ns <= now
+        assert now - MAX_READING_AGE_NS - PATIENCE_S * 1e9 < t_ns <= now
     assert robot.base.problem is None
 
 
@@ -197,7 +197,7 @@ def test_readings_age(tmp_path: Path) -> None:
         now = [0]
         base = RemoteBase(plant.path, "rome", base_ns=0, clock=lambda: now[0])
         first = wait_for(lambda: (now.__setitem__(0, time.monotonic_ns()), base.state())[1])
-        now[0] = time.monotonic_ns() + FRESH_NS + 3600 * 1_000_000_000
+        now[0] = time.monotonic_ns() + MAX_READING_AGE_NS + 3600 * 1_000_000_000
         assert base.state() is None
         now[0] = first.t_ns
         assert base.state() is not None

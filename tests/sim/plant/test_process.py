@@ -150,7 +150,7 @@ def test_who_drives_keeps_the_base(plant: PlantProcess, control: PlantControl) -
         second.close()
         return heard if isinstance(heard, Refusal) else None
 
-    assert wait_for(refused).message == "the base has a cable already, by which it is driven"
+    assert wait_for(refused).message == "another driver is in command of the base"
 
 
 @pytest.mark.parametrize(
@@ -161,10 +161,10 @@ def test_who_drives_keeps_the_base(plant: PlantProcess, control: PlantControl) -
         ((LARGEST_TO_PLANT + 1).to_bytes(4, "big"), "expected 1 to 4096"),
         (b"\x00\x00\x00\x01\x63", "found version 99"),
         (b"\x00\x00\x00\x03" + bytes([VERSION]) + b"\xc1\xc1", "malformed"),
-        (pack(DriveBase(velocity=1.0, turn=0.0)), "DriveBase does not belong here"),
-        (pack(AttachBase(robot="bob")), "there is no robot `bob` here; there is rome, remus"),
+        (pack(DriveBase(velocity=1.0, turn=0.0)), "DriveBase is not allowed on this connection"),
+        (pack(AttachBase(robot="bob")), "no robot `bob`; the robots are rome, remus"),
         (pack(AttachCamera(robot="rome", camera="up")), "no camera `up`; they have ahead, left"),
-        (pack(AttachControl()) + pack(AttachControl()), "AttachControl does not belong here"),
+        (pack(AttachControl()) + pack(AttachControl()), "AttachControl is not allowed on this connection"),
         (
             pack(AttachProximity(robot="rome")) + pack(DriveBase(velocity=1.0, turn=0.0)),
             "DriveBase does not belong",
@@ -223,7 +223,7 @@ def test_control_says_what_is_wrong_and_goes_on(plant: PlantProcess, control: Pl
         control.truth("bob")
     with pytest.raises(ValueError, match=r"robot 1 at .* overlaps robot 0"):
         control.place("rome", OTHER[0] + 100.0, OTHER[1], 0.0)
-    with pytest.raises(ValueError, match="Advance does not belong here"):
+    with pytest.raises(ValueError, match="Advance is not allowed on this connection"):
         control.advance(1)
     control.place("rome", 6000.0, 1500.0, 90.0)
     truth = control.truth("rome")
@@ -273,7 +273,7 @@ def test_the_folder_is_made_private_and_must_be(tmp_path: Path) -> None:
     serve_plant(options(path), stop=lambda: True)
     assert path.parent.stat().st_mode & 0o777 == 0o700
     path.parent.chmod(0o755)
-    with pytest.raises(PermissionError, match="is open to others"):
+    with pytest.raises(PermissionError, match="is open to other users"):
         serve_plant(options(path), stop=lambda: True)
 
 

@@ -137,7 +137,7 @@ def test_rides_that_cannot_be_are_refused(node: str, floor: str, problem: str) -
 
 def test_nobody_rides_with_open_doors() -> None:
     _, elevators = driven_in()
-    with pytest.raises(ValueError, match="are open; expected them shut"):
+    with pytest.raises(ValueError, match="are open; close them before the ride"):
         elevators.ride(NODE, SECOND)
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from colony.nav.maps.building import load_building
-from colony.nav.missions.elevator_calls import call_of
+from colony.nav.missions.elevator_calls import elevator_call_of
 from colony.nav.shared import ELEVATOR_CALL, FLOOR_REACHED
 from colony.sim.config import IDEAL
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.world.elevators import CABIN_DEPTH_MM, SLIDE_S, Elevators, cabin_of
-from colony.sim.world.operator import DELAY_S, LOOK_S, RIDE_S, STANDS_S, operator
+from colony.sim.world.operator import DELAY_S, POLL_INTERVAL_S, RIDE_S, STANDSTILL_S, operator
 from colony.sim.world.world import World
 from tests.nav.script_stage import Stage
 from tests.paths import MAPS
@@ -23,7 +23,7 @@ CABIN = cabin_of(BUILDING.map_named(THIRD), NODE)
 CALL = [NODE, THIRD, SECOND]
 BEFORE = (*CABIN.at(0.0, -1200.0), CABIN.heading_deg)
 INSIDE = (*CABIN.at(0.0, CABIN_DEPTH_MM / 2), CABIN.heading_deg + 180.0)
-NOTICED_S = STANDS_S + 3 * LOOK_S
+NOTICED_S = STANDSTILL_S + 3 * POLL_INTERVAL_S
 
 
 class Hall:
@@ -36,7 +36,7 @@ class Hall:
         self.openings: list[float] = []
 
     def call(self, call: list[str]) -> None:
-        self.stage.tell(ELEVATOR_CALL, call)
+        self.stage.report(ELEVATOR_CALL, call)
 
     def wait(self, seconds: float) -> None:
         self.stage.run(seconds, self._frame)
@@ -216,4 +216,4 @@ def test_a_call_that_is_taken_back_is_given_up() -> None:
 
 @pytest.mark.parametrize("told", [None, 7, [], ["a", "b"], ["a", "b", 3], "abc", {"a": 1}])
 def test_what_is_no_call_is_none(told: object) -> None:
-    assert call_of(told) is None
+    assert elevator_call_of(told) is None

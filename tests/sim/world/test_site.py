@@ -45,7 +45,7 @@ def test_a_camera_is_that_of_the_floor_on_which_the_robot_is(tmp_path: Path) -> 
         made.append(site.floor)
         return site.floor
 
-    here = site.eyes(eye)
+    here = site.camera_per_floor(eye)
     assert (here(), here()) == ("ground", "ground")
     cabin = site.elevators.cabin("liftL")
     site.elevators.open("liftL")

@@ -11,7 +11,7 @@ import pytest
 from colony.nav.maps.walls import walls_of
 from colony.sim.config import IDEAL, RobotConfig
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
-from colony.sim.hazards.scenery import Iron, Joint, Scenery, Slip, bare
+from colony.sim.hazards.scenery import CompassDisturbance, Joint, Scenery, Slip, bare_scenery
 from colony.sim.sensors.compass import disturbance_deg
 from colony.sim.world.world import World
 from tests.buildings import LOOP, MSU
@@ -25,7 +25,7 @@ SURE = Slip(probability=1.0, turn_deg=10.0, least_mm=30.0, most_mm=80.0)
 
 
 def with_joints(*joints: Joint, slip: Slip = SURE, seed: int = 0) -> Scenery:
-    return replace(bare(BOX, seed=seed), joints=joints, slip=slip)
+    return replace(bare_scenery(BOX, seed=seed), joints=joints, slip=slip)
 
 
 def passed(scenery: Scenery, *, dt: float = 0.05, speed: float = 500.0) -> World:
@@ -142,8 +142,10 @@ def test_an_open_door_is_heard_as_a_room() -> None:
 
 
 def test_cross_talk_comes_at_its_rate_and_only_shortens() -> None:
-    calm = World(walls=bare(BOX), poses=[(0.0, 20_000.0, 10.0)], config=IDEAL)
-    talk = World(walls=replace(bare(BOX), cross_talk=0.005), poses=[(0.0, 20_000.0, 10.0)], config=IDEAL)
+    calm = World(walls=bare_scenery(BOX), poses=[(0.0, 20_000.0, 10.0)], config=IDEAL)
+    talk = World(
+        walls=replace(bare_scenery(BOX), cross_talk=0.005), poses=[(0.0, 20_000.0, 10.0)], config=IDEAL
+    )
     false, least = 0, math.inf
     for _ in range(2000):
         calm.advance(0.05)
@@ -160,7 +162,9 @@ def test_cross_talk_comes_at_its_rate_and_only_shortens() -> None:
 
 
 def test_cross_talk_does_not_depend_on_who_reads_it() -> None:
-    one, other = (World(walls=replace(bare(BOX), cross_talk=0.5), poses=[(0.0, 9e3, 0.0)]) for _ in range(2))
+    one, other = (
+        World(walls=replace(bare_scenery(BOX), cross_talk=0.5), poses=[(0.0, 9e3, 0.0)]) for _ in range(2)
+    )
     for _ in range(10):
         one.advance(0.05)
         one.sonar(0)
@@ -173,7 +177,9 @@ def test_cross_talk_does_not_depend_on_who_reads_it() -> None:
 
 
 def test_both_encoders_are_wrong_by_the_same_part() -> None:
-    world = World(walls=replace(bare(BOX), encoder_scale=1.02), poses=[(0.0, 4000.0, 0.0)], config=IDEAL)
+    world = World(
+        walls=replace(bare_scenery(BOX), encoder_scale=1.02), poses=[(0.0, 4000.0, 0.0)], config=IDEAL
+    )
     world.command(0, 500.0, 0.0)
     world.advance(10.0)
     assert world.odometry(0).y_mm - 4000.0 == pytest.approx(1.02 * world.distance(0))
@@ -181,22 +187,23 @@ def test_both_encoders_are_wrong_by_the_same_part() -> None:
 
 
 def test_a_compass_is_disturbed_smoothly_and_within_bounds() -> None:
-    iron = Iron(seed=9, most_deg=60.0)
-    line = np.array([disturbance_deg(iron, 1000.0, float(y)) for y in range(0, 200_000, 50)])
+    compass_disturbance = CompassDisturbance(seed=9, max_deg=60.0)
+    line = np.array([disturbance_deg(compass_disturbance, 1000.0, float(y)) for y in range(0, 200_000, 50)])
     assert np.abs(line).max() <= 60.0
     assert line.std() > 15.0
     assert np.abs(np.diff(line)).max() < 5.0  # on five centimeters
-    assert disturbance_deg(Iron(), 123.0, 456.0) == 0.0
+    assert disturbance_deg(CompassDisturbance(), 123.0, 456.0) == 0.0
 
 
 def test_a_compass_reads_the_heading_where_nothing_disturbs_it() -> None:
-    world = World(walls=bare(BOX), poses=[(0.0, 4000.0, 350.0)])
+    world = World(walls=bare_scenery(BOX), poses=[(0.0, 4000.0, 350.0)])
     assert world.compass(0) == pytest.approx(350.0)
     disturbed = World(
-        walls=replace(bare(BOX), iron=Iron(seed=1, most_deg=60.0)), poses=[(0.0, 4000.0, 350.0)]
+        walls=replace(bare_scenery(BOX), compass_disturbance=CompassDisturbance(seed=1, max_deg=60.0)),
+        poses=[(0.0, 4000.0, 350.0)],
     )
     off = (disturbed.compass(0) - 350.0 + 180.0) % 360.0 - 180.0
-    assert off == pytest.approx(disturbance_deg(Iron(seed=1, most_deg=60.0), 0.0, 4000.0))
+    assert off == pytest.approx(disturbance_deg(CompassDisturbance(seed=1, max_deg=60.0), 0.0, 4000.0))
 
 
 def test_the_speed_of_the_worst_contact_is_kept() -> None:

@@ -46,7 +46,7 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
     restarts, start, out = frozenset(restarts), 0, []
     interpreter = Interpreter(program)
     compiled = compile_program(program).compiled
-    monitor = Monitor(ProgramExecutor(compiled, simplified=False, answered=True))
+    monitor = Monitor(ProgramExecutor(compiled, simplified=False, answers_given=True))
     keyframe_ns = trace[0].t_ns - KEYFRAME_NS if trace else 0
     modules = {name: ModuleExecutor(compiled, name) for name in compiled.announced}
     clients = {

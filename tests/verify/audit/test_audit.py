@@ -118,7 +118,7 @@ def test_a_value_that_differs_in_the_last_bit(through: str) -> None:
     report = audit(PROGRAM, found)
     assert report.first is not None
     assert (report.first.k, report.first.actuator, report.differing) == (2, "drive", 1)
-    assert report.first.message == "something else was sent than the interpreter decides"
+    assert report.first.message == "the command sent is not the interpreter's"
     assert report.first.expected is not None
     assert report.first.expected.values == values
     assert json.loads(json.dumps(report.as_json()))["first"]["expected"]["values"] == list(values)
@@ -158,7 +158,7 @@ def test_a_dropped_frame(through: str, at: int) -> None:
         assert first.message == "frame 5 follows frame 3: 1 between them are not in the recording"
     elif through != "lines":  # which do not tell where memory began
         assert first is not None
-        assert first.message == "the recording begins with frame 1, but memory with frame 0"
+        assert first.message == "the recording begins with frame 1, but its epoch with frame 0"
 
 
 def test_frames_out_of_order() -> None:
@@ -179,7 +179,7 @@ def test_a_client_that_the_program_does_not_have() -> None:
     other = load_text(TEXT.replace("ON_LOSS", "").replace("stop ", "halt "))
     first = audit(other, logs(PROGRAM, trace())).first
     assert first is not None
-    assert first.message == "`stop` is no client of `drive` in this program"
+    assert first.message == "`stop` is not a client of `drive` in this program"
 
 
 LATE = (("stop", "silent"), ("back", "late"), ("cruise", "suppressed"))
@@ -231,7 +231,7 @@ def test_a_restart_begins_anew() -> None:
     ]
     first = audit(PROGRAM, forgotten).first
     assert first is not None
-    assert (first.k, first.message) == (9, "something else was sent than the interpreter decides")
+    assert (first.k, first.message) == (9, "the command sent is not the interpreter's")
     first = audit(PROGRAM, [*right[:9], *right[10:]]).first
     assert first is not None
     assert (first.k, first.message) == (
@@ -288,7 +288,7 @@ def test_who_takes_over_where_a_client_is_lost() -> None:
     first = audit(PROGRAM, taken_over).first
     assert first is not None
     assert first.k == 3
-    assert first.message.startswith("a client was missed, and neither")
+    assert first.message.startswith("a client was missing, and neither")
 
 
 def test_recorded_contracts_are_compared_where_nobody_disturbed() -> None:
@@ -298,7 +298,7 @@ def test_recorded_contracts_are_compared_where_nobody_disturbed() -> None:
     found[2] = replace(found[2], breaches=())
     first = audit(PROGRAM, found).first
     assert first is not None
-    assert first.message == "contracts broken: none recorded, gentle by the interpreter"
+    assert first.message == "broken contracts: recorded none; in the interpreter gentle"
     found[2] = replace(found[2], verdicts=changed(right, 2, fates=(("stop", "late"),))[2].verdicts)
     assert audit(PROGRAM, found).agrees
 

@@ -108,7 +108,7 @@ def test_every_kind_of_memory_goes_on() -> None:
 
 def test_the_memory_of_another_program_is_refused() -> None:
     memory = memories((program(EVERYTHING), (Frame(0, {}), Frame(1, {}))))[1]
-    with pytest.raises(ValueError, match="the program has not"):
+    with pytest.raises(ValueError, match="which the program lacks"):
         Interpreter(program("module m { when a do out(v = 1) }\nnetwork { out = m }")).resume(memory)
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from colony.dsl.load import load_text
 from colony.ir.program import Program, Sensor
-from colony.verify.contracts.decimals import Written, rounded, seconds, value_of, write
+from colony.verify.contracts.decimals import NumberText, number_text, rounded, seconds, value_of
 
 
 def robot(unit: str) -> str:
@@ -41,31 +41,31 @@ def sensor(unit: str) -> Sensor:
     ],
 )
 def test_short_numbers_in_the_declared_unit(unit: str, value: float, written: str) -> None:
-    assert str(write(value, sensor(unit))) == written
+    assert str(number_text(value, sensor(unit))) == written
 
 
 def test_what_the_declared_unit_cannot_say_is_said_in_base_units() -> None:
     value = 57.29577951308233  # the nearest float to 1 rad is another one
-    found = write(value, sensor("rad"))
+    found = number_text(value, sensor("rad"))
     assert found is not None
     assert value_of(found) == value
 
 
 def test_an_infinite_value_cannot_be_written() -> None:
-    assert write(float("inf"), sensor("mm")) is None
+    assert number_text(float("inf"), sensor("mm")) is None
 
 
 @pytest.mark.parametrize("unit", ["number", "inch", "rad"])
 @given(value=st.floats(allow_nan=False, allow_infinity=False))
 @settings(max_examples=40, deadline=None)
 def test_every_number_means_what_it_stands_for_in_the_language(unit: str, value: float) -> None:
-    written = write(value, sensor(unit))
+    written = number_text(value, sensor(unit))
     assert written is not None
     assert value_of(written) == value
     assert given_value(unit, written) == value
 
 
-def given_value(unit: str, written: Written) -> float:
+def given_value(unit: str, written: NumberText) -> float:
     """What a test of the language gives a sensor by a number as written."""
     made: Program = load_text(f'{robot(unit)}test "t" {{ at 0 s given s = {written} }}\n')
     [value] = [g.value for step in made.tests[0].steps for g in step.given]

@@ -57,8 +57,8 @@ def test_the_table_has_a_line_a_frame_and_tells_what_must_be_missing() -> None:
         "time    bump   drive",
         "0 s     true   by back: velocity = -0.5 m/s, turn = 0 deg/s",
         "0.05 s  false  by back: velocity = -0.5 m/s, turn = 0 deg/s",
-        "missing, and must be: far",
-        "all other sensors: missing (what they give makes no difference)",
+        "necessarily missing: far",
+        "all other sensors: missing (their readings make no difference)",
         "in the last frame: bump = false; far is not fresh",
     )
 

@@ -11,4 +11,4 @@ def test_ten_seconds_at_the_usual_depth_are_what_is_meant_without_options() -> N
 
 def test_there_is_always_something_to_try() -> None:
     least = Options.within(1e-9, depth=0)
-    assert (least.longest, least.resources) == (2, 1)
+    assert (least.max_frames, least.resources) == (2, 1)

@@ -22,10 +22,10 @@ def shortest(made: System, most: int) -> int | None:
     """How many frames the shortest trace that breaks the only contract has."""
     searching = search(made)
     while searching.length < most:
-        for candidate in searching.longer():
+        for candidate in searching.search_next_length():
             assert candidate.frames == searching.length
             return candidate.frames
-        assert searching.clear == searching.length
+        assert searching.safe_length == searching.length
     return None
 
 
@@ -42,22 +42,22 @@ def test_a_counter_that_begins_anew_never_passes_it() -> None:
 def test_frames_are_a_period_apart_where_that_breaks_it_as_well() -> None:
     made = system(delay("a"), {"never": z3.Not(z3.Bool("a"))})
     searching = search(made)
-    assert not list(searching.longer())
-    candidate = next(iter(searching.longer()))
+    assert not list(searching.search_next_length())
+    candidate = next(iter(searching.search_next_length()))
     assert candidate.model.eval(searching.frames.at(1, NOW)).as_long() == made.program.robot.frame_ns
 
 
 def test_frames_are_at_other_times_where_only_that_breaks_it() -> None:
     searching = search(system([], {"soon": NOW <= 50_000_000}))
-    assert not list(searching.longer())
-    candidate = next(iter(searching.longer()))
+    assert not list(searching.search_next_length())
+    candidate = next(iter(searching.search_next_length()))
     assert candidate.model.eval(searching.frames.at(1, NOW)).as_long() > 50_000_000
 
 
 def test_a_search_that_is_left_early_goes_on_with_longer_traces() -> None:
     searching = search(system(delay("a"), {"never": z3.Not(z3.Bool("a"))}))
     for _ in range(4):
-        for _candidate in searching.longer():
+        for _candidate in searching.search_next_length():
             break
     assert searching.length == 4
-    assert searching.clear == 1
+    assert searching.safe_length == 1

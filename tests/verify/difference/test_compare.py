@@ -153,7 +153,7 @@ def test_an_unknown_name_is_refused_with_those_that_there_are() -> None:
     assert (problem.code, problem.hint) == ("V040", "did you mean `drive.velocity`?")
     with pytest.raises(DiagnosticError) as raised:
         compare(ROAM, ROAM, "xyz")
-    hint = "there are: drive, lamp, drive.turn, drive.velocity, lamp.on, avoid, cruise"
+    hint = "known names: drive, lamp, drive.turn, drive.velocity, lamp.on, avoid, cruise"
     assert raised.value.diagnostics[0].hint == hint
 
 

@@ -9,8 +9,8 @@ from colony.verify.equivalence.results import (
     WrongActivity,
     WrongWinner,
     counterexample_text,
+    merge_results,
     proved_text,
-    together,
     undecided_text,
 )
 
@@ -29,8 +29,8 @@ def test_a_wrong_winner_in_words() -> None:
     )
     assert counterexample_text(wrong) == (
         "JSON: drive: with a, b and c active, and d less than 1.5 s ago and e 100 ms ago or more, but less "
-        "than 100.000001 ms ago, the network lets a through; by priority nobody commands, by exclusive guard "
-        "b and c"
+        "than 100.000001 ms ago, the network lets a through; by priority no module commands, by exclusive "
+        "guard b and c"
     )
 
 
@@ -44,7 +44,7 @@ def test_a_form_without_exclusive_guards_says_nothing_of_them() -> None:
         by_exclusive=None,
     )
     assert counterexample_text(wrong) == (
-        "generated Python: drive: with no module active, the network lets nobody through; "
+        "generated Python: drive: with no module active, the network lets no module through; "
         "by priority a commands"
     )
 
@@ -65,4 +65,4 @@ def test_what_was_proved_in_words() -> None:
     one = Proved(forms=("clients",), by_structure=3, by_solver=1, questions=2)
     other = Proved(forms=("JSON",), by_structure=2, by_solver=0, questions=0)
     expected = "proved: clients, JSON and network are the same (6 obligations: 5 by structure, 1 by z3)"
-    assert proved_text(together([one, other])) == expected
+    assert proved_text(merge_results([one, other])) == expected

@@ -5,8 +5,15 @@ from random import Random
 import pytest
 
 from colony.verify.equivalence.circuit import FALSE, TRUE, Activity, Circuit
-from colony.verify.equivalence.disagreement import evaluated, holds, least
-from colony.verify.equivalence.solver import Refuted, Satisfied, Solver, Unsettled, differ, obvious
+from colony.verify.equivalence.disagreement import evaluated, holds, minimal_inputs
+from colony.verify.equivalence.solver import (
+    Refuted,
+    Satisfied,
+    Solver,
+    Unsettled,
+    differ,
+    obviously_unsatisfiable,
+)
 
 
 def deep(circuit: Circuit, names: list[str], seed: int) -> int:
@@ -76,7 +83,7 @@ def test_without_time_nothing_is_asked_and_nothing_claimed() -> None:
     ],
 )
 def test_what_is_obvious(clauses: list[tuple[int, ...]], expected: bool) -> None:
-    assert obvious(clauses) is expected
+    assert obviously_unsatisfiable(clauses) is expected
 
 
 def test_a_solution_is_made_as_small_as_it_can_be() -> None:
@@ -84,6 +91,6 @@ def test_a_solution_is_made_as_small_as_it_can_be() -> None:
     literals = [circuit.input(Activity(f"m{i}")) for i in range(40)]
     clauses = [(literals[3],), (literals[7], literals[30]), (literals[9] ^ 1, literals[20])]
     everything = frozenset(literal >> 1 for literal in literals)
-    few = least(circuit, everything, lambda values: holds(clauses, values))
+    few = minimal_inputs(circuit, everything, lambda values: holds(clauses, values))
     assert len(few) == 2
     assert literals[3] >> 1 in few

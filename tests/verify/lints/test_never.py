@@ -80,10 +80,10 @@ def test_predicates_that_never_or_always_hold(when: str, expected: list[str]) ->
 
 def test_what_is_said_of_predicates() -> None:
     assert found(go("a", "sonar > 11 m") + "network { drive = a }") == [
-        ("V021", "`a` is never active: its predicate `sonar > 11 m` is false whatever the sensors give")
+        ("V021", "`a` is never active: its predicate `sonar > 11 m` is false whatever the sensors read")
     ]
     [(_, message)] = found(go("a", "sonar <= 10 m") + "network { drive = a }")
-    assert message.startswith("`a` is always active while `sonar` is there: its predicate `sonar <= 10 m`")
+    assert message.startswith("`a` is always active while `sonar` is present: its predicate `sonar <= 10 m`")
 
 
 def test_an_inhibitor_that_never_meets_what_it_inhibits() -> None:

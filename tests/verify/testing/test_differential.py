@@ -73,7 +73,7 @@ def test_a_breach_is_shrunk_to_what_it_takes() -> None:
     of = program(BACKS_OFF + "contract never_back: out.v >= 0\n")
     (breach,) = last(of).breaches
     assert breach.contract.name == "never_back"
-    assert breach.met > 1
+    assert breach.frames > 1
     (frame,) = breach.trace
     assert frame.t_ns == 0
     assert frame.readings["a"] is True

@@ -85,7 +85,7 @@ def test_values_that_an_expectation_reads_are_said() -> None:
 def test_an_expectation_that_says_nothing_fails() -> None:
     [message] = failed('test "t" { at 0 s expect ahead > 1 m }')
     assert message.startswith(
-        'error[T002]: in "t" at 0 s: `ahead > 1 m` says nothing: it reads something missing'
+        'error[T002]: in "t" at 0 s: `ahead > 1 m` has no value: it reads something missing'
     )
     assert message.endswith("found: ahead is missing")
 
@@ -142,8 +142,8 @@ def test_an_element_can_be_set_only_in_an_array_that_is_there() -> None:
     ]
     assert all(m.startswith("error[T004]") for m in messages)
     [first, _, last] = failures_as_diagnostics(results(text))
-    assert "give all of it first: `sonar = ...`" in render(first)
-    assert "its default only stands in for it" in render(last)
+    assert "assign the whole array first: `sonar = ...`" in render(first)
+    assert "the sensor's default does not count" in render(last)
 
 
 def test_records_are_told_where_an_expectation_fails() -> None:

@@ -8,12 +8,12 @@ from random import Random
 
 from colony.ir.expression import StateValue
 from colony.ir.frame import Frame
-from colony.ir.types import PLAIN
+from colony.ir.types import DIMENSIONLESS
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.example_frames import frames_of
 from colony.verify.testing.frames import draw_trace
-from colony.verify.testing.guided import LONGEST, Guide
+from colony.verify.testing.guided import MAX_PREFIX_FRAMES, Guide
 from tests.programs import MS, program
 
 Learn = Callable[[Sequence[Frame], Sequence[Hashable]], object]
@@ -35,7 +35,7 @@ def steps_to_open(draw: Callable[[int], tuple[Frame, ...]], learn: Learn, most: 
     of = program(LOCK)
     for number in range(most):
         trace, interpreter, patterns = draw(number), Interpreter(of), []
-        place = StateValue(type=PLAIN, name="place")
+        place = StateValue(type=DIMENSIONLESS, name="place")
         for frame in trace:
             by = interpreter.step(frame).decisions[0].by
             patterns.append((by, interpreter.value_of(place)))
@@ -60,7 +60,7 @@ def test_traces_are_traces() -> None:
     guide = Guide(of, 6)
     for seed in range(200):
         trace = guide.draw(Choices(Random(seed)))
-        assert 1 <= len(trace) <= LONGEST + 4
+        assert 1 <= len(trace) <= MAX_PREFIX_FRAMES + 4
         assert all(a.t_ns < b.t_ns for a, b in pairwise(trace))
         guide.learn(trace, [len(f.readings) * 100 + i for i, f in enumerate(trace)])
 

@@ -84,5 +84,5 @@ def test_the_frames_computed_are_bounded() -> None:
         return len(frames) - 1
 
     trace = draw_trace(Choices(Random(1)), OF, 12)
-    shrunk(OF, trace, shows, patience=2 * len(trace))
+    shrunk(OF, trace, shows, frame_budget=2 * len(trace))
     assert len(trace) < computed <= 2 * len(trace)

@@ -1,8 +1,8 @@
 """A robot below the lights of a straight corridor, by plain geometry, for the tests of CTracker.
 
-It goes as a test tells, whatever anybody commands; its odometry is off as the test tells. What CTracker asks
-is answered by the local servers of the experiments, and by a base and cameras that are made here. Of images
-only the scan lines are rendered: the other rows are black.
+It moves as the test says, whatever is commanded; its odometry has the errors that the test says. What
+CTracker asks is answered by the local servers of the experiments, and by a base and cameras that are made
+here. Of images only the scan lines are rendered: the other rows are black.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from colony.runtime.assembly.loop import LocalCamera
 from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
-from colony.runtime.protocol.calls import Asked, RefusedError
+from colony.runtime.protocol.calls import CallId, RefusedError
 from colony.runtime.protocol.images import Image
 from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
 from tests.script_stage import ASKED, FRAME_NS, ScriptStage, Server, Shutter
@@ -61,7 +61,7 @@ def rendered(
 ) -> NDArray[np.uint8]:
     """The scan lines of a camera that is so far along a corridor, to the left of its middle, and tilted."""
     columns = (np.arange(camera.columns * _SAMPLES) + 0.5) / _SAMPLES - 0.5
-    ahead = camera.ahead_of(0.0) + camera.mm_a_column * columns
+    ahead = camera.ahead_of(0.0) + camera.mm_per_column * columns
     tilt = math.radians(tilt_deg)
     lines = []
     for row in camera.scan_rows:
@@ -85,7 +85,7 @@ class Robot:
     """How a robot goes along a corridor, north: at `speed` along it from `along_mm`, `left_mm` of its middle,
     tilted by `tilt_deg`. Its odometry says `scale` times what it goes, from `off_mm` too far on, and that its
     heading is `believed_deg`. At `slips` (place, mm) wheels spin, so that it reports what it does not go; at
-    `stands` (place, seconds) it stands for so long. Between the places of `silent` RServer refuses to tell
+    `stands` (place, seconds) it stands for so long. Between the places of `silent` RServer refuses to give
     the position."""
 
     speed: float = 300.0
@@ -125,12 +125,12 @@ class Base(Server):
         if self._slips and self.along_mm >= self._slips[0][0]:
             self.y += self._slips.pop(0)[1]
 
-    def _position(self, asked: Asked, arguments: Any, now_ns: int) -> robot.Position:
+    def _position(self, asked: CallId, arguments: Any, now_ns: int) -> robot.Position:
         if self._moves.silent[0] <= self.along_mm < self._moves.silent[1]:
             raise RefusedError("no value", "the base does not answer")
         return robot.Position(x=self.x, y=self.y, heading=self.heading % 360.0, t_ns=now_ns)
 
-    def _adjust(self, asked: Asked, arguments: robot.PoseArguments, now_ns: int) -> None:
+    def _adjust(self, asked: CallId, arguments: robot.PoseArguments, now_ns: int) -> None:
         self.corrections.append((arguments.x, arguments.y, arguments.heading))
         self.x, self.y = self.x + arguments.x, self.y + arguments.y
         self.heading += arguments.heading
@@ -149,7 +149,7 @@ class Log:
 class Stage(ScriptStage):
     """A robot in a corridor, and scripts, one of which gives the goals: the places of the lights to pass, one
     goal after the other, and each as soon as the one before was done, or after `patience_s`. `cameras` are
-    where the robot has them, by name. `lights` is a wrong number of lights to tell.
+    where the robot has them, by name. `lights` is a wrong number of lights to set.
     """
 
     def __init__(

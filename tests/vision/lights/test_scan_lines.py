@@ -36,7 +36,7 @@ def test_a_light_is_found_to_some_millimeters(ahead: float) -> None:
 def test_without_noise_an_edge_is_found_to_a_part_of_a_pixel() -> None:
     still = Ceiling(lights=LIT.lights, noise=0.0, vignetting=0.0)
     for ahead in np.linspace(-400, 400, 41):
-        assert abs(one_in(scan(still, along_mm=-ahead)).ahead_mm - ahead) < 0.2 * UPWARD.mm_a_column
+        assert abs(one_in(scan(still, along_mm=-ahead)).ahead_mm - ahead) < 0.2 * UPWARD.mm_per_column
 
 
 @pytest.mark.parametrize("tilt", [-15.0, -7.0, 3.0, 15.0])

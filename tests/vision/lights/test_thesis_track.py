@@ -2,16 +2,16 @@ from __future__ import annotations
 
 from colony.vision.lights.scan_lines import Light
 from colony.vision.lights.thesis_track import ThesisTrack
-from colony.vision.lights.track import LightGoal, Passing, Seen
+from colony.vision.lights.track import LightDetections, LightGoal, LightPassing
 
 GOAL = LightGoal(direction_deg=0.0, x_mm=0.0, y_mm=0.0, lights_mm=(2000.0, 7500.0, 13000.0))
 
 
-def travel(lights: tuple[float, ...], *, to_mm: float = 14_000.0) -> list[Passing]:
+def travel(lights: tuple[float, ...], *, to_mm: float = 14_000.0) -> list[LightPassing]:
     track, found = ThesisTrack(goal=GOAL), []
     for true in range(0, round(to_mm), 150):
         seen = tuple(Light(p - true, None, 3, True, 1.0) for p in lights if abs(p - true) < 450.0)
-        track = track.seen(Seen(seen, float(true), 0.0))
+        track = track.observed(LightDetections(seen, float(true), 0.0))
         track, passing = track.passing(float(true))
         if passing is not None:
             found.append(passing)

@@ -6,7 +6,7 @@ import pytest
 
 from colony.vision.lights.along_track import Scale
 from colony.vision.lights.scan_lines import Light
-from colony.vision.lights.track import LightGoal, LightTrack, Passing, Seen, tolerance_mm
+from colony.vision.lights.track import LightDetections, LightGoal, LightPassing, LightTrack, tolerance_mm
 
 SPACING = 5500.0
 GOAL = LightGoal(direction_deg=0.0, x_mm=0.0, y_mm=0.0, lights_mm=(2000.0, 7500.0, 13000.0))
@@ -23,7 +23,7 @@ def travel(
     off_mm: float = 0.0,
     scale: float = 1.0,
     turned_deg: float = 0.0,
-) -> tuple[LightTrack, list[tuple[float, Passing]]]:
+) -> tuple[LightTrack, list[tuple[float, LightPassing]]]:
     """Go below these lights, reporting `scale` times the way and `off_mm` more; what was passed,
     and where."""
     passed, true = [], from_mm
@@ -32,7 +32,7 @@ def travel(
         reported = scale * true + off_mm
         tilt = turned_deg
         seen = tuple(Light(p - true, tilt, 3, True, 1.0) for p in lights if abs(p - true) <= VIEW_MM)
-        track = track.seen(Seen(seen, reported, 0.0))
+        track = track.observed(LightDetections(seen, reported, 0.0))
         track, passing = track.passing(reported)
         if passing is not None:
             passed.append((true, passing))
@@ -91,12 +91,12 @@ def test_a_robot_that_swerves_cannot_tell_that_a_light_is_out() -> None:
     for tilt, looks in ((0.0, 4), (40.0, 0), (-40.0, 0)):
         track = start()
         for at in reported:
-            track = track.seen(Seen((), at, tilt))
-        assert track.dark_looks == looks
+            track = track.observed(LightDetections((), at, tilt))
+        assert track.dark_images == looks
 
 
 def test_the_tolerance_grows_with_the_way_and_never_reaches_the_next_light() -> None:
-    fixed = start().reckoning.fixed(0.0, 400.0)
+    fixed = start().reckoning.updated(0.0, 400.0)
     near, far = (tolerance_mm(fixed.moved(way), GOAL.lights_mm) for way in (0.0, SPACING))
     assert 160.0 < near < far < SPACING / 2
     assert tolerance_mm(start().reckoning.anchored(0.0, 1e6), GOAL.lights_mm) < SPACING / 2
@@ -118,24 +118,24 @@ def test_two_strays_as_far_apart_as_two_lights_tell_a_lost_robot_where_it_is() -
 
 def test_half_a_light_counts_only_until_one_is_seen_whole() -> None:
     half, whole = Light(500.0, None, 2, False, 0.3), Light(380.0, None, 3, True, 1.0)
-    track = start().seen(Seen((half,), 1480.0, 0.0))
-    assert (track.errors_mm, track.sure) == ((20.0,), False)
-    track = track.seen(Seen((whole,), 1620.0, 0.0))
-    assert (track.errors_mm, track.sure) == ((0.0,), True)
-    assert track.seen(Seen((half,), 1480.0, 0.0)) == track
+    track = start().observed(LightDetections((half,), 1480.0, 0.0))
+    assert (track.errors_mm, track.seen_whole) == ((20.0,), False)
+    track = track.observed(LightDetections((whole,), 1620.0, 0.0))
+    assert (track.errors_mm, track.seen_whole) == ((0.0,), True)
+    assert track.observed(LightDetections((half,), 1480.0, 0.0)) == track
 
 
 def test_tilted_edges_tell_by_how_much_the_heading_is_off() -> None:
     _, passed = travel(start(), GOAL.lights_mm, to_mm=2500.0, turned_deg=7.0)
-    assert passed[0][1].turned_deg == pytest.approx(7.0)
+    assert passed[0][1].heading_error_deg == pytest.approx(7.0)
     _, passed = travel(start(), (), to_mm=2500.0)
-    assert passed[0][1].turned_deg is None
+    assert passed[0][1].heading_error_deg is None
 
 
 def test_what_others_correct_in_between_is_no_error_of_old_images() -> None:
     track, _ = travel(start(), GOAL.lights_mm, to_mm=1900.0, from_mm=1500.0, off_mm=60.0)
-    told = track.told(-60.0)
-    assert told.reckoned(1900.0).progress_mm == pytest.approx(track.reckoned(1960.0).progress_mm)
+    corrected = track.corrected(-60.0)
+    assert corrected.reckoned(1900.0).progress_mm == pytest.approx(track.reckoned(1960.0).progress_mm)
 
 
 @pytest.mark.parametrize("heading", [0.0, 90.0, 217.0])

@@ -25,7 +25,7 @@ from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.drivers import image_of
-from colony.sim.hazards.scenery import CeilingLight, bare
+from colony.sim.hazards.scenery import CeilingLight, bare_scenery
 from colony.sim.world.world import World
 from colony.vision.lights.tracker import light_tracker
 from tests.among_servers import run_among_servers
@@ -81,7 +81,8 @@ def estimator() -> Script:
 @pytest.mark.parametrize("order", [1, 2])
 def test_it_counts_and_corrects_among_real_servers(order: int) -> None:
     scenery = replace(
-        bare(WALLS, seed=7), lights=tuple(CeilingLight(x_mm=x, y_mm=0.0, heading_deg=EAST) for x in PLACES)
+        bare_scenery(WALLS, seed=7),
+        lights=tuple(CeilingLight(x_mm=x, y_mm=0.0, heading_deg=EAST) for x in PLACES),
     )
     world, ceiling = World(walls=scenery, poses=[(0.0, 0.0, EAST)], seed=7), CeilingCamera(scenery)
     log: list[tuple[float, int, float]] = []

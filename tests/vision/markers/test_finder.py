@@ -145,8 +145,8 @@ def test_the_fix_holds_for_the_true_pose() -> None:
     assert 0 <= stand.now_ns - fix.t_ns <= 500_000_000
     assert len(fix.rows) == 3
     for row in fix.rows:
-        told = row.cx * pose.x_mm + row.cy * pose.y_mm + row.ch * math.radians(pose.heading_deg)
-        off = math.remainder(told - row.value, math.tau) if row.ch else told - row.value
+        predicted = row.cx * pose.x_mm + row.cy * pose.y_mm + row.ch * math.radians(pose.heading_deg)
+        off = math.remainder(predicted - row.value, math.tau) if row.ch else predicted - row.value
         assert abs(off) < 3.0 * row.sigma, row
 
 
@@ -189,7 +189,7 @@ def test_while_dserver_is_away_it_goes_on_asking(call: str) -> None:
 
     def away(*_: object) -> object:
         tries.append(call)
-        raise RefusedError("away", "it is being started anew")
+        raise RefusedError("away", "it is being restarted")
 
     stand.data.handlers = {**present, call: away}
     stand.run(2.0)

@@ -1,4 +1,4 @@
-"""Where a camera is before a marker, and what that tells about the pose."""
+"""The place of a camera before a marker, and the measurements of the pose."""
 
 from __future__ import annotations
 
@@ -93,8 +93,8 @@ def test_the_rows_hold_for_the_true_pose(turn: float) -> None:
     assert len(rows) == 3
     for row in rows:
         heading = math.radians(true[2] - turn)
-        told = row.cx * true[0] + row.cy * true[1] + row.ch * heading
-        assert abs(told - row.value) < 0.7 * row.sigma, row
+        predicted = row.cx * true[0] + row.cy * true[1] + row.ch * heading
+        assert abs(predicted - row.value) < 0.7 * row.sigma, row
         wrong = row.cx * believed.x + row.cy * believed.y + row.ch * math.radians(believed.heading)
         assert abs(wrong - row.value) > 2.0 * row.sigma, row
 

@@ -14,10 +14,10 @@ from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
 from colony.sim.cameras.snapshot import snapshot
 from colony.sim.hazards.hazards import Hazards, draw
+from colony.vision.detections import MarkerBox
 from colony.vision.level_camera import AHEAD
 from colony.vision.markers.pose import edge_units
 from colony.vision.markers.rows import find_markers
-from colony.vision.sightings import MarkerBox
 from tests.paths import MAPS
 from tests.vision.markers.views import View, picture
 

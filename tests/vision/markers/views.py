@@ -24,7 +24,7 @@ class View:
         black, white, door: gray levels.
         blur_px, noise: the standard deviations of the lens's blur and of each pixel's noise.
         gap_mm: how far the doors are apart, whose middle is the marker's; `cabin` is what is seen between.
-        hidden: the part of the marker, from its left, before which somebody stands.
+        hidden: the part of the marker, from its left, that a person hides.
         raised_mm: by how much the marker hangs higher than the lens.
     """
 

@@ -12,7 +12,7 @@ from colony.nav.maps.stickrep.geometry import Point
 from colony.runtime.assembly.loop import LocalCamera
 from colony.runtime.kit.script import Script
 from colony.runtime.library import proximity, robot
-from colony.runtime.protocol.calls import Asked, Handler, RefusedError
+from colony.runtime.protocol.calls import CallId, Handler, RefusedError
 from colony.runtime.protocol.images import Image
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.geometry import WallView
@@ -24,7 +24,7 @@ from tests.vision.plates.walls import Board, wall_image
 class Hall:
     """A wall in the west, what is on it (`place_mm` is how far north), and a robot that goes north beside it
     from `start_mm` on. `off_mm` is how far its odometry is off, east and north; its heading is `tilt_deg`
-    off the hallway's; `sonar_mm` is what sonar 18 reads, by the wall unless told; between the times of
+    off the hallway's; `sonar_mm` is what sonar 18 reads, by the wall unless given; between the times of
     `silent_s` no server but DServer answers."""
 
     boards: Sequence[Board]
@@ -74,7 +74,7 @@ class Stage(ScriptStage):
         return self._hall.start_mm + self._hall.speed_mm_s * t_ns / 1e9
 
     def _counted(self, name: str, handler: Handler) -> Handler:
-        def counted(asked: Asked, arguments: Any, now_ns: int) -> object:
+        def counted(asked: CallId, arguments: Any, now_ns: int) -> object:
             self.asked.append(name)
             self._answers(now_ns)
             return handler(asked, arguments, now_ns)
@@ -86,13 +86,13 @@ class Stage(ScriptStage):
         if low <= now_ns / 1e9 < high:
             raise RefusedError("no value", "the device does not answer")
 
-    def _position(self, asked: Asked, arguments: Any, now_ns: int) -> robot.Position:
+    def _position(self, asked: CallId, arguments: Any, now_ns: int) -> robot.Position:
         self._answers(now_ns)
         east, north = self._hall.off_mm
         heading = self._hall.tilt_deg % 360.0
         return robot.Position(x=east, y=self.place(now_ns) + north, heading=heading, t_ns=now_ns)
 
-    def _sonar(self, asked: Asked, arguments: Any, now_ns: int) -> proximity.SonarReading:
+    def _sonar(self, asked: CallId, arguments: Any, now_ns: int) -> proximity.SonarReading:
         self._answers(now_ns)
         ranges = [10_000.0] * 24
         ranges[18] = self._hall.wall_mm - 360.0 if self._hall.sonar_mm is None else self._hall.sonar_mm

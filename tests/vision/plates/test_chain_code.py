@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from colony.vision.plates.chain_code import LEAST_CORNERNESS, Border, cornerness, corners, traced
+from colony.vision.plates.chain_code import MIN_CORNERNESS, Border, cornerness, corners, traced
 
 _STEPS = ((1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1))
 
@@ -103,7 +103,7 @@ def test_a_circle_has_no_corners_as_sharp_as_a_rectangle() -> None:
 def test_cornerness_grows_with_the_arms_up_to_a_limit() -> None:
     codes = border_of(box()).codes
     short = cornerness(codes, longest_arm=3).max()
-    assert LEAST_CORNERNESS / 2.0 < short < cornerness(codes, longest_arm=10).max()
+    assert MIN_CORNERNESS / 2.0 < short < cornerness(codes, longest_arm=10).max()
     assert cornerness(codes, longest_arm=10).max() == pytest.approx(
         cornerness(border_of(box(right=55)).codes, longest_arm=10).max()
     )

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from colony.vision.detections import PlateBox
 from colony.vision.gray_images import Gray
 from colony.vision.level_camera import SIDE, LevelCamera
 from colony.vision.plates.detector import find_plates
 from colony.vision.plates.geometry import WallView
-from colony.vision.sightings import PlateBox
 from tests.vision.plates.walls import Board, corners_of, plate, wall_image
 
 

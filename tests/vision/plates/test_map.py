@@ -5,9 +5,9 @@ import pytest
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Pose
-from colony.vision.plates.map import LEAST_GATE_MM, MOST_GATE_MM, gate_mm, known_plate
-from colony.vision.plates.sights import Seen
-from colony.vision.sightings import Reading
+from colony.vision.detections import Reading
+from colony.vision.plates.map import MAX_GATE_MM, MIN_GATE_MM, gate_mm, known_plate
+from colony.vision.plates.observations import PlateObservation
 
 
 def hung(door: str, y: float, x: float = -1500.0, heading: float = 90.0) -> Plate:
@@ -16,7 +16,7 @@ def hung(door: str, y: float, x: float = -1500.0, heading: float = 90.0) -> Plat
 
 
 PLATES = (hung("352", 0.0), hung("354", 2000.0), hung("353", 0.0, x=-1700.0, heading=270.0))
-LOOK = Seen(0, Pose(0.0, 0.0, 0.0), 90.0, 0.0, 1500.0, 0.0, 1.0, Reading("", 0.0))
+LOOK = PlateObservation(0, Pose(0.0, 0.0, 0.0), 90.0, 0.0, 1500.0, 0.0, 1.0, Reading("", 0.0))
 
 
 def door_at(
@@ -63,7 +63,7 @@ def test_a_plate_that_is_another_one_already_is_not_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sigma", "gate"), [(10.0, LEAST_GATE_MM), (200.0, 600.0), (5000.0, MOST_GATE_MM), (None, 730.0)]
+    ("sigma", "gate"), [(10.0, MIN_GATE_MM), (200.0, 600.0), (5000.0, MAX_GATE_MM), (None, 730.0)]
 )
 def test_the_gate_is_as_wide_as_the_position_is_unsure(sigma: float | None, gate: float) -> None:
     assert gate_mm(sigma) == gate

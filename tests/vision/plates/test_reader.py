@@ -8,21 +8,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from colony.vision.detections import Corner, PlateBox, Reading
 from colony.vision.letters.network import LetterNet, network, packed, unpacked
 from colony.vision.plates.reader import combined, read_plate
-from colony.vision.sightings import Corner, PlateBox, Reading
 from colony.vision.training.fonts import learned_fonts, unseen_fonts
-from colony.vision.training.samples import Look, junk_look, plate_look
+from colony.vision.training.samples import Sample, junk_sample, plate_sample
 from colony.vision.training.texts import door_text
 
 UNSEEN = unseen_fonts()
 
 
-def _box(look: Look) -> PlateBox:
+def _box(look: Sample) -> PlateBox:
     return PlateBox(look.corners, 1.0)
 
 
-def _read(look: Look) -> Reading:
+def _read(look: Sample) -> Reading:
     return read_plate(look.image, _box(look))
 
 
@@ -35,7 +35,7 @@ def _square(*corners: Corner) -> PlateBox:
 @pytest.mark.parametrize(("height_px", "least"), [(10.0, 27), (14.0, 35), (20.0, 36), (40.0, 36)])
 def test_single_looks_at_fonts_that_were_never_learned(font: Path, height_px: float, least: int) -> None:
     random = np.random.default_rng(5)
-    looks = [plate_look(door_text(random), font, height_px, random) for _ in range(40)]
+    looks = [plate_sample(door_text(random), font, height_px, random) for _ in range(40)]
     assert sum(_read(look).text == look.text for look in looks) >= least
 
 
@@ -45,7 +45,7 @@ def test_looks_of_a_pass_together_are_better_than_one(font: Path) -> None:
     right, single = 0, 0
     for _ in range(25):
         text = door_text(random)
-        readings = [_read(plate_look(text, font, 10.0, random)) for _ in range(6)]
+        readings = [_read(plate_sample(text, font, 10.0, random)) for _ in range(6)]
         right += combined(readings).text == text
         single += readings[0].text == text
     assert right >= max(24, single)
@@ -54,7 +54,7 @@ def test_looks_of_a_pass_together_are_better_than_one(font: Path) -> None:
 def test_what_is_no_plate_is_not_read() -> None:
     random = np.random.default_rng(7)
     fonts = learned_fonts()
-    looks = [junk_look(fonts[i % len(fonts)], random) for i in range(200)]
+    looks = [junk_sample(fonts[i % len(fonts)], random) for i in range(200)]
     readings = [_read(look) for look in looks]
     assert sum(bool(reading.text) for reading in readings) <= 10
     assert sum(bool(reading.text) and reading.confidence >= 0.9 for reading in readings) <= 5
@@ -62,7 +62,7 @@ def test_what_is_no_plate_is_not_read() -> None:
 
 def test_confidence_says_how_often_a_reading_is_right() -> None:
     random = np.random.default_rng(8)
-    looks = [plate_look(door_text(random), UNSEEN[i % len(UNSEEN)], 9.0, random) for i in range(300)]
+    looks = [plate_sample(door_text(random), UNSEEN[i % len(UNSEEN)], 9.0, random) for i in range(300)]
     readings = [_read(look) for look in looks]
     right = [reading.text == look.text for reading, look in zip(readings, looks, strict=True)]
     said = [reading.confidence for reading in readings]
@@ -77,18 +77,18 @@ def test_confidence_says_how_often_a_reading_is_right() -> None:
 def test_a_lexicon_helps_where_characters_are_small() -> None:
     random = np.random.default_rng(9)
     lexicon = [f"{number}" for number in range(301, 385, 2)] + ["A342", "MEN", "STAIR"]
-    free, told = 0, 0
+    free, helped = 0, 0
     for i in range(60):
         text = lexicon[i % len(lexicon)]
-        look = plate_look(text, UNSEEN[i % len(UNSEEN)], 6.0, random)
+        look = plate_sample(text, UNSEEN[i % len(UNSEEN)], 6.0, random)
         free += _read(look).text == text
-        told += read_plate(look.image, _box(look), lexicon=lexicon).text == text
-    assert told >= 42
-    assert told > free
+        helped += read_plate(look.image, _box(look), lexicon=lexicon).text == text
+    assert helped >= 42
+    assert helped > free
 
 
 def test_a_text_that_is_plain_to_see_is_read_though_the_lexicon_lacks_it() -> None:
-    look = plate_look("582", UNSEEN[0], 30.0, np.random.default_rng(10), 0.0)
+    look = plate_sample("582", UNSEEN[0], 30.0, np.random.default_rng(10), 0.0)
     assert read_plate(look.image, _box(look), lexicon=["340", "342"]).text == "582"
 
 
@@ -189,7 +189,7 @@ def test_weights_survive_being_stored() -> None:
 def test_a_file_that_lacks_weights_is_refused() -> None:
     arrays = packed(network())
     del arrays["bias3"]
-    with pytest.raises(ValueError, match=r"lack bias3; train them anew"):
+    with pytest.raises(ValueError, match=r"lack bias3; train them again"):
         unpacked(arrays)
 
 

@@ -10,9 +10,9 @@ import pytest
 from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM, SIGN_HEIGHT_MM, plates_of
 from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
+from colony.vision.detections import Corner, PlateBox
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.reader import read_plate
-from colony.vision.sightings import Corner, PlateBox
 from tests.buildings import MSU
 
 FLOOR = MSU

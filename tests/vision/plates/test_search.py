@@ -7,12 +7,12 @@ import pytest
 
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.model import Pose
+from colony.vision.detections import PlateBox, Reading
 from colony.vision.gray_images import Gray
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.geometry import WallView
-from colony.vision.plates.search import SETTLED_LOOKS, Known, PlateSearch, ThesisSearch, View
-from colony.vision.plates.sights import PlateSight
-from colony.vision.sightings import PlateBox, Reading
+from colony.vision.plates.observations import FoundPlate
+from colony.vision.plates.search import SETTLED_OBSERVATIONS, FloorPlates, PlateSearch, ThesisSearch, View
 from tests.vision.plates.hall import Hall, known
 from tests.vision.plates.walls import Board, plate, wall_image
 
@@ -29,11 +29,13 @@ def view(hall: Hall, step: int, tilt: float = 0.0) -> View:
 
 def searched(
     hall: Hall, search: PlateSearch | ThesisSearch, plates: tuple[Plate, ...] | None = None, steps: int = 29
-) -> list[PlateSight]:
-    told: list[PlateSight] = []
+) -> list[FoundPlate]:
+    reported: list[FoundPlate] = []
     for step in range(steps):
-        told += search.look(view(hall, step), None if plates is None else Known(plates, 300.0)).told
-    return told
+        reported += search.update(
+            view(hall, step), None if plates is None else FloorPlates(plates, 300.0)
+        ).plates
+    return reported
 
 
 HALL = Hall(boards=(plate("352", -600.0), plate("354", 500.0)))
@@ -41,12 +43,12 @@ POSTER = Board(place_mm=0.0, width_mm=300.0, height_mm=180.0, text=("IEEE", "MEE
 
 
 def test_each_plate_is_told_once_and_where_it_is() -> None:
-    told = searched(HALL, PlateSearch(SIDE))
-    assert [sight.place for sight in told] == [
+    reported = searched(HALL, PlateSearch(SIDE))
+    assert [found_plate.place for found_plate in reported] == [
         pytest.approx((-WALL_MM, place), abs=40.0) for place in (-600.0, 500.0)
     ]
-    assert all(sight.looks >= SETTLED_LOOKS for sight in told)
-    assert all((sight.text, sight.door) == ("", None) for sight in told)
+    assert all(found_plate.images >= SETTLED_OBSERVATIONS for found_plate in reported)
+    assert all((found_plate.text, found_plate.door) == ("", None) for found_plate in reported)
 
 
 def test_a_plate_at_the_same_place_on_another_floor_is_another_one() -> None:
@@ -54,8 +56,8 @@ def test_a_plate_at_the_same_place_on_another_floor_is_another_one() -> None:
     there = [view(HALL, step)._replace(floor="2") for step in range(29)]
     back = [view(HALL, 28 - step)._replace(floor="3", t_ns=(29 + step) * 250_000_000) for step in range(29)]
     looks = (*there, *back)
-    told = [sight for look in looks for sight in search.look(look).told]
-    assert len(told) == 4
+    reported = [found_plate for look in looks for found_plate in search.update(look).plates]
+    assert len(reported) == 4
 
 
 def test_a_poster_is_none() -> None:
@@ -70,17 +72,17 @@ def test_something_of_half_the_size_is_none() -> None:
 def test_a_plate_is_told_when_it_is_out_of_view_if_the_looks_were_few() -> None:
     search = PlateSearch(SIDE)
     hall = replace(HALL, boards=(plate("352", 0.0),), start_mm=-150.0)
-    told = [sight for step in range(4) for sight in search.look(view(hall, step)).told]
-    assert told == []
+    reported = [found_plate for step in range(4) for found_plate in search.update(view(hall, step)).plates]
+    assert reported == []
     turned = View(5 * 10**9, None, 0, Pose(0.0, 300.0, 60.0), 60.0, None)
-    (sight,) = search.look(turned).told
-    assert sight.looks == 4
-    assert search.look(turned).told == ()
+    (found_plate,) = search.update(turned).plates
+    assert found_plate.images == 4
+    assert search.update(turned).plates == ()
 
 
 def test_nothing_is_looked_for_at_steep_angles() -> None:
     steep = view(HALL, 8)._replace(tilt_deg=55.0)
-    assert PlateSearch(SIDE).look(steep) == ThesisSearch(SIDE).look(steep) == ((), ())
+    assert PlateSearch(SIDE).update(steep) == ThesisSearch(SIDE).update(steep) == ((), ())
 
 
 def test_what_is_read_counts_by_all_looks() -> None:
@@ -92,20 +94,20 @@ def test_what_is_read_counts_by_all_looks() -> None:
         return Reading("362", 0.6) if len(seen) == 1 else Reading("352", 0.9)
 
     hall = replace(HALL, boards=(plate("352", 0.0),))
-    (sight,) = searched(hall, PlateSearch(SIDE, reader))
-    assert sight.text == "352"
-    assert sight.confidence > 0.99
+    (found_plate,) = searched(hall, PlateSearch(SIDE, reader))
+    assert found_plate.text == "352"
+    assert found_plate.confidence > 0.99
     assert set(seen) == {(66, 240)}
 
 
 def test_with_the_map_plates_have_names_and_tell_the_pose() -> None:
     search = PlateSearch(SIDE)
-    told, fixes = [], []
+    reported, fixes = [], []
     for step in range(29):
-        found = search.look(view(HALL, step), Known(known(HALL), 300.0))
-        told += [sight.door for sight in found.told]
+        found = search.update(view(HALL, step), FloorPlates(known(HALL), 300.0))
+        reported += [found_plate.door for found_plate in found.plates]
         fixes += [(step, fix) for fix in found.fixes]
-    assert told == ["352", "354"]
+    assert reported == ["352", "354"]
     assert len(fixes) > 10
     for step, fix in fixes:
         x, y, heading = 0.0, HALL.start_mm + 125.0 * step, 0.0
@@ -122,16 +124,16 @@ def test_with_the_map_what_hangs_elsewhere_is_none() -> None:
 
 def test_the_thesis_tells_at_the_first_look_and_by_the_overlap_once() -> None:
     hall = replace(HALL, boards=(plate("352", 0.0),))
-    told = searched(hall, ThesisSearch(SIDE))
-    assert [(sight.looks, sight.door) for sight in told] == [(1, None)]
-    assert told[0].place == pytest.approx((-WALL_MM, 0.0), abs=120.0)
+    reported = searched(hall, ThesisSearch(SIDE))
+    assert [(found_plate.images, found_plate.door) for found_plate in reported] == [(1, None)]
+    assert reported[0].place == pytest.approx((-WALL_MM, 0.0), abs=120.0)
 
 
 def test_the_thesis_needs_a_direction_and_a_distance() -> None:
     look = view(replace(HALL, boards=(plate("352", 0.0),)), 14)
-    assert len(ThesisSearch(SIDE).look(look).told) == 1
-    assert ThesisSearch(SIDE).look(look._replace(tilt_deg=None)).told == ()
-    assert ThesisSearch(SIDE).look(look._replace(distance_mm=None)).told == ()
+    assert len(ThesisSearch(SIDE).update(look).plates) == 1
+    assert ThesisSearch(SIDE).update(look._replace(tilt_deg=None)).plates == ()
+    assert ThesisSearch(SIDE).update(look._replace(distance_mm=None)).plates == ()
 
 
 def test_what_reads_now_as_this_and_now_as_that_is_no_plate() -> None:
@@ -151,4 +153,4 @@ def test_the_thesis_finds_nothing_where_the_wall_is_nowhere(distance: float | No
     search = ThesisSearch(SIDE)
     hall = replace(HALL, boards=(plate("352", 0.0),))
     views = [view(hall, step)._replace(distance_mm=distance) for step in range(29)]
-    assert [sight for seen in views for sight in search.look(seen).told] == []
+    assert [found_plate for seen in views for found_plate in search.update(seen).plates] == []

@@ -21,9 +21,9 @@ from PIL import Image
 
 from colony.nav.maps.signs import MARKER_BITS
 from colony.vision.annotate import annotate
+from colony.vision.detectors import Detection, Detector, detect
 from colony.vision.gray_images import gray_image
 from colony.vision.image_files import Rgb, decode_image
-from colony.vision.spotting import Detector, Spot, spots
 
 ROOT = Path(__file__).resolve().parents[3]
 CORPUS = ROOT / "tests" / "vision" / "corpus"
@@ -49,7 +49,7 @@ class Picture(NamedTuple):
     name: str
     image: Rgb
     targets: tuple[dict[str, Any], ...]
-    seen: tuple[tuple[Detector, Spot], ...]
+    seen: tuple[tuple[Detector, Detection], ...]
 
 
 class Score(NamedTuple):
@@ -72,7 +72,7 @@ def pictures(folder: Path = CORPUS) -> Iterator[Picture]:
         image = decode_image((folder / entry["file"]).read_bytes())
         is_ceiling = entry["camera"] == "ceiling"
         detectors = [Detector.LIGHTS] if is_ceiling else [Detector.PLATES, Detector.MARKERS]
-        seen = tuple((d, spot) for d in detectors for spot in spots(d, gray_image(image)))
+        seen = tuple((d, detection) for d in detectors for detection in detect(d, gray_image(image)))
         targets = tuple({**target, "ceiling": is_ceiling} for target in entry["targets"])
         yield Picture(Path(entry["file"]).stem, image, targets, seen)
 
@@ -86,12 +86,16 @@ def score(detector: Detector, looked_at: list[Picture]) -> Score:
     wrong: list[str] = []
     invented: list[str] = []
     for picture in own:
-        left = [spot for d, spot in picture.seen if d is detector]
+        left = [detection for d, detection in picture.seen if d is detector]
         for target in picture.targets:
             if target["kind"] != kind:
                 continue
-            hits = [spot for spot in left if _is_same(detector, target, spot)]
-            left = [spot for spot in left if not (hits and spot is hits[0]) and not _touches(target, spot)]
+            hits = [detection for detection in left if _is_same(detector, target, detection)]
+            left = [
+                detection
+                for detection in left
+                if not (hits and detection is hits[0]) and not _touches(target, detection)
+            ]
             if not _counts(target):
                 # A dark light must not be seen; what is cut off may be seen, and need not be.
                 false += kind == "light" and not target["on"] and len(hits)
@@ -138,22 +142,22 @@ def _column_at(one: list[float], other: list[float], row: float) -> float:
     return one[0] + (other[0] - one[0]) * (row - one[1]) / (other[1] - one[1])
 
 
-def _is_same(detector: Detector, target: dict[str, Any], spot: Spot) -> bool:
+def _is_same(detector: Detector, target: dict[str, Any], detection: Detection) -> bool:
     if detector is Detector.LIGHTS:
-        middle = sum(column for column, _ in spot.corners) / 4.0
+        middle = sum(column for column, _ in detection.corners) / 4.0
         return abs(middle - sum(_light_edges(target)) / 2.0) <= NEAR_COLUMNS
-    return overlap(np.array(target["corners"]), np.array(spot.corners)) >= SAME
+    return overlap(np.array(target["corners"]), np.array(detection.corners)) >= SAME
 
 
-def _touches(target: dict[str, Any], spot: Spot) -> bool:
+def _touches(target: dict[str, Any], detection: Detection) -> bool:
     """Whether a spot is on a light that is on, or on a thing that is cut off: no invention, at any rate."""
     if target["kind"] == "light":
         near, far = _light_edges(target)
-        columns = [column for column, _ in spot.corners]
+        columns = [column for column, _ in detection.corners]
         return bool(target["on"]) and min(columns) < far and max(columns) > near
     if target["whole"]:
         return False
-    return overlap(np.array(target["corners"]), np.array(spot.corners)) > 0.2
+    return overlap(np.array(target["corners"]), np.array(detection.corners)) > 0.2
 
 
 def overlap(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:

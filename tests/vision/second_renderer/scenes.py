@@ -94,8 +94,8 @@ def ceiling_scene(seed: int, *, lights: str) -> Scene:
     across, along = width / 2.0, float(rng.uniform(-0.3, 0.3))
     _corridor(stage, rng, width, lights=False)
     strength = float(rng.uniform(2.0, 9.0))
-    for spot in (-4.0, 4.0):
-        furnishing.ceiling_light(stage, across, along + spot, strength)
+    for detection in (-4.0, 4.0):
+        furnishing.ceiling_light(stage, across, along + detection, strength)
     if lights != "none":
         furnishing.ceiling_light(stage, across, along, strength if lights == "on" else 0.0)
     tilt = math.radians(float(np.clip(rng.normal(0.0, 5.0), -15.0, 15.0)))
@@ -139,9 +139,9 @@ def _corridor(stage: Stage, rng: np.random.Generator, width: float, *, lights: b
     _wall_behind(stage, rng, width, paint, lights=lights)
     if lights:
         strength, phase = float(rng.uniform(2.5, 9.0)), float(rng.uniform(-1.5, 1.5))
-        for spot in (-4.0, 0.0, 4.0):
-            if rng.random() < 0.8 or spot == 0.0:
-                furnishing.ceiling_light(stage, width / 2.0, phase + spot, strength)
+        for detection in (-4.0, 0.0, 4.0):
+            if rng.random() < 0.8 or detection == 0.0:
+                furnishing.ceiling_light(stage, width / 2.0, phase + detection, strength)
         stage.targets.clear()  # these are beyond the image
 
 

@@ -1,7 +1,7 @@
 """What a scene is made of: shapes for Mitsuba, and the things in it that a detector should find.
 
-Lengths are in meters. x leads away from the wall that the camera looks at, y along it, to the right of who
-faces it, z up from the floor; that wall is the plane x = 0.
+Lengths are in meters. x leads away from the wall that the camera looks at, y along it, to the right
+when facing it, z up from the floor; that wall is the plane x = 0.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Material = dict[str, Any]
 class Target(NamedTuple):
     """A thing to be found: `kind` plate, marker or light; `label` its text or code, or whether it is on.
 
-    `corners` are in space, from the upper left one clockwise as who faces it sees them.
+    `corners` are in space, from the upper left one clockwise facing it.
     """
 
     kind: str

@@ -92,11 +92,12 @@ def test_what_was_learned_is_read() -> None:
     for _ in range(110):
         learner.step(samples, 3e-3)
     net = learner.network()
-    looks = [net.look(strip) for strip in samples.strips]
+    outputs = [net.run(strip) for strip in samples.strips]
     assert (
-        sum(reading_of(look, net).text == text for look, text in zip(looks, samples.texts, strict=True)) >= 9
+        sum(reading_of(output, net).text == text for output, text in zip(outputs, samples.texts, strict=True))
+        >= 9
     )
-    assert min(look.plate for look in looks[:6]) > max(look.plate for look in looks[6:])
+    assert min(output.plate for output in outputs[:6]) > max(output.plate for output in outputs[6:])
 
 
 def test_no_font_is_both_learned_and_unseen() -> None:
@@ -118,7 +119,7 @@ def test_fonts_are_files() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["--out", "weights"], "expected a file ending in .npz"),
         (["--out", "/nowhere/w.npz"], "in a folder that exists"),
@@ -128,10 +129,10 @@ def test_fonts_are_files() -> None:
     ],
 )
 def test_what_could_not_end_well_is_refused_before_it_is_trained(
-    arguments: list[str], told: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.argv", ["training", *arguments])
-    monkeypatch.setattr(command, "trained", lambda *_: pytest.fail("it began"))
+    monkeypatch.setattr(command, "train", lambda *_: pytest.fail("it began"))
     with pytest.raises(SystemExit, match="2"):
         command.main()
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err

@@ -1,7 +1,7 @@
 """Statements that decide what an actuator is sent once its winner is known.
 
-A command that is known or seen to be finite and within limits and range goes out as it is; any other is left
-to `settle`.
+A command that is finite and within limits and range, provably or by a test, is sent unchanged; any other is
+passed to `settle`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from colony.ir.types import Bool
 
 
 class DecisionText:
-    """The statements for one actuator. `observed`: what is sent is kept for contracts."""
+    """The statements for one actuator. With `observed`, what is sent is kept for contracts."""
 
     def __init__(
         self,
@@ -58,8 +58,8 @@ class DecisionText:
     def idle(self, by: bool) -> list[str]:
         """Return the idle command, or nothing for `idle hold`."""
         idle = self.actuator.idle
-        leaving = in_declared_units(idle, self.actuator.fields)
-        shown = "None" if leaving is None else values(leaving)
+        declared_values = in_declared_units(idle, self.actuator.fields)
+        shown = "None" if declared_values is None else values(declared_values)
         lines = [f"{self.target} = ({self.name!r}, None, {shown}, None)"]
         if by:
             lines.append(f"{self.by} = None")
@@ -70,9 +70,9 @@ class DecisionText:
         return lines
 
     def command(self, checks: list[str]) -> list[str]:
-        """Return the winner's command: as it is where the checks hold, else by `settle`."""
-        leaving = self.leaving(self.fields)
-        usual = [f"{self.target} = ({self.name!r}, {self.by}, {leaving}, None)"]
+        """Return the winner's command: unchanged where the checks hold, otherwise through `settle`."""
+        declared_values = self.declared_values(self.fields)
+        usual = [f"{self.target} = ({self.name!r}, {self.by}, {declared_values}, None)"]
         if self.observed:
             usual.append(f"{self.names.commanded[self.name]} = True")
         if not checks:
@@ -81,7 +81,7 @@ class DecisionText:
         whole = " and ".join(checks) if len(checks) > 1 else alone
         return [f"if {whole}:", *_indented(usual), "else:", *_indented(self.settled())]
 
-    def leaving(self, fields: list[str]) -> str:
+    def declared_values(self, fields: list[str]) -> str:
         """Return a command in declared units."""
         return _tuple(
             [
@@ -91,7 +91,7 @@ class DecisionText:
         )
 
     def constants(self) -> list[str]:
-        """Return the bounds that `settle` is given, as a statement of the module."""
+        """Return the bounds passed to `settle`, as a statement of the module."""
         bounds = _tuple([_field(f) for f in self.actuator.fields])
         return [f"{self.names.bounds[self.name]} = {bounds}"]
 
@@ -101,14 +101,14 @@ class DecisionText:
         idle = "None" if self.actuator.idle is None else values(self.actuator.idle)
         bounds = self.names.bounds[self.name]
         arguments = f"{self.name!r}, {self.by}, {_tuple(self.fields)}, {bounds}, {limits}, {idle}, records"
-        leaving = "settled"
+        declared_values = "settled"
         if any(of.factor != 1.0 for of in self.actuator.fields):
-            leaving = self.leaving([f"settled[{i}]" for i in range(len(self.fields))])
+            declared_values = self.declared_values([f"settled[{i}]" for i in range(len(self.fields))])
             if self.actuator.idle is None:
-                leaving = f"None if settled is None else {leaving}"
+                declared_values = f"None if settled is None else {declared_values}"
         lines = [
             f"fault, settled, records = settle({arguments})",
-            f"{self.target} = ({self.name!r}, {self.by}, {leaving}, fault)",
+            f"{self.target} = ({self.name!r}, {self.by}, {declared_values}, fault)",
         ]
         if self.observed:
             lines.append(f"{self.names.commanded[self.name]} = fault is None")
@@ -128,7 +128,7 @@ class DecisionText:
         return one if applies.text == "True" else f"({one} if {applies.inside(Binding.OR)} else ())"
 
     def checks(self) -> list[str]:
-        """Return tests that a command needs no `settle`, without those that hold for every client."""
+        """Return the tests by which a command needs no `settle`, without those that always hold."""
         checks = []
         for limit in self.plan.actuator.limits:
             field = self.fields[limit.field_index]
@@ -159,8 +159,8 @@ class DecisionText:
         elif not bounded:
             checks.append(f"{literal(low).text} <= {name}" if low is not None else f"{name} <= {_high(high)}")
         if not leaves:
-            leaving = name if field.factor == 1.0 else f"{name} / {literal(field.factor).text}"
-            checks.append(f"isfinite({leaving})")
+            declared_values = name if field.factor == 1.0 else f"{name} / {literal(field.factor).text}"
+            checks.append(f"isfinite({declared_values})")
         return checks
 
 

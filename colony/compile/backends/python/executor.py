@@ -10,7 +10,7 @@ from colony.text.source import NOWHERE
 
 
 class PythonExecutor:
-    """An executor of a generated class (see `ir.frame.Executor`). Mutable: the object has all memory."""
+    """An executor of a generated class (see `ir.frame.Executor`). Mutable: it holds all memory."""
 
     def __init__(self, program: Any) -> None:
         self.program = program
@@ -28,7 +28,7 @@ class PythonExecutor:
 
 
 def load(source: str) -> PythonExecutor:
-    """Execute what `generate` gave, and make an instance of its class.
+    """Execute a source from `generate`, and return an executor of its class.
 
     Raises:
         DiagnosticError: a Python module's class cannot be imported or built.
@@ -40,5 +40,8 @@ def load(source: str) -> PythonExecutor:
         return PythonExecutor(namespace["Program"]())
     except (Exception, SystemExit) as problem:
         message = f"a module in Python cannot be imported and built: {type(problem).__name__}: {problem}"
-        hint = "it is looked for beside the behavior and in this folder; its params are given by keyword"
+        hint = (
+            "the class must be importable from the folder of the behavior or the current folder, "
+            "and take its params as keyword arguments"
+        )
         raise DiagnosticError([error("P001", NOWHERE, message, hint)]) from problem

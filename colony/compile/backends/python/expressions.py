@@ -26,10 +26,10 @@ from colony.execute.code import (
 from colony.execute.operators import Operator
 from colony.ir.types import Array
 
-_DEEPEST = 8
-_LONGEST = 96
-_SHORTEST_SLICE = 4
-_LONGEST_SUM = 250
+_MAX_DEPTH = 8
+_MAX_LINE_LENGTH = 96
+_MIN_SLICE_LENGTH = 4
+_MAX_SUM_TERMS = 250
 
 _STARRED = {
     Operator.SUM: "total",
@@ -42,9 +42,9 @@ _STARRED = {
 
 
 class Expressions:
-    """The text of every value that is used, and for each slot the statements that belong there.
+    """The text of every value that is used, and the statements of each slot.
 
-    Expressions that nest too deep or grow too long are broken up by giving parts of them names.
+    Expressions that nest too deep or grow too long are broken up by naming parts of them.
     """
 
     def __init__(self, code: Code, placement: Placement, known: list[Range], names: Names) -> None:
@@ -59,7 +59,7 @@ class Expressions:
             self._texts.append(self._text(at, op) if placement.uses[at] else TRUE)
 
     def text(self, value: int) -> Text:
-        """Return a value as an expression, for a statement behind the slot where it was said to be used."""
+        """Return a value as an expression, for a statement after the slot that was recorded as its use."""
         return self._texts[value]
 
     def _text(self, at: int, op: Op) -> Text:
@@ -70,7 +70,7 @@ class Expressions:
         must = self._placement.named[at] and not simple
         if must or (isinstance(op, OldCell) and self._placement.named[at]):
             return self._name(at, text)
-        if text.depth > _DEEPEST or len(text.text) > _LONGEST:
+        if text.depth > _MAX_DEPTH or len(text.text) > _MAX_LINE_LENGTH:
             return self._name(at, text)
         return text
 
@@ -125,13 +125,13 @@ class Expressions:
     def _applied(self, operator: Operator, arguments: tuple[int, ...]) -> Text:
         x = [self._ranges[i] for i in arguments]
         if operator in _STARRED:
-            run = self._slice(arguments) if len(arguments) >= _SHORTEST_SLICE else None
+            run = self._slice(arguments) if len(arguments) >= _MIN_SLICE_LENGTH else None
             if run and operator in (Operator.MIN, Operator.MAX) and not any(r.nan for r in x):
                 return Text(f"{operator.value}({run})", Binding.ATOM, 1)
             summed = operator in (Operator.SUM, Operator.COUNT)
             if run and not summed:
                 return Text(f"{_STARRED[operator]}(*{run})", Binding.ATOM, 1)
-            if summed and len(arguments) > _LONGEST_SUM:
+            if summed and len(arguments) > _MAX_SUM_TERMS:
                 listed = f"*{run}" if run else ", ".join(self._texts[i].text for i in arguments)
                 return Text(f"{_STARRED[operator]}({listed})", Binding.ATOM, 1)
         return applied(operator, [self._texts[i] for i in arguments], x)
@@ -145,7 +145,7 @@ class Expressions:
         return Text(f"({listed},)", Binding.ATOM, depth)
 
     def _slice(self, elements: tuple[int, ...]) -> str | None:
-        """Return consecutive elements of one sensor as a slice; None for others."""
+        """Return consecutive elements of one sensor as a slice, None for other elements."""
         first, last = self.code.ops[elements[0]], self.code.ops[elements[-1]]
         if not (isinstance(first, SensorElement) and isinstance(last, SensorElement)):
             return None

@@ -2,8 +2,8 @@
 
 Its `step(t_ns, readings)` gives `(decisions, records, breaches)` as plain tuples, in the order and form of
 `colony.ir.frame`. The clients of an actuator are a chain of `if`s in the order of priority, which ends with
-the first whose guard holds; commands are computed for the winner only. What has memory is computed in every
-frame. A value that is needed in several places is computed once, before the first of them.
+the first whose guard holds; commands are computed for the winner only. Values with memory are computed in
+every frame. A value that is used in several places is computed once, before the first of them.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def generate(compiled: Compiled) -> str:
 
 
 class _Generator:
-    """One program being written. Mutable: its lines."""
+    """A generator of one program. Mutable: the lines so far."""
 
     def __init__(self, compiled: Compiled) -> None:
         self.title = compiled.name
@@ -192,7 +192,7 @@ class _Generator:
         self.constants += decision.constants()
 
     def group(self, plan: ActuatorPlan, group: GroupPlan) -> bool:
-        """Add consecutive clients; return True if the text behind them can be reached."""
+        """Add consecutive clients; return True if the text after them can be reached."""
         indent = 3
         self.before(group.slot, indent)
         if group.present is not None:

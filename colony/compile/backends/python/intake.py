@@ -1,6 +1,6 @@
-"""Statements that take a sensor's reading in: a quick test at C speed for the usual, a function for the rest.
+"""Statements that validate a sensor's reading: inline tests for usual readings, a function for the others.
 
-A reading is usual if it is there, of the type itself (not an int for a number, say), and within the range.
+A reading is usual if it is present, of exactly the declared type (a float, not an int), and within the range.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ def take(sensor: Sensor, get: str, names: Names) -> list[str]:
     value, fresh = names.sensors[sensor.name], names.fresh[sensor.name]
     converted = sensor.factor != 1.0 and not isinstance(element_type(sensor.type), Bool)
     reading = "reading" if converted else value
-    usual = _usual_array if isinstance(sensor.type, Array) else _usual
+    usual = _fast_array_tests if isinstance(sensor.type, Array) else _fast_tests
     return [
         f"{reading} = {get}({sensor.name!r})",
         *_if(usual(sensor, reading, value)),
         f"    {fresh} = True",
         "else:",
-        f"    {value}, {fresh}, records = {_unusual(sensor, reading)}",
+        f"    {value}, {fresh}, records = {_slow_call(sensor, reading)}",
     ]
 
 
@@ -49,7 +49,7 @@ def _if(tests: list[str]) -> list[str]:
     return ["if (", f"    {tests[0]}", *[f"    and {test}" for test in tests[1:]], "):"]
 
 
-def _usual(sensor: Sensor, reading: str, value: str) -> list[str]:
+def _fast_tests(sensor: Sensor, reading: str, value: str) -> list[str]:
     """Return the quick tests of a scalar; they also convert it where necessary."""
     if isinstance(sensor.type, Bool):
         return [f"{reading} is True or {reading} is False"]
@@ -64,7 +64,7 @@ def _usual(sensor: Sensor, reading: str, value: str) -> list[str]:
     return [*tests, ranged] if ranged else [*tests, f"{value} == {value}"] if len(tests) == 1 else tests
 
 
-def _usual_array(sensor: Sensor, reading: str, value: str) -> list[str]:
+def _fast_array_tests(sensor: Sensor, reading: str, value: str) -> list[str]:
     """Return the quick tests of an array."""
     assert isinstance(sensor.type, Array)
     kind, numbers = sensor.type.element, members(sensor)
@@ -90,8 +90,8 @@ def _in_range(sensor: Sensor, x: str) -> str:
     return " and ".join(tests)
 
 
-def _unusual(sensor: Sensor, reading: str) -> str:
-    """Return the call that takes in any reading."""
+def _slow_call(sensor: Sensor, reading: str) -> str:
+    """Return the call that validates any reading."""
     kind, array = element_type(sensor.type), isinstance(sensor.type, Array)
     parts = [repr(sensor.name), reading]
     if isinstance(sensor.type, Array):

@@ -2,8 +2,8 @@
 
 A program is a tree of regions: the body of the function, blocks in it, branches in those. A region has slots
 in the order of the text, and each statement that uses values has a slot before it, where those values can be
-computed. A value used in several places is computed once, at the last slot that every use comes after and
-that is always passed on the way there: in the innermost region around all uses, before the first of them.
+computed. A value used in several places is computed once, at the last slot that precedes and dominates every
+use: in the innermost region around all uses, before the first of them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Layout:
         return len(self._region) - 1
 
     def region(self, slot: int, holds: int | None = None) -> int:
-        """Return a new region behind `slot`, entered only where the value `holds` is true."""
+        """Return a new region after `slot`, entered only where the value `holds` is true."""
         outer = self._region[slot]
         self._parent_slot.append(slot)
         self._depth.append(self._depth[outer] + 1)
@@ -40,7 +40,7 @@ class Layout:
         return self.known[self._region[slot]]
 
     def join(self, a: int, b: int) -> int:
-        """Return the last slot that comes before `a` and `b` and is always passed on the way to each."""
+        """Return the last slot that precedes and dominates both `a` and `b`."""
         regions, parents, depths = self._region, self._parent_slot, self._depth
         while regions[a] != regions[b]:
             if depths[regions[a]] >= depths[regions[b]]:

@@ -10,7 +10,7 @@ import re
 from colony.execute.code import Code
 
 _RESERVED = frozenset({*dir(builtins), *keyword.kwlist, *keyword.softkwlist, *dir(math)})
-_OURS = frozenset(
+_RESERVED_VARIABLES = frozenset(
     {
         "self",
         "first_ns",
@@ -29,11 +29,11 @@ _OURS = frozenset(
 
 
 class Names:
-    """Names of variables and attributes. Mutable: every name given is taken."""
+    """Names of variables and attributes. Mutable: each name is given once."""
 
     def __init__(self, code: Code, taken: frozenset[str]) -> None:
         """Start with the names `taken` by functions that the program includes."""
-        self._taken = {*_RESERVED, *_OURS, *taken}
+        self._taken = {*_RESERVED, *_RESERVED_VARIABLES, *taken}
         self._hints = code.names
         self.sensors = {s.name: self.new(s.name) for s in code.sensors}
         self.fresh = {s.name: self.new(f"has_{s.name}") for s in code.sensors}
@@ -56,7 +56,7 @@ class Names:
         return self.new(self._hints.get(number, f"v{number}"))
 
     def new(self, wanted: str) -> str:
-        """Return `wanted` as an identifier, with a number behind it if that is taken."""
+        """Return `wanted` as an identifier, with a number appended if it is taken."""
         base = re.sub(r"\W", "_", wanted)
         if not base.isascii() or not base.isidentifier() or base.startswith("_"):
             base = "v" + re.sub(r"[^A-Za-z0-9_]", "_", base)

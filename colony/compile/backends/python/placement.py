@@ -1,4 +1,4 @@
-"""The choice of the values of a Code that get a name in a generated program, and of their places."""
+"""Decides which values of a Code get a name in a generated program, and where they are computed."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def is_atom(op: Op) -> bool:
 class Placement:
     """The places where values are used and computed. Mutable: filled by `use`, then `settle`d.
 
-    After `settle`, `uses` is the number of uses of each value (0: never), `slot` is the place where it is
-    computed, and `named` is true if it gets a name there and false if it stands as an expression at its use.
+    After `settle`, `uses` is the number of uses of each value, `slot` is the place where it is computed, and
+    `named` is true if it gets a name there, false if it is an expression at its use.
     """
 
     def __init__(self, code: Code, layout: Layout, known: list[Range]) -> None:
@@ -31,19 +31,19 @@ class Placement:
         self.named = bytearray(len(code.ops))
 
     def use(self, value: int, slot: int, times: int = 1) -> None:
-        """Record that the statement behind `slot` needs `value`, and mentions it `times` times."""
+        """Record that the statement after `slot` uses `value` `times` times."""
         self.slot[value] = slot if self.uses[value] == 0 else self.layout.join(self.slot[value], slot)
         self.uses[value] += times
 
     def use_all(self, values: Iterable[int], slot: int) -> None:
-        """Record that the statement behind `slot` needs each of `values` once."""
+        """Record that the statement after `slot` uses each of `values` once."""
         for value in values:
             self.use(value, slot)
 
     def settle(self, memory_slot: int) -> None:
         """Decide for every value, from the last to the first, since users come after what they use.
 
-        Memory changes behind `memory_slot`: what it held before is read there at the latest.
+        Memory changes after `memory_slot`, so old values of cells are read there at the latest.
         """
         for at in reversed(range(len(self.code.ops))):
             if not self.uses[at]:

@@ -5,7 +5,7 @@
     contracts
     memory
 
-Clients next to each other that need the same things present share one test of that.
+Consecutive clients that need the same inputs share one test for their presence.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class ClientPlan:
 
 @dataclass(frozen=True, slots=True)
 class GroupPlan:
-    """Clients behind one test of `present`, if there are several and it is not always true; else None."""
+    """Consecutive clients with one test of `present`; None for a single client, or if it is constant."""
 
     present: int | None
     slot: int
@@ -38,7 +38,7 @@ class GroupPlan:
 
 @dataclass(frozen=True, slots=True)
 class ActuatorPlan:
-    """The plan of an actuator: `slot` before the clients, `after` behind, `limits` if there is a winner."""
+    """The plan of an actuator: slots before the clients, after them, and for limits if there is a winner."""
 
     actuator: ActuatorCode
     slot: int
@@ -69,7 +69,7 @@ class Plan:
 
 
 def make_plan(code: Code, layout: Layout, placement: Placement) -> Plan:
-    """Return the outline for `code`; fills `layout`, and reports all uses to `placement`."""
+    """Return the outline for `code`; fill `layout`, and record all uses in `placement`."""
     python = tuple((call, _python(call, layout, placement)) for call in code.python)
     actuators = tuple(_actuator(code, actuator, layout, placement) for actuator in code.actuators)
     contracts = []
@@ -107,7 +107,7 @@ def _actuator(code: Code, actuator: ActuatorCode, layout: Layout, placement: Pla
 
 
 def _reachable(code: Code, actuator: ActuatorCode) -> list[ClientCode]:
-    """Return the clients that can win: no client that never holds, or is behind one that always does."""
+    """Return the clients that can win: without constant false guards, up to a constant true one."""
     found = []
     for client in actuator.clients:
         op = code.ops[client.guard]

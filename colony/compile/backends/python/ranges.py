@@ -1,8 +1,8 @@
 """Ranges of the numbers of a Code: their bounds, and whether they can be NaN.
 
-Sound and quick rather than sharp: memory and external input can be anything, and one pass over the ops
-suffices. The bounds of `+ - * /` are computed with those operations, which is right since rounding is
-monotone.
+The analysis is sound and fast rather than precise: memory and external input can be anything, and one pass
+over the ops suffices. The bounds of `+ - * /` are computed with those operations, which is sound since
+rounding is monotone.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from colony.ir.program import Sensor
 
 
 class Range(NamedTuple):
-    """Numbers from `low` to `high`, infinities where those are infinite, and NaN or not."""
+    """Numbers from `low` to `high`, infinities included, and NaN if `nan`."""
 
     low: float
     high: float

@@ -1,7 +1,7 @@
-"""The text of the functions and classes that generated programs bring along.
+"""The source of the functions and classes that generated programs include.
 
-They are those that the plain executor uses, so there is one definition of each; annotations are left out,
-since they would need imports.
+They are those of the plain executor, so each is defined once. Annotations are removed, since they would need
+imports.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _MODULES: tuple[ModuleType, ...] = (arithmetic, intake, python_step, settle)
 def support(names: Iterable[str]) -> tuple[list[str], list[str]]:
     """Return the definitions called `names` with their dependencies, and the names needed from `math`.
 
-    `names` may have names from `math`, too. Others are ignored.
+    `names` may include names from `math`; unknown names are ignored.
     """
     definitions = _definitions()
     wanted: set[str] = set()
@@ -43,7 +43,7 @@ def _definitions() -> dict[str, ast.FunctionDef | ast.ClassDef]:
     for module in _MODULES:
         for node in ast.parse(inspect.getsource(module)).body:
             if isinstance(node, ast.FunctionDef | ast.ClassDef):
-                found[node.name] = _bare(node)
+                found[node.name] = _without_annotations(node)
     return found
 
 
@@ -51,14 +51,14 @@ def _mentioned(node: ast.AST) -> set[str]:
     return {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
 
 
-def _bare(node: ast.FunctionDef | ast.ClassDef) -> ast.FunctionDef | ast.ClassDef:
+def _without_annotations(node: ast.FunctionDef | ast.ClassDef) -> ast.FunctionDef | ast.ClassDef:
     """Return the definition without annotations."""
-    bare = _Bare().visit(node)
+    bare = _AnnotationRemover().visit(node)
     assert isinstance(bare, ast.FunctionDef | ast.ClassDef)
     return bare
 
 
-class _Bare(ast.NodeTransformer):
+class _AnnotationRemover(ast.NodeTransformer):
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
         node.returns = None
         self.generic_visit(node)

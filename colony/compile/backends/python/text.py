@@ -1,7 +1,7 @@
 """Ops as Python expressions, with no more parentheses than are needed.
 
-Where it is known that nothing special can happen (no NaN, no division by zero) Python's own operators and
-functions are used; elsewhere those of `colony.execute.arithmetic`.
+Where NaN and division by zero are impossible, Python's own operators and functions are used; elsewhere those
+of `colony.execute.arithmetic`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Binding(IntEnum):
 
 
 class Text(NamedTuple):
-    """An expression; `depth` is how deep it nests, for the sake of Python's parser."""
+    """An expression; `depth` is its nesting depth, which Python's parser limits."""
 
     text: str
     binding: Binding = Binding.ATOM
@@ -90,7 +90,7 @@ def literal(value: float | bool | int) -> Text:
 
 
 def mentions_twice(operator: Operator, x: list[Range]) -> bool:
-    """Return True if the operator's text has its operands twice, so that they should be names."""
+    """Return True if the operator's text repeats its operands, so that they should be names."""
     match operator:
         case Operator.MIN | Operator.MAX:
             return len(x) == 2 and not any(r.nan for r in x)
@@ -151,7 +151,7 @@ def _sum(o: list[Text]) -> tuple[str, Binding]:
 
 
 def _guarded_quotient(o: list[Text]) -> tuple[str, Binding]:
-    """Return the text of a division by what may be zero: a call decides what that gives."""
+    """Return the text of a division whose divisor may be zero; a call handles that case."""
     call = f"divide({o[0].text}, {o[1].text})"
     quotient = f"{o[0].inside(Binding.PRODUCT)} / {o[1].inside(Binding.SIGN)}"
     return f"{quotient} if {o[1].inside(Binding.OR)} else {call}", Binding.CONDITIONAL

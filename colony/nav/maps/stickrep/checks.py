@@ -14,7 +14,7 @@ from colony.nav.maps.stickrep.model import Map, Ring
 from colony.text.source import Span
 
 ANGLE_TOLERANCE_DEG = 0.5
-_LIGHT_SLACK_MM = 0.1  # what rounding in a file may add to many small offsets
+_LIGHT_SLACK_MM = 0.1  # largest sum of rounding errors of many small offsets
 _ROUNDING_MM = 0.001
 _BESIDE_MM = 1.0
 
@@ -37,9 +37,9 @@ class Places:
 
 
 def check_ring(problems: Problems, ring: Ring, places: RingPlaces, tolerance_mm: float | None) -> bool:
-    """Check one ring by itself, and say whether its shape is sound.
+    """Check one ring by itself; return True if its shape is sound.
 
-    Without a tolerance it is not checked where the ring ends.
+    Without a tolerance the closure in place is not checked.
     """
     if len(ring.edges) < 3:
         message = f"expected at least 3 rows in ring `{ring.name}`; found {len(ring.edges)}"
@@ -106,7 +106,7 @@ def _report_unpaired(problems: Problems, ring: Ring, places: RingPlaces) -> None
 
 
 def check_map(problems: Problems, checked: Map, places: Places) -> None:
-    """Check how the rings lie to each other, and where the robot starts; each ring must be sound."""
+    """Check the relation of the rings to each other, and the start; each ring must be sound."""
     before = len(problems)
     outlines = tuple(corners(ring) for ring in checked.rings)
     _check_crossings(problems, checked, outlines, places)

@@ -1,6 +1,6 @@
-"""The words of a StickRep line, and the readers of single fields: numbers in their ranges, names, kinds.
+"""The words of a StickRep line, and the readers of single fields: numbers in ranges, names, kinds.
 
-Every reader here returns its value or None, having reported what was found and what was expected.
+Each reader returns its value or, after reporting an error, None.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.'-]{0,63}", re.ASCII)
 
 
 class TooManyProblemsError(Exception):
-    """Too many problems for a map; the ones found so far are enough."""
+    """A map has too many problems; reading it is given up."""
 
 
 class Problems(list[Diagnostic]):
@@ -47,7 +47,7 @@ class Problems(list[Diagnostic]):
         """
         self.append(error(code, span, message, hint))
         if len(self) >= MAX_PROBLEMS:
-            hint = "mend the first of them: the others may follow from it"
+            hint = "fix the first of them: the others may follow from it"
             self.append(error("M023", span, f"gave up after {MAX_PROBLEMS} errors", hint))
             raise TooManyProblemsError
 

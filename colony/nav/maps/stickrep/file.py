@@ -1,4 +1,4 @@
-"""Reads the text of a StickRep map from its file, with care: it may be no text, or no file at all."""
+"""Loads the text of a StickRep map from its file, and reports a file that is missing or no text."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def load_source(path: str | os.PathLike[str]) -> Source:
     """Load the text of the file at `path`.
 
     Raises:
-        DiagnosticError: it cannot be read, or is no text that a map could be.
+        DiagnosticError: the file cannot be read, is too large, or is no text.
     """
     shown = os.fspath(path)
     empty = Source(shown, "")
@@ -26,7 +26,7 @@ def load_source(path: str | os.PathLike[str]) -> Source:
     except OSError as failure:
         if failure.errno == errno.EFBIG:
             message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; expected a map"
-            place, hint = Span(empty, 0, 0), "is it another file that you meant?"
+            place, hint = Span(empty, 0, 0), "did you mean another file?"
             raise DiagnosticError([error("M002", place, message, hint)]) from None
         message = f"cannot read the map: {reason(failure)}"
         meant = Shipped.MAP.hint(shown) if failure.errno == errno.ENOENT else None

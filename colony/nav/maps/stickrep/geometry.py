@@ -1,9 +1,9 @@
 """The places of a ring's nodes and shared lights: plane geometry on StickRep, without arrays.
 
-A ring is stored as turns and lengths, and lengths are counted in bricks: walked round once, it rarely ends
-exactly where it began. The gap is spread over the ring as surveyors do in a closed traverse (the compass
-rule): each edge takes a share in proportion to its length. Walls then have no leaks, and no node moves by
-more than the gap.
+A ring is stored as turns and lengths, and lengths are counted in bricks: traced once around, it rarely ends
+exactly where it began. The gap is distributed by the compass rule, as surveyors do in a closed traverse: each
+edge takes a share in proportion to its length. Walls then have no gaps, and no node moves by more than the
+original one.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class Trace:
     """A ring walked once around, before its gap is closed.
 
     Attributes:
-        points: one a node, and where the last edge ends.
-        headings_deg: one an edge, in [0, 360).
+        points: places of the nodes, and the end of the last edge.
+        headings_deg: headings of the edges, in [0, 360).
         total_turn_deg: the sum of all turns; -360 for an outline, 360 for a block, if the ring is sound.
     """
 
@@ -86,7 +86,7 @@ def corners(ring: Ring) -> tuple[Point, ...]:
 
 
 class Projection(NamedTuple):
-    """A light's projection onto an edge: which light of which edge, where, and the edge's unit vector."""
+    """A light's projection onto an edge: indices of edge and light, its place, and the edge's unit vector."""
 
     edge: int
     light: int
@@ -112,8 +112,8 @@ def projections(ring: Ring) -> tuple[Projection, ...]:
 def shared_lights(ring: Ring) -> tuple[Point, ...] | None:
     """Return the places of the lights in turning spaces, or None if their projections do not pair up.
 
-    The projections of one light follow each other along the ring, on two edges that are not parallel, and the
-    light is where the perpendiculars meet. As the ring may begin between the two, both ways to pair neighbors
+    The two projections of a light are successive along the ring, on edges that are not parallel, and the
+    light is where the perpendiculars meet. As the ring may begin between the two, both pairings of neighbors
     are tried; the one with the shorter perpendiculars is taken.
     """
     marks = [p for p in projections(ring) if ring.edges[p.edge].lights[p.light].shared]
@@ -133,13 +133,13 @@ class _Meeting(NamedTuple):
     distance: float
 
 
-_LEAST_SINE = 0.1  # edges that differ by less than about six degrees are as good as parallel
+_MIN_SINE = 0.1  # edges that differ by less than about six degrees are as good as parallel
 
 
 def _meet(one: Projection, other: Projection) -> _Meeting | None:
     """Return where the perpendiculars of two edges meet, and their total length; None for parallel edges."""
     cross = one.along.x * other.along.y - one.along.y * other.along.x
-    if abs(cross) < _LEAST_SINE:
+    if abs(cross) < _MIN_SINE:
         return None
     # at . along is fixed on each perpendicular: two linear equations for the common point.
     a = one.at.x * one.along.x + one.at.y * one.along.y
@@ -163,7 +163,7 @@ def link_places(source: Map) -> tuple[tuple[Point, Point], ...]:
         part = site.offset_mm / length
         return Point(here.x + part * (there.x - here.x), here.y + part * (there.y - here.y))
 
-    return tuple((place(link.one), place(link.other)) for link in source.links)
+    return tuple((place(link.first), place(link.second)) for link in source.links)
 
 
 def in_free_space(rings: tuple[tuple[Point, ...], ...], x: float, y: float) -> bool:

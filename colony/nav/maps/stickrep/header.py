@@ -15,7 +15,7 @@ _T = TypeVar("_T")
 
 
 class Header:
-    """The header, as far as it was read.
+    """The header, as read so far.
 
     The lengths and nodes in it (`start`, `tolerance`, `links`, `elevators`) stay words: the line that names
     the unit may come later, and so may the rings.
@@ -54,7 +54,7 @@ class Header:
         return (*self._once, *self._often)
 
     def take(self, words: list[Word]) -> bool:
-        """Read a line of the header, and return True if it is one. A line that is neither is reported."""
+        """Read a line if it belongs to the header, and return True; report an unknown line."""
         key = words[0]
         if key.text == "ring" or key.looks_like_number:
             return False
@@ -68,13 +68,13 @@ class Header:
             hint = close or "header lines are: " + ", ".join(self.known)
             message = f"expected a header line, `ring` or a row that begins with an angle; found {key.shown}"
             self.problems.report("M004", key.span, message, hint)
-            return False  # perhaps a row: the ring that it stands in is not judged
+            return False  # perhaps a row: its ring is not checked any further
         if self._is_first(key.text, key.span, f"one `{key.text}` line"):
             self._read(words, *self._once[key.text])
         return True
 
     def _read(self, words: list[Word], usage: str, take: Callable[[list[Word]], None]) -> None:
-        """Hand the values of a line over if there are as many as its usage says."""
+        """Pass the values of a line on if their number matches its usage."""
         values = fields.values(self.problems, words, usage)
         if values:
             take(values)
@@ -85,7 +85,7 @@ class Header:
             return True
         line, _ = self.source.position(self.seen[key].start)
         message = f"expected {expected}; found a second one, the first is line {line}"
-        self.problems.report("M005", span, message, "take one of the two lines out")
+        self.problems.report("M005", span, message, "remove one of the two lines")
         return False
 
     def _map(self, values: list[Word]) -> None:
@@ -116,7 +116,7 @@ class Header:
         self.travel = self._one_of(get_args(Travel), values[0], hint) or self.travel
 
     def _one_of(self, known: tuple[_T, ...], word: Word, hint: str) -> _T | None:
-        """Return which of the words `known` this is; None, and an error, where it is none of them."""
+        """Return the word of `known` that this is; report an error and return None if it is none of them."""
         for one in known:
             if word.text == one:
                 return one

@@ -1,4 +1,4 @@
-"""Reads the `link` and `elevator` lines of a StickRep map: what they name is there, and lies as it should."""
+"""Reads the `link` and `elevator` lines of a StickRep map, and checks the places that they name."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ MAX_ACROSS_MM = 8_000.0
 """Largest distance between linked places."""
 MAX_ASIDE_MM = 500.0
 """Largest displacement along their corridor of two places that face each other."""
-_LEAST_COSINE = math.cos(math.radians(10.0))  # walls that differ by more do not run along one corridor
-_SLACK_MM = 0.1  # what rounding in a file may add to an offset
+_MIN_COSINE = math.cos(math.radians(10.0))  # walls that differ by more do not run along one corridor
+_SLACK_MM = 0.1  # largest rounding error of an offset in a file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class Joints:
 
 
 class _Spot(NamedTuple):
-    """A site in the plane: its ring, where it is, the unit vectors of the walls at it, whether a corner."""
+    """A site in the plane: its ring, its place, the unit vectors of its walls, and True for a corner."""
 
     site: Site
     ring: int
@@ -73,7 +73,7 @@ def linked_rings(source: Map) -> tuple[tuple[str, ...], ...]:
 
 
 class _JointReader:
-    """The rings of one map in the plane, and where their nodes are."""
+    """The rings of one map in the plane, and the places of their nodes."""
 
     def __init__(self, problems: Problems, unit: str, rings: tuple[Ring, ...]) -> None:
         self.problems = problems
@@ -87,7 +87,7 @@ class _JointReader:
         self.segments = np.array(rows, dtype=np.float64)
 
     def link(self, first: Word, second: Word) -> Link | None:
-        """Read a link, if both of its places exist and the robot can get from one to the other."""
+        """Read a link; None, with an error, unless both places exist and the robot can get between them."""
         one, other = self._spot(first), self._spot(second)
         if one is None or other is None:
             return None
@@ -99,7 +99,7 @@ class _JointReader:
         return Link(one.site, other.site)
 
     def elevator(self, node: Word, file: Word, other: Word) -> ElevatorLink | None:
-        """Read an elevator's line, if its first node begins an elevator of this map."""
+        """Read an elevator's line; None, with an error, unless its first node begins an elevator."""
         found = self._node(node, node.text)
         target = fields.name(self.problems, other, "the name of a node")
         if file.text.startswith("/"):
@@ -159,7 +159,7 @@ class _JointReader:
         return offset
 
     def _why_not(self, one: _Spot, other: _Spot) -> tuple[str, str | None]:
-        """Return why two places cannot be linked, and a hint; an empty reason if they can."""
+        """Return the reason why two places cannot be linked, and a hint; an empty reason if they can be."""
         if one.ring == other.ring:
             return f"are both on ring `{self.rings[one.ring].name}`", "a link joins two rings"
         way = Point(other.at.x - one.at.x, other.at.y - one.at.y)
@@ -192,7 +192,7 @@ def _displacement(one: _Spot, other: _Spot, way: Point) -> float | None:
     least: float | None = None
     for u in one.walls:
         for v in other.walls:
-            if u.x * v.x + u.y * v.y > -_LEAST_COSINE:
+            if u.x * v.x + u.y * v.y > -_MIN_COSINE:
                 continue
             if way.x * u.y - way.y * u.x <= 0.0 or way.y * v.x - way.x * v.y <= 0.0:
                 continue

@@ -17,13 +17,13 @@ from enum import Enum
 from typing import Literal, NamedTuple
 
 LightOffsets = Literal["incremental", "cumulative"]
-"""The offsets of an edge's lights in a file: each from the light before, or all from the node."""
+"""Reference of the offsets of an edge's lights in a file: the previous light, or the node."""
 
 Travel = Literal["either", "wall-on-left"]
 """Direction in which paths follow the rings: both ways, or only with the wall on the left hand."""
 
 DEFAULT_TOLERANCE_MM = 50.8
-"""Default closure error that a ring may have: two inches, a brick's slack."""
+"""Default tolerance of a ring's closure error: two inches, the inaccuracy of a brick."""
 
 
 class EdgeKind(Enum):
@@ -56,7 +56,7 @@ class Light:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapNode:
-    """A vertical edge of the building, where the edge that is stored with it begins.
+    """A vertical edge of the building, where the edge stored with it begins.
 
     `angle_deg` is measured counterclockwise from the next edge to the previous one, in (0, 360): 180 along
     a straight wall. A `corner` is a node where the corridor itself changes direction, unlike the jambs of an
@@ -77,8 +77,8 @@ class MapNode:
 class Edge:
     """The stretch between one node and the next.
 
-    Edges that are not `counted` have their place in the building, but no part in the length of a path: the
-    sides of an alcove, say. `attribute` is a remark on the surface.
+    Edges that are not `counted`, such as the sides of an alcove, are part of the building, but not of the
+    length of a path. `attribute` is a remark on the surface.
     """
 
     kind: EdgeKind
@@ -92,7 +92,7 @@ class Edge:
 class Ring:
     """A closed contour: edge i leads from node i to node i + 1, the last one back to node 0.
 
-    `start` is where node 0 stands, and the heading of edge 0.
+    `start` is the place of node 0 and the heading of edge 0.
     """
 
     name: str
@@ -102,7 +102,7 @@ class Ring:
 
     @property
     def path_length_mm(self) -> float:
-        """The way once around: the sum of the edges that are counted."""
+        """The length once around: the sum of the counted edges."""
         return sum(edge.length_mm for edge in self.edges if edge.counted)
 
 
@@ -114,15 +114,14 @@ class Site(NamedTuple):
 
 
 class Link(NamedTuple):
-    """Two places of different rings, from one of which the robot gets to the other in the same free space.
+    """Two places on different rings between which the robot can drive.
 
-    Either they face each other across a corridor, or both are corners of one turning space. A path may change
-    its ring there, and none of the way across is counted (thesis section 5.1.1, where rings are not linked,
-    and 7.2).
+    They face each other across a corridor, or are corners of one turning space. A path may change rings
+    there, and the distance across is not counted (thesis section 5.1.1, where rings are not linked, and 7.2).
     """
 
-    one: Site
-    other: Site
+    first: Site
+    second: Site
 
 
 class ElevatorLink(NamedTuple):

@@ -5,7 +5,7 @@ A file is a header, then rings of rows; `#` begins a comment. The header says, i
     stickrep 1                  the format's version; always the first line
     map NAME
     start X Y HEADING           the default pose of a robot
-    unit inch                   of every length in the file (default inch; mm, cm, m, ft)
+    unit inch                   unit of all lengths in the file (default inch; mm, cm, m, ft)
     lights incremental          or cumulative: how offsets of lights count (default incremental)
     closure 2                   the closure error that a ring may have (default two inches)
     travel either               or wall-on-left: which way paths follow the rings (default either)
@@ -20,12 +20,12 @@ row for each node and the edge after it, the fields of thesis section 5.1:
     alpha name tau lambda d1 .. d_lambda mu attribute
 
 Codes of errors: M001 cannot be read, M002 not a text, M003 not a StickRep map, M004 unknown header line, M005
-said twice, M006 header line missing, M007 header line malformed, M008 name, M009 number, M010 row too short,
-M011 edge type, M012 lights, M013 row outside a ring, M014 node name twice, M015 ring name twice, M016 too few
-edges, M017 does not close in angle, M018 does not close in place, M019 light beyond its edge, M020 shared
-lights do not pair, M021 edges cross, M022 start not in free space, M023 too much, M024 traced the wrong way
-round, M025 no such node, M026 linked places that do not face each other, M027 no elevator there, M028 floor
-missing; and of buildings (`building.py`) M029 to M031.
+duplicate header line, M006 header line missing, M007 header line malformed, M008 name, M009 number, M010 row
+too short, M011 edge type, M012 lights, M013 row outside a ring, M014 node name twice, M015 ring name twice,
+M016 too few edges, M017 does not close in angle, M018 does not close in place, M019 light beyond its edge,
+M020 shared lights do not pair, M021 edges cross, M022 start not in free space, M023 too much, M024 traced the
+wrong way round, M025 no such node, M026 linked places that do not face each other, M027 no elevator there,
+M028 floor missing; and of buildings (`building.py`) M029 to M031.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ class _Reader:
                 body.append(words)
             if len(body) + len(self.header.links) + len(self.header.elevators) > MAX_LINES:
                 message = f"expected at most {MAX_LINES} rows, links and ring lines; found one more"
-                self.problems.report("M023", words[0].span, message, "make it several maps")
+                self.problems.report("M023", words[0].span, message, "split it into several maps")
                 raise TooManyProblemsError
         return body
 
@@ -323,7 +323,7 @@ class _Reader:
         end = Span(self.source, len(self.source.text.rstrip()), len(self.source.text.rstrip()))
         for key, usage in (("map", "map NAME"), ("start", "start X Y HEADING")):
             if key not in self.header.seen:
-                self.problems.report("M006", end, f"the header does not say `{usage}`")
+                self.problems.report("M006", end, f"the header has no line `{usage}`")
         if not self.rings:
             message = "expected at least one ring; found none"
             self.problems.report("M006", end, message, "a ring begins with `ring NAME X Y HEADING`")

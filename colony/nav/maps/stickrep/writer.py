@@ -1,4 +1,4 @@
-"""Writes StickRep maps, in the unit and with the light offsets that the map names; the reader's inverse."""
+"""Writes StickRep maps, in the unit and with the light offsets of the map: the inverse of the reader."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _COLUMNS = ("# alpha", "node", "type", "lights", "length", "attribute")
 def write_map(written: Map) -> str:
     """Return the text of a map; reading it gives the map back, up to the sixth decimal of its unit.
 
-    Text that was written comes out the same when it is read and written again. Comments are not kept.
+    Reading and writing a written text again reproduces it. Comments are not kept.
     """
     scale = LENGTH_UNITS[written.unit]
     header = [
@@ -26,7 +26,7 @@ def write_map(written: Map) -> str:
         *([f"travel {written.travel}"] if written.travel != "either" else []),
         f"start {_pose(written.start, scale)}",
     ]
-    joints = [f"link {_site(link.one, scale)} {_site(link.other, scale)}" for link in written.links]
+    joints = [f"link {_site(link.first, scale)} {_site(link.second, scale)}" for link in written.links]
     joints += [f"elevator {ride.node} {ride.file} {ride.other_node}" for ride in written.elevators]
     rings = [_ring(ring, scale, written.light_offsets == "cumulative") for ring in written.rings]
     return "\n\n".join(["\n".join(header), *rings, *(["\n".join(joints)] if joints else [])]) + "\n"

@@ -1,8 +1,8 @@
 """A process of a robot: `python -m colony.runtime.assembly.processes.child SPEC`.
 
 It runs until a signal ends it or its parent is gone, and then closes its resources: a base server stops the
-base. It reports errors on standard error and in its exit code. Hardware servers have an entry point of their
-own beside their drivers, which passes these to `main`.
+base. It reports errors on standard error and in its exit code. Hardware servers have their own entry point
+beside their drivers, which passes the drivers to `main`.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from typing import NoReturn
 from colony.collector import collector_past_startup
 from colony.os_errors import described
 from colony.runtime.assembly.processes.devices import Devices
-from colony.runtime.assembly.processes.ending import (
-    EXIT_FAILED,
-    Ending,
-    drop_what_cannot_be_printed,
-    give_up,
-    give_up_without,
-    on_death_of_parent,
-    on_signals,
-    say,
-)
 from colony.runtime.assembly.processes.parts import is_nonblocking, nodes_of, serves
+from colony.runtime.assembly.processes.shutdown import (
+    EXIT_FAILED,
+    Shutdown,
+    exit_on_exhaustion,
+    exit_with,
+    log_line,
+    make_printing_safe,
+    on_parent_exit,
+    on_signals,
+)
 from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, place_of, read_spec
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.errors import GatewayFullError, LiveError
@@ -37,77 +37,77 @@ from colony.text.diagnostics import DiagnosticError
 
 
 class StartupError(Exception):
-    """A process cannot begin because an input is missing or invalid; the message says which and why."""
+    """A process cannot start because an input is missing or invalid; the message says which and why."""
 
 
 def run(
     spec: Spec,
-    ending: Ending,
+    shutdown: Shutdown,
     *,
     devices: Devices | None = None,
     ready: Callable[[], None] = lambda: None,
 ) -> None:
-    """Run the part that the spec describes until it is time to end.
+    """Run the part that the spec describes until the shutdown.
 
     `ready` is called once the process has joined the others.
 
     Raises:
         LiveError: it cannot join the robot's processes; for example, another process serves its name.
         StartupError: an input is missing or invalid.
-        StoreError: it cannot store what it must, and has to end.
+        StoreError: it cannot store data that it must store, and has to end.
         Exception: as raised by a node.
     """
     place = place_of(spec.place)
     try:
-        with ExitStack() as holds:
-            host = holds.enter_context(_host(spec.part, place, devices, holds))
-            ending.then(host.stop)
+        with ExitStack() as resources:
+            host = resources.enter_context(_host(spec.part, place, devices, resources))
+            shutdown.then(host.stop)
             ready()
             with collector_past_startup():
                 host.run()
     except GatewayFullError as full:
-        if ending.why is None:
-            say(f"{full}; it begins again, and its users log in once more by themselves")
-            begin_again()
+        if shutdown.reason is None:
+            log_line(f"{full}; it restarts, and its users are logged in again automatically")
+            restart_in_place()
 
 
-def begin_again() -> NoReturn:
+def restart_in_place() -> NoReturn:
     """Replace this process by a new run of the same command, under the same process id."""
     os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
 
 
-def _host(part: Part, place: Place, devices: Devices | None, holds: ExitStack) -> Host:
+def _host(part: Part, place: Place, devices: Devices | None, resources: ExitStack) -> Host:
     if isinstance(part, GatewayPart):
         from colony.runtime.transport.live.gateway import open_gateway
         from colony.runtime.transport.live.security import read_security
 
         if not isinstance(place, Local):
             raise ValueError("a gateway runs on the robot's own machine")
-        return open_gateway(place, part.listen, read_security(Path(part.security)), report=say)
+        return open_gateway(place, part.listen, read_security(Path(part.security)), report=log_line)
     try:
-        nodes = nodes_of(part, place, devices, holds)
+        nodes = nodes_of(part, place, devices, resources)
     except OSError as problem:
         raise StartupError(described(problem)) from None
     except (DiagnosticError, StoreError) as problem:
         raise StartupError(str(problem)) from None
-    return Host.open(place, nodes, serves=serves(part), direct=is_nonblocking(part), report=say)
+    return Host.open(place, nodes, serves=serves(part), direct=is_nonblocking(part), report=log_line)
 
 
 def main(devices: Devices | None = None) -> None:
     """Run a process that a supervisor started."""
-    drop_what_cannot_be_printed()
-    ending = Ending()
-    with on_signals(ending):
-        on_death_of_parent(ending)
+    make_printing_safe()
+    shutdown = Shutdown()
+    with on_signals(shutdown):
+        on_parent_exit(shutdown)
         try:
-            run(read_spec(Path(sys.argv[1])), ending, devices=devices)
+            run(read_spec(Path(sys.argv[1])), shutdown, devices=devices)
         except (LiveError, StartupError) as problem:
-            give_up(str(problem))
+            exit_with(str(problem))
         except StoreError as problem:
-            give_up(str(problem), EXIT_FAILED)
+            exit_with(str(problem), EXIT_FAILED)
         except Exception as problem:
-            give_up_without(problem)
-    ending.end_forked()
+            exit_on_exhaustion(problem)
+    shutdown.end_forked()
 
 
 if __name__ == "__main__":

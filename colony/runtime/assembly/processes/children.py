@@ -1,9 +1,9 @@
 """The child processes of a supervisor: monitored, restarted, and ended in order.
 
-Each is started from scratch (never forked from a process with an open session), in a process group of its
-own, so that Ctrl-C at a terminal reaches only the supervisor, which then ends the others in their order. When
-a process has ended, the rest of its group is killed. The output of a process goes to a file of its own, and
-the last lines of that are shown when it dies.
+Each is started from scratch (never forked from a process with an open session), in its own process group, so
+that Ctrl-C at a terminal reaches only the supervisor, which then ends the others in order. When a process has
+ended, the rest of its group is killed. The output of a process goes to its own log, whose last lines are
+shown when it dies.
 """
 
 from __future__ import annotations
@@ -22,16 +22,19 @@ from typing import IO, NamedTuple
 
 import colony
 from colony.files import open_regular
-from colony.runtime.assembly.processes.ending import EXIT_FINAL, kill_group
 from colony.runtime.assembly.processes.restarts import Restarts
+from colony.runtime.assembly.processes.shutdown import EXIT_FINAL, kill_group
 from colony.runtime.transport.live.network import THREADS
 
 TAIL_BYTES = 4096
 TAIL_LINES = 8
+"""Largest part of a log that is shown when its process dies."""
+
 LOG_BYTES = 16 * 1024 * 1024
 """Size in bytes beyond which a log is emptied."""
 
-POLL_S = 0.005
+POLL_INTERVAL_S = 0.005
+"""Seconds between two checks whether a terminated process has ended."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +42,7 @@ class Job:
     """A process to start: `module` is run with `arguments`, and its output goes into the file `log`.
 
     Attributes:
-        wave: the shutdown wave: processes of wave 0 end first, the next ones when these are gone.
+        wave: shutdown wave: processes of wave 0 end first, those of the next wave after them.
         essential: True if the run ends when the process is given up.
         one_thread: True if all of zenoh's tasks run on one thread.
         clients: addresses of the clients that run in the process.
@@ -58,13 +61,13 @@ class Job:
 class Death(NamedTuple):
     """The unexpected end of a process.
 
-    `said` are the last lines of its output. `pause_s` is the time until its restart; None if it is given up.
-    `final` is True if its exit code reports a wrong start.
+    `tail` are the last lines of its output. `pause_s` is the time until its restart; None if it is not
+    restarted. `final` is True if its exit code says that a restart would not help.
     """
 
     job: Job
-    why: str
-    said: tuple[str, ...]
+    cause: str
+    tail: tuple[str, ...]
     pause_s: float | None
     final: bool
 
@@ -82,7 +85,7 @@ class Children:
     """The child processes of a supervisor. Mutable: the live processes.
 
     Args:
-        clock: a monotonic clock in nanoseconds.
+        clock: monotonic clock in nanoseconds.
     """
 
     def __init__(self, *, clock: Callable[[], int] = time.monotonic_ns) -> None:
@@ -97,7 +100,7 @@ class Children:
             OSError: the process could not be started.
         """
         if job.name in self._children:
-            raise ValueError(f"two processes are called {job.name}")
+            raise ValueError(f"two processes have the name {job.name}")
         job.log.unlink(missing_ok=True)
         child = _Child(job)
         self._children[job.name] = child
@@ -105,7 +108,7 @@ class Children:
 
     def poll(self) -> tuple[Death, ...]:
         """Return the deaths since the last call, and restart processes that are due."""
-        return tuple(death for child in self._children.values() for death in self._look(child))
+        return tuple(death for child in self._children.values() for death in self._check(child))
 
     def pid(self, name: str) -> int | None:
         """Return the id of a live process, None for any other."""
@@ -121,7 +124,7 @@ class Children:
         """Return the number of restarts."""
         return sum(child.restarts.total for child in self._children.values())
 
-    def stop(self, patience_s: float) -> tuple[str, ...]:
+    def stop(self, grace_s: float) -> tuple[str, ...]:
         """End all processes, wave by wave; return the names of those that had to be killed.
 
         If interrupted, it sends SIGTERM to the remaining processes, which then end by themselves.
@@ -129,9 +132,9 @@ class Children:
         killed: list[str] = []
         try:
             for wave in sorted({child.job.wave for child in self._children.values()}):
-                killed += self._end([c for c in self._children.values() if c.job.wave == wave], patience_s)
+                killed += self._end([c for c in self._children.values() if c.job.wave == wave], grace_s)
         finally:
-            self._let_go()
+            self._release_all()
         return tuple(killed)
 
     # --- one process ---------------------------------------------------------------------------------
@@ -149,7 +152,7 @@ class Children:
             )
         child.began_ns, child.due_ns = self._clock(), None
 
-    def _look(self, child: _Child) -> Iterator[Death]:
+    def _check(self, child: _Child) -> Iterator[Death]:
         if child.process is None:
             if child.due_ns is not None and self._clock() >= child.due_ns:
                 self._spawn(child)
@@ -158,7 +161,7 @@ class Children:
         if code is None:
             _limit(child.job.log)
             return
-        _forget(child)
+        _release(child)
         now = self._clock()
         child.due_ns = None if code == EXIT_FINAL else child.restarts.died(child.began_ns, now)
         pause_s = None if child.due_ns is None else (child.due_ns - now) / 1e9
@@ -166,45 +169,45 @@ class Children:
         if child.due_ns is not None and child.due_ns <= now:
             self._spawn(child)
 
-    def _end(self, children: list[_Child], patience_s: float) -> Iterable[str]:
+    def _end(self, children: list[_Child], grace_s: float) -> Iterable[str]:
         for child in children:
             child.due_ns = None
             if child.process is not None:
                 child.process.send_signal(signal.SIGTERM)
-        until = time.monotonic() + patience_s
+        until = time.monotonic() + grace_s
         living = [c for c in children if c.process is not None]
         while living and time.monotonic() < until:
             living = [c for c in living if c.process is not None and _ended(c.process) is None]
             if living:
-                time.sleep(POLL_S)
+                time.sleep(POLL_INTERVAL_S)
         for child in living:
             assert child.process is not None
             child.process.kill()
             _ended(child.process, os.WEXITED)
         for child in children:
-            _forget(child)
+            _release(child)
         return [child.job.name for child in living]
 
-    def _let_go(self) -> None:
+    def _release_all(self) -> None:
         for child in self._children.values():
             if child.process is not None:
                 child.process.send_signal(signal.SIGTERM)
-            _forget(child)
+            _release(child)
 
 
 def _ended(process: subprocess.Popen[bytes], wanted: int = os.WEXITED | os.WNOHANG) -> int | None:
     """Return the exit code of a process that has ended, None if it has not.
 
-    Its forked processes are killed first: until it is reaped, no other group can have its id.
+    Before it is reaped, its forked processes are killed, as until then no other group can have its id.
     """
-    with suppress(ChildProcessError):  # nothing can be waited for if SIGCHLD is ignored
+    with suppress(ChildProcessError):  # raised if SIGCHLD is ignored
         if os.waitid(os.P_PID, process.pid, wanted | os.WNOWAIT) is None:
             return None
     kill_group(process.pid)
     return process.wait()
 
 
-def _forget(child: _Child) -> None:
+def _release(child: _Child) -> None:
     """Close the standard input of a process, which ends it if it is still alive."""
     process, child.process = child.process, None
     if process is not None:
@@ -222,12 +225,12 @@ def _log(path: Path) -> IO[bytes]:
 
 
 def _limit(path: Path) -> None:
-    """Empty the log of a process that prints without end; its next output is kept again."""
+    """Empty the log of a process if it has grown beyond the limit."""
     with suppress(OSError):
         if path.stat().st_size > LOG_BYTES:
             os.truncate(path, 0)
             with open(path, "ab") as log:
-                log.write(f"earlier lines are dropped: more than {LOG_BYTES >> 20} MiB\n".encode())
+                log.write(f"earlier lines were dropped: more than {LOG_BYTES >> 20} MiB\n".encode())
 
 
 def _private(path: str, flags: int) -> int:
@@ -242,15 +245,15 @@ ONE_THREAD = (
 """Threads of zenoh in processes of clients and of Python modules, in the format of `ZENOH_RUNTIME`.
 
 One thread runs all of zenoh's tasks. A process that handles one message at a time gains nothing from more
-threads, and each costs switches (measured, with direct hosts: a third of a frame's time). That thread must
-not wait for room at a link, because it would have to make that room itself: see `live/host.py`.
+threads, and each costs context switches (measured, with direct hosts: a third of a frame's time). That thread
+must not wait for room at a link, because only it can make that room: see `live/host.py`.
 """
 
 ONE_ARENA = "1"
 """Number of heaps of the C library, in the format of `MALLOC_ARENA_MAX`.
 
-Threads that come and go with connections would get heaps of their own, whose free memory no other thread uses
-again (measured: 15 MB instead of 2 in a server after the death of 178 clients).
+Threads that come and go with connections would get their own heaps, whose free memory no other thread uses
+(measured: 15 MB instead of 2 in a server after the death of 178 clients).
 """
 
 
@@ -289,15 +292,15 @@ def last_lines(path: Path) -> tuple[str, ...]:
 
 
 def described(death: Death) -> str:
-    """Return a description of a death: its cause, what happens next, and the last lines of the process."""
+    """Describe a death for users: its cause, what happens next, and the last lines of the process."""
     name, pause_s = death.job.name, death.pause_s
-    if death.final and death.said:
-        return f"{name}: {death.said[-1]}"
+    if death.final and death.tail:
+        return f"{name}: {death.tail[-1]}"
     if pause_s is None:
-        then = "it is given up"
+        then = "it is not restarted"
     else:
-        then = "it is started again" + (f" in {pause_s:.2g} s" if pause_s > 0 else "")
-    lines = [f"{name} {death.why}; {then}"]
-    if death.said:
-        lines += [f"its last lines, from {death.job.log}:", *(f"  {line}" for line in death.said)]
+        then = "it is restarted" + (f" in {pause_s:.2g} s" if pause_s > 0 else "")
+    lines = [f"{name} {death.cause}; {then}"]
+    if death.tail:
+        lines += [f"last lines of {death.job.log}:", *(f"  {line}" for line in death.tail)]
     return "\n".join(lines)

@@ -10,19 +10,21 @@ from colony.runtime.servers.drivers import BaseDriver, CameraDriver, ProximityDr
 
 
 class Devices(Protocol):
-    """A factory of drivers, whose times are nanoseconds since `base_ns` of the machine's monotonic clock.
+    """A factory of drivers. Their times are nanoseconds since `base_ns` of the machine's monotonic clock.
 
-    The resources of a driver are closed with `holds`.
+    Closing `resources` closes a driver.
     """
 
-    def base(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> BaseDriver:
+    def base(self, device: Device, robot: str, base_ns: int, resources: ExitStack) -> BaseDriver:
         """Return the driver of the base."""
         ...
 
-    def proximity(self, device: Device, robot: str, base_ns: int, holds: ExitStack) -> ProximityDriver:
+    def proximity(self, device: Device, robot: str, base_ns: int, resources: ExitStack) -> ProximityDriver:
         """Return the driver of the proximity sensors."""
         ...
 
-    def camera(self, device: Device, robot: str, camera: str, base_ns: int, holds: ExitStack) -> CameraDriver:
+    def camera(
+        self, device: Device, robot: str, camera: str, base_ns: int, resources: ExitStack
+    ) -> CameraDriver:
         """Return the driver of a camera."""
         ...

@@ -26,7 +26,7 @@ from colony.runtime.assembly.processes.spec import (
     Spec,
     bindings_of,
     name_of,
-    said_of,
+    place_spec,
     write_private,
     write_spec,
 )
@@ -41,16 +41,16 @@ from colony.runtime.transport.live.place import Local, Place
 CHILD = "colony.runtime.assembly.processes.child"
 
 CLIENTS, SERVERS, HARDWARE = range(3)
-"""The order in which processes end: clients first, then servers, which stop the robot, then its hardware."""
+"""Shutdown waves: clients end first, then servers, which stop the robot, then its hardware."""
 
 STORE = "DServer.sqlite"
-"""The file of DServer's variables, in the folder of a robot's state."""
+"""Name of the file of DServer's variables, in the folder of a robot's state."""
 
-BEGINNING_BYTES = 1 << 14
-"""Bytes of disk for the claims and the log of a process: a page of each."""
+STARTUP_BYTES = 1 << 14
+"""Disk space, in bytes, for the claims and the log of a process: a page of each."""
 
 STOP = "Clock.stop"
-"""The file of the emergency stop, in the same folder."""
+"""Name of the file of the emergency stop, in the same folder."""
 
 
 def fresh_folder(folder: Path) -> Path:
@@ -64,17 +64,17 @@ def fresh_folder(folder: Path) -> Path:
     return folder
 
 
-def expect_room(folder: Path, processes: int) -> None:
-    """Check that the run directory's disk has room for the first writes of so many processes.
+def check_disk_room(folder: Path, processes: int) -> None:
+    """Check that the disk of the run directory has room for the first writes of this number of processes.
 
     Each process claims its name, and may write to its log.
 
     Raises:
         OSError: the disk has too little room.
     """
-    room = Reserve(folder / "room", processes * BEGINNING_BYTES)
+    room = Reserve(folder / "room", processes * STARTUP_BYTES)
     room.take()
-    room.give_up()
+    room.release()
 
 
 def keep_logs(folder: Path) -> None:
@@ -95,8 +95,8 @@ def server_parts(
     """Return the parts of all servers of a robot.
 
     Args:
-        state: the folder of data that survives a server's death.
-        device: the hardware.
+        state: folder of data that survives a server's death.
+        device: hardware.
         cameras: pairs of a server's name and the name of its camera.
         fsync: as in `DServerPart`.
         held: as in `DServerPart`.
@@ -146,14 +146,14 @@ def client_jobs(
 def job_of(place: Place, part: Part, folder: Path, wave: int, *, hardware: str = CHILD) -> Job:
     """Write the spec of a process into `folder`, and return its job; its log goes there, too.
 
-    A run cannot do without its servers, its hardware and the process that clients share. It can do without a
-    client that runs apart, and without a Python module: then frames are decided without them. Clients and
-    Python modules need one thread of zenoh, because they handle one message at a time; servers receive
-    further messages while they handle one.
+    Servers, hardware and the process that clients share are essential to a run. A client in its own process
+    and a Python module are not: without them, frames are still decided. Clients and Python modules need only
+    one zenoh thread, because they handle one message at a time; servers receive further messages while they
+    handle one.
     """
     name = name_of(part)
     spec = folder / f"{name.replace('/', '.')}.json"
-    write_spec(spec, Spec(place=said_of(place), part=part))
+    write_spec(spec, Spec(place=place_spec(place), part=part))
     driving = isinstance(part, (RServerPart, PServerPart, CServerPart))
     dispensable = isinstance(part, AnnouncerPart) or (isinstance(part, ClientsPart) and not part.shared)
     clients = tuple(client_address(*c) for c in part.clients) if isinstance(part, ClientsPart) else ()

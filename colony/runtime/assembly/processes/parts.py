@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
 from colony.runtime.assembly.processes.devices import Devices
-from colony.runtime.assembly.processes.ending import say
+from colony.runtime.assembly.processes.shutdown import log_line
 from colony.runtime.assembly.processes.spec import (
     AnnouncerPart,
     ClientsPart,
@@ -26,7 +26,7 @@ from colony.runtime.assembly.processes.spec import (
     read_bindings,
 )
 from colony.runtime.protocol.messages import Node
-from colony.runtime.store.store import Store, StoreFullError, UnmadeStore
+from colony.runtime.store.store import PendingStore, Store, StoreFullError
 from colony.runtime.transport.live.place import Local, Place
 
 if TYPE_CHECKING:
@@ -53,20 +53,20 @@ def is_nonblocking(part: NodePart) -> bool:
             assert_never(part)
 
 
-def nodes_of(part: NodePart, place: Place, devices: Devices | None, holds: ExitStack) -> tuple[Node, ...]:
-    """Return the nodes of a part; their other resources are closed with `holds`.
+def nodes_of(part: NodePart, place: Place, devices: Devices | None, resources: ExitStack) -> tuple[Node, ...]:
+    """Return the nodes of a part; their other resources are closed with `resources`.
 
     Raises:
         DiagnosticError: the compiled program is damaged, or a Python module cannot be imported or built.
         StoreError: DServer's stored data cannot be read.
         OSError: the program or its bindings cannot be read.
-        ValueError: the part needs hardware or the robot's own machine, and has neither.
+        ValueError: the part needs hardware or the robot's own machine, which it does not have.
     """
     match part:
         case ClockPart(servers=servers, stop=stop):
             return _clock(servers, Path(stop))
         case RServerPart() | PServerPart() | CServerPart():
-            return (_driving(part, place, devices, holds),)
+            return (_driving(part, place, devices, resources),)
         case DServerPart():
             return (_dserver(part, place),)
         case ClientsPart():
@@ -82,42 +82,41 @@ def _clock(servers: tuple[str, ...], stop: Path) -> tuple[Node, ...]:
     from colony.runtime.servers.runtime_server import RuntimeServer
 
     runtime = RuntimeServer()
-    clock = Clock(servers=servers, told=runtime.use, stop_path=stop, report=say)
+    clock = Clock(servers=servers, on_deploy=runtime.use, stop_path=stop, report=log_line)
     return clock, runtime
 
 
 def _driving(
-    part: RServerPart | PServerPart | CServerPart, place: Place, devices: Devices | None, holds: ExitStack
+    part: RServerPart | PServerPart | CServerPart, place: Place, devices: Devices | None, resources: ExitStack
 ) -> Node:
     if devices is None or not isinstance(place, Local):
-        raise ValueError("a server of hardware runs where the hardware is")
+        raise ValueError("a server of hardware runs on the robot's own machine, with its drivers")
     robot, base_ns, device = place.robot, place.directory.base_ns(), part.device
     match part:
         case RServerPart():
             from colony.runtime.servers.rserver import RServer
 
-            driver = devices.base(device, robot, base_ns, holds)
+            driver = devices.base(device, robot, base_ns, resources)
             return RServer(driver)
         case PServerPart():
             from colony.runtime.servers.pserver import PServer
 
-            return PServer(devices.proximity(device, robot, base_ns, holds))
+            return PServer(devices.proximity(device, robot, base_ns, resources))
         case CServerPart(server=server, camera=camera):
             from colony.runtime.servers.cserver import CServer
 
-            eye = devices.camera(device, robot, camera, base_ns, holds)
-            return CServer(eye, address=server)
+            return CServer(devices.camera(device, robot, camera, base_ns, resources), address=server)
 
 
 def _dserver(part: DServerPart, place: Place) -> Node:
     from colony.runtime.servers.dserver import DServer
-    from colony.runtime.store.quarantine import damages
+    from colony.runtime.store.quarantine import damage_notes
 
     if not isinstance(place, Local):
         raise ValueError("DServer runs on the robot's own machine")
-    store, epoch = _store(part), str(place.directory.base_ns())
-    notes = partial(damages, Path(part.store))
-    return DServer(part.held, store=store, epoch=epoch, notes=notes)
+    store, clock_id = _store(part), str(place.directory.base_ns())
+    notes = partial(damage_notes, Path(part.store))
+    return DServer(part.held, store=store, clock_id=clock_id, notes=notes)
 
 
 def _store(part: DServerPart) -> Store:
@@ -125,13 +124,13 @@ def _store(part: DServerPart) -> Store:
     from colony.runtime.store.sqlite import SqliteStore
 
     path = Path(part.store)
-    make = partial(SqliteStore, path, fsync=part.fsync, report=say)
+    make = partial(SqliteStore, path, fsync=part.fsync, report=log_line)
     try:
         return make()
     except StoreFullError as problem:
         if path.exists():
             raise
-        return UnmadeStore(make, problem)
+        return PendingStore(make, problem)
 
 
 def _clients(part: ClientsPart) -> tuple[Node, ...]:

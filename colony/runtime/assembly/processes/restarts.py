@@ -1,20 +1,21 @@
-"""The restarts of a process: at once, then after increasing pauses, and finally not at all.
+"""The restarts of a process: immediate, then after increasing pauses, and finally none.
 
-Only deaths in quick succession count; a process that lived for a while starts with a clean slate.
+Only deaths in quick succession count: a process that was alive for `STABLE_NS` starts with a clean slate.
 """
 
 from __future__ import annotations
 
-STEADY_NS = 5_000_000_000
-"""Lifetime in nanoseconds after which a process counts as started well."""
+STABLE_NS = 5_000_000_000
+"""Lifetime, in nanoseconds, after which a process counts as stable."""
 
-PAUSE_NS = 250_000_000
+FIRST_PAUSE_NS = 250_000_000
 """Nanoseconds before the second restart in a row; each further pause doubles."""
 
-LONGEST_NS = 4_000_000_000
+MAX_PAUSE_NS = 4_000_000_000
+"""Longest pause before a restart, in nanoseconds."""
 
-QUICK_DEATHS = 6
-"""Quick deaths in a row after which a process is given up."""
+MAX_QUICK_DEATHS = 6
+"""Quick deaths in a row after which a process is not restarted."""
 
 
 class Restarts:
@@ -25,10 +26,10 @@ class Restarts:
         self.total = 0
 
     def died(self, began_ns: int, now_ns: int) -> int | None:
-        """Return the time of the restart; None if the process is given up."""
-        self.quick = 1 if now_ns - began_ns >= STEADY_NS else self.quick + 1
-        if self.quick >= QUICK_DEATHS:
+        """Return the time of the restart; None if there is none."""
+        self.quick = 1 if now_ns - began_ns >= STABLE_NS else self.quick + 1
+        if self.quick >= MAX_QUICK_DEATHS:
             return None
         self.total += 1
-        pause = 0 if self.quick == 1 else min(PAUSE_NS << (self.quick - 2), LONGEST_NS)
+        pause = 0 if self.quick == 1 else min(FIRST_PAUSE_NS << (self.quick - 2), MAX_PAUSE_NS)
         return now_ns + pause

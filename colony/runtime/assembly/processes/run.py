@@ -1,9 +1,9 @@
 """A run of a program by processes: the leader, and the processes that it starts and supervises.
 
-The leader deploys the program, restarts processes that die, sees every frame and passes it to sinks, and
-answers queries about the state of the run. When the run is over, or the leader is asked to stop, clients end
-first, then servers, which stop the robot. If the leader is killed instead, all processes that it started end
-by themselves.
+The leader deploys the program, restarts processes that die, passes every frame to sinks, and answers queries
+about the state of the run. When the run is over, or the leader is asked to stop, clients end first, then
+servers, which stop the robot. If the leader is killed instead, all processes that it started end on their
+own.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from contextlib import ExitStack
 from colony.collector import collector_past_startup
 from colony.ir.types import Value
 from colony.runtime.assembly.processes.children import Children, Job, described
-from colony.runtime.assembly.processes.holding import Holding
-from colony.runtime.assembly.processes.leading import Leading
-from colony.runtime.assembly.processes.standings import LeaderServer, Standings
+from colony.runtime.assembly.processes.deploying import ProgramDeployer
+from colony.runtime.assembly.processes.held_variables import HeldVariables
+from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.hub import Hub
@@ -27,36 +27,36 @@ from colony.runtime.protocol.messages import Node
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.place import Local, Place
 
-LOOK_S = 0.05
+HEALTH_CHECK_INTERVAL_S = 0.05
 """Seconds between two health checks of the processes."""
 
-ENDING_S = 2.5
+SHUTDOWN_GRACE_S = 2.5
 """Grace period of a shutdown wave in seconds before its processes are killed.
 
 It is longer than the processes need to end on their own.
 """
 
-BEGIN_S = 20.0
+START_TIMEOUT_S = 20.0
 """Timeout in seconds for a run to begin."""
 
 
 class RunFailedError(Exception):
-    """The run cannot begin or go on; the message, of one line or several, gives the reason."""
+    """The run cannot begin or continue; the message, of one line or several, gives the reason."""
 
 
 class LedRun:
     """A run whose leader has joined the robot's processes. Mutable: everything.
 
     Args:
-        place: the place of the robot.
-        deployed: the deployed program.
-        servers: the servers to deploy it at.
-        observer: sees the frames and passes them to `window`.
-        window: the part of the run that is of interest.
-        standings: the state of the run, for queries; one of the sinks of `window`.
-        report: takes a description of each event, of one line or several; also from other threads.
-        ended: called when all started processes have ended, before another process can lead a run of the
-            robot.
+        place: place of the robot.
+        deployed: deployed program.
+        servers: servers at which it is deployed.
+        observer: observer of the run, which passes frames to `window`.
+        window: part of the run that is of interest.
+        status_tracker: state of the run, for queries; one of the sinks of `window`.
+        report: callback for a description of each event, of one line or several; called from any thread.
+        ended: callback for when all started processes have ended, before another process can lead a run of
+            the robot.
 
     Raises:
         AlreadyRunningError: another run is led on this machine.
@@ -71,34 +71,34 @@ class LedRun:
         *,
         observer: Node,
         window: Window,
-        standings: Standings,
+        status_tracker: RunStatusTracker,
         report: Callable[[str], None],
         ended: Callable[[], None] = lambda: None,
     ) -> None:
         self._deployed = deployed
         self._servers = tuple(servers)
         self._window = window
-        self._standings = standings
+        self._status_tracker = status_tracker
         self._report = report
         self._held: Mapping[str, Value] = {}
         self._failure: BaseException | None = None
-        self._holds = ExitStack()
-        with ExitStack() as holds:
-            nodes = (LeaderServer(standings), observer)
-            host = holds.enter_context(
+        self._resources = ExitStack()
+        with ExitStack() as resources:
+            nodes = (LeaderServer(status_tracker), observer)
+            host = resources.enter_context(
                 Host.open(place, nodes, serves=isinstance(place, Local), report=report)
             )
-            holds.callback(ended)
+            resources.callback(ended)
             self._joined: set[str] = set()
             host.network.watch(self._note_presence)
             self._children = Children()
-            standings.watch(self._children.pids)
-            holds.callback(self._end_children)
+            status_tracker.watch(self._children.pids)
+            resources.callback(self._end_children)
             self._host = host
             self._thread = threading.Thread(target=self._observe, name="observer", daemon=True)
             self._thread.start()
-            holds.callback(self._end_observer)
-            self._holds = holds.pop_all()
+            resources.callback(self._end_observer)
+            self._resources = resources.pop_all()
 
     def start(self, jobs: Iterable[Job]) -> None:
         """Start processes, and supervise them from now on.
@@ -118,7 +118,7 @@ class LedRun:
         return self._children.pid(name)
 
     def wait_for(
-        self, ready: Callable[[], bool], stop: Callable[[], bool], *, what: str, most_s: float
+        self, ready: Callable[[], bool], stop: Callable[[], bool], *, what: str, timeout_s: float
     ) -> bool:
         """Supervise the processes until `ready()` is true; return False if `stop` ended the wait first.
 
@@ -126,15 +126,15 @@ class LedRun:
             RunFailedError: it takes longer than `most_s` (the message names `what`), or a process that the
                 run needs was given up.
         """
-        until = time.monotonic() + most_s
+        until = time.monotonic() + timeout_s
         while not ready():
             if stop():
                 self._window.shut()
                 return False
             if time.monotonic() > until:
-                raise RunFailedError(f"{what}: not in {most_s:g} s")
-            self._look_after_children()
-            self._window.news.wait(LOOK_S)
+                raise RunFailedError(f"{what} takes longer than {timeout_s:g} s")
+            self._check_children()
+            self._window.news.wait(HEALTH_CHECK_INTERVAL_S)
         return True
 
     def follow(self, stop: Callable[[], bool], *, meanwhile: Callable[[], object] = lambda: None) -> bool:
@@ -143,25 +143,25 @@ class LedRun:
         `meanwhile` is called repeatedly.
 
         Raises:
-            RunFailedError: the run cannot begin or go on.
+            RunFailedError: the run cannot begin or continue.
             OSError: as raised by a sink, for example because a recording cannot be written.
         """
-        self._holds.enter_context(collector_past_startup())
+        self._resources.enter_context(collector_past_startup())
         session = Session(Hub(self._host.network))
-        self._holds.callback(session.close)
+        self._resources.callback(session.close)
         if self._held:
-            self._holds.callback(Holding(session, self._held).close)
-        leading = Leading(session, self._deployed, self._servers, self._report)
-        self._holds.callback(leading.close)
-        begin_by = time.monotonic() + BEGIN_S
+            self._resources.callback(HeldVariables(session, self._held).close)
+        deployer = ProgramDeployer(session, self._deployed, self._servers, self._report)
+        self._resources.callback(deployer.close)
+        begin_by = time.monotonic() + START_TIMEOUT_S
         while not self._window.over:
             if stop():
                 self._window.shut()
                 return False
-            self._look_after_children()
-            self._check(leading, late=time.monotonic() > begin_by)
+            self._check_children()
+            self._check(deployer, late=time.monotonic() > begin_by)
             meanwhile()
-            self._window.news.wait(LOOK_S)
+            self._window.news.wait(HEALTH_CHECK_INTERVAL_S)
             if self._window.begun and not self._window.over:
                 self._window.news.clear()
         self._raise_failure()
@@ -174,7 +174,7 @@ class LedRun:
             Exception: as raised by a sink.
         """
         self._window.shut()
-        self._holds.close()
+        self._resources.close()
         self._raise_failure()
 
     def __enter__(self) -> LedRun:
@@ -188,7 +188,7 @@ class LedRun:
     # --- internals -----------------------------------------------------------------------------------
 
     def _observe(self) -> None:
-        """Run the observer, in a thread of its own."""
+        """Run the observer, in its own thread."""
         try:
             self._host.run()
         except BaseException as failure:
@@ -205,23 +205,25 @@ class LedRun:
         self._thread.join()
 
     def _end_children(self) -> None:
-        killed = self._children.stop(ENDING_S)
+        killed = self._children.stop(SHUTDOWN_GRACE_S)
         if killed:
-            self._report(f"killed, because they did not end: {', '.join(killed)}")
+            self._report(f"killed, because they did not end in time: {', '.join(killed)}")
 
-    def _look_after_children(self) -> None:
+    def _check_children(self) -> None:
         for death in self._children.poll():
             text = described(death)
-            again = death.pause_s is not None
-            self._standings.died(death.job.clients, death.said[-1] if death.said else death.why, again=again)
-            if not again and self._cannot_do_without(death.job):
+            restarted = death.pause_s is not None
+            self._status_tracker.died(
+                death.job.clients, death.tail[-1] if death.tail else death.cause, restarted=restarted
+            )
+            if not restarted and self._requires(death.job):
                 raise RunFailedError(text)
             self._report(text)
 
-    def _cannot_do_without(self, job: Job) -> bool:
-        """Return True if the run ends when a process is given up: if it is essential or never took part.
+    def _requires(self, job: Job) -> bool:
+        """Return True if the run ends with this process, because it is essential or never took part.
 
-        It does not matter whether its last death was before the frames began or a little later.
+        It does not matter whether its last death was before or after the first frame.
         """
         took_part = self._window.begun and job.name in self._joined
         return job.essential or not took_part
@@ -230,10 +232,10 @@ class LedRun:
         """Record the nodes that have joined the robot; called in a network thread."""
         self._joined.add(address)
 
-    def _check(self, leading: Leading, *, late: bool) -> None:
-        if leading.refused is not None:
-            raise RunFailedError(leading.refused)
+    def _check(self, deployer: ProgramDeployer, *, late: bool) -> None:
+        if deployer.refused is not None:
+            raise RunFailedError(deployer.refused)
         if late and not self._window.begun:
-            missing = [s for s in self._servers if s not in leading.deployed]
-            why = f"{', '.join(missing)} did not answer" if missing else "no frame of it was decided"
-            raise RunFailedError(f"the run has not begun after {BEGIN_S:g} s: {why}")
+            missing = [s for s in self._servers if s not in deployer.deployed]
+            reason = f"{', '.join(missing)} did not answer" if missing else "no frame was decided"
+            raise RunFailedError(f"the run has not begun after {START_TIMEOUT_S:g} s: {reason}")

@@ -1,7 +1,7 @@
 """The spec of a robot's process: the place of the robot, and the part that the process runs.
 
-It is a small JSON file in a private folder of the user. The compiled program, if the part needs one, and its
-bindings are files beside it.
+It is a small JSON file in a private folder of the user. If the part needs a compiled program, that and its
+bindings are files in the same folder.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from colony.runtime.transport.live.place import Credentials, Local, Place, Remot
 from colony.runtime.transport.live.run_directory import RobotDirectory
 
 SPEC_BYTES = 4 * 1024 * 1024
-"""Size limit of a spec in bytes; it holds no more than a command line."""
+"""Size limit of a spec, in bytes; a spec contains about as much as a command line."""
 
 
-class Here(msgspec.Struct, frozen=True, kw_only=True, tag="here"):
-    """A robot of this machine, given by its folder."""
+class LocalPlaceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="here"):
+    """A robot on this machine, given by its folder."""
 
     robot: str
     folder: str
 
 
-class There(msgspec.Struct, frozen=True, kw_only=True, tag="there"):
-    """A robot behind a gateway; the last four are a user's name, and paths of PEM files."""
+class RemotePlaceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="there"):
+    """A robot behind a gateway; `certificate`, `key` and `authority` are paths of the user's PEM files."""
 
     robot: str
     endpoint: str
@@ -125,7 +125,7 @@ Part = NodePart | GatewayPart
 class Spec(msgspec.Struct, frozen=True, kw_only=True):
     """The complete spec of a process."""
 
-    place: Here | There
+    place: LocalPlaceSpec | RemotePlaceSpec
     part: Part
 
 
@@ -176,13 +176,13 @@ def read_spec(path: Path) -> Spec:
     return msgspec.json.decode(read_file(path, SPEC_BYTES), type=Spec)
 
 
-def said_of(place: Place) -> Here | There:
-    """Return a place in the form used by a spec."""
+def place_spec(place: Place) -> LocalPlaceSpec | RemotePlaceSpec:
+    """Return the spec of a place."""
     match place:
         case Local(directory=directory):
-            return Here(robot=directory.robot, folder=str(directory.path))
+            return LocalPlaceSpec(robot=directory.robot, folder=str(directory.path))
         case Remote(robot=robot, endpoint=endpoint, credentials=credentials):
-            return There(
+            return RemotePlaceSpec(
                 robot=robot,
                 endpoint=endpoint,
                 user=credentials.user,
@@ -192,17 +192,17 @@ def said_of(place: Place) -> Here | There:
             )
 
 
-def place_of(said: Here | There) -> Place:
+def place_of(spec: LocalPlaceSpec | RemotePlaceSpec) -> Place:
     """Return the place that a spec describes."""
-    match said:
-        case Here(robot=robot, folder=folder):
+    match spec:
+        case LocalPlaceSpec(robot=robot, folder=folder):
             return Local(RobotDirectory(Path(folder), robot))
-        case There(robot=robot, endpoint=endpoint):
+        case RemotePlaceSpec(robot=robot, endpoint=endpoint):
             credentials = Credentials(
-                user=said.user,
-                certificate=Path(said.certificate),
-                key=Path(said.key),
-                authority=Path(said.authority),
+                user=spec.user,
+                certificate=Path(spec.certificate),
+                key=Path(spec.key),
+                authority=Path(spec.authority),
             )
             return Remote(robot=robot, endpoint=endpoint, credentials=credentials)
 

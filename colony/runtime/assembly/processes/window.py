@@ -1,4 +1,4 @@
-"""The part of a robot's life that a run shows: its first seconds, with times from 0."""
+"""The window of a run that is shown: its first seconds, with times from 0."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class Window:
     """A sink in front of others. Mutable: its beginning, and whether it is over.
 
     Args:
-        length_ns: the length of the run to show; None for all.
-        frame_ns: the length of a frame.
-        sinks: get the frames with times that begin with 0.
+        length_ns: length of the run to show; None for all.
+        frame_ns: length of a frame.
+        sinks: sinks that get the frames with times from 0.
     """
 
     def __init__(self, length_ns: int | None, *, frame_ns: int, sinks: tuple[Sink, ...]) -> None:
@@ -35,7 +35,7 @@ class Window:
         self._recordings.append(sink)
 
     def take(self, log: FrameLog) -> None:
-        """Pass a frame on to the sinks, if it is inside the window."""
+        """Pass a frame to the sinks if it is inside the window."""
         if self._shut:
             return
         first = self._begin_ns is None

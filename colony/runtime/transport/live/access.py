@@ -1,8 +1,8 @@
-"""The table of users as zenoh access control: the keys that each user may send to and listen to.
+"""The table of users as zenoh access control: the keys that each user may publish and subscribe to.
 
 Everything that is not allowed here is denied. The keys of replies, and of everything that users send, contain
 the user's name. This module ties the name to the common name of the certificate, so no user can send
-messages, or hear replies, under another name.
+messages, or receive replies, under another name.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.security import Permission, Security, rights
 
-EVERYTHING = (
+ALL_MESSAGE_KINDS = (
     "put",
     "delete",
     "declare_subscriber",
@@ -27,10 +27,12 @@ EVERYTHING = (
 
 Rule = dict[str, Any]
 
-_HEARD_BY_READERS = ("Clock/ticks", "*/frames", "*/activity/*/frames", "verdicts")
-_SENT_BY_READERS = ("*/fetches/{user}",)  # not `**`, which matches any depth and so the calls of other users
-_HEARD_BY_RUNNERS = ("*/recalled/**",)
-_SENT_BY_RUNNERS = (
+_READER_SUBSCRIPTIONS = ("Clock/ticks", "*/frames", "*/activity/*/frames", "verdicts")
+_READER_PUBLICATIONS = (
+    "*/fetches/{user}",
+)  # not `**`, which matches any depth and so the calls of other users
+_RUNNER_SUBSCRIPTIONS = ("*/recalled/**",)
+_RUNNER_PUBLICATIONS = (
     "*/requests/{user}",
     "*/announcements/{user}",
     "*/checkpoints/{user}",
@@ -41,7 +43,7 @@ _SENT_BY_RUNNERS = (
 
 def access_control(robot: str, security: Security) -> dict[str, Any]:
     """Return a gateway's setting `access_control`."""
-    rules: list[Rule] = [_allow("here", EVERYTHING, ("ingress", "egress"), ("**",))]
+    rules: list[Rule] = [_allow("here", ALL_MESSAGE_KINDS, ("ingress", "egress"), ("**",))]
     subjects: list[dict[str, Any]] = [{"id": "here", "link_protocols": ["unixsock-stream"]}]
     policies = [{"rules": ["here"], "subjects": ["here"]}]
     for number, (user, permissions) in enumerate(security.users.items()):
@@ -62,27 +64,29 @@ def access_control(robot: str, security: Security) -> dict[str, Any]:
 def _rules(subject: str, robot: str, user: str, permissions: tuple[Permission, ...]) -> Iterator[Rule]:
     """Yield the rules of one user.
 
-    A sender must learn of the subscribers to its keys, and a subscriber must be sent messages.
+    A user must also learn of the subscribers to its keys, and receive the messages that it subscribes to.
     """
     prefix, allowed = keys.prefix(robot), rights(permissions)
-    sends = [f"*/call/{right}/{user}/*" for right in allowed]
-    hears = [f"*/reply/{user}/*"]
+    published = [f"*/call/{right}/{user}/*" for right in allowed]
+    subscribed = [f"*/reply/{user}/*"]
     if "read" in allowed:
-        sends += [key.format(user=user) for key in _SENT_BY_READERS]
-        hears += _HEARD_BY_READERS
+        published += [key.format(user=user) for key in _READER_PUBLICATIONS]
+        subscribed += _READER_SUBSCRIPTIONS
     if "run" in permissions:
-        sends += [key.format(user=user) for key in _SENT_BY_RUNNERS]
-        hears += _HEARD_BY_RUNNERS
+        published += [key.format(user=user) for key in _RUNNER_PUBLICATIONS]
+        subscribed += _RUNNER_SUBSCRIPTIONS
         # tokens of clients; a server's is shorter
         tokens = (keys.alive(robot, "*/*"), keys.alive(robot, "*/*/*"))
-        yield _allow(f"{subject}-is-there", ("liveliness_token",), ("ingress",), tokens)
-    yield _allow(f"{subject}-sends", ("put",), ("ingress",), [prefix + key for key in sends])
-    yield _allow(f"{subject}-listens", ("declare_subscriber",), ("ingress",), [prefix + key for key in hears])
-    yield _allow(f"{subject}-hears", ("put",), ("egress",), [prefix + key for key in hears])
-    told = ("declare_subscriber", "liveliness_token")
-    yield _allow(f"{subject}-is-told", told, ("egress",), (f"{prefix}**",))
-    asks = ("liveliness_query", "declare_liveliness_subscriber")
-    yield _allow(f"{subject}-asks", asks, ("ingress",), (keys.alive(robot, "**"),))
+        yield _allow(f"{subject}-tokens", ("liveliness_token",), ("ingress",), tokens)
+    yield _allow(f"{subject}-publishes", ("put",), ("ingress",), [prefix + key for key in published])
+    yield _allow(
+        f"{subject}-subscribes", ("declare_subscriber",), ("ingress",), [prefix + key for key in subscribed]
+    )
+    yield _allow(f"{subject}-receives", ("put",), ("egress",), [prefix + key for key in subscribed])
+    declarations = ("declare_subscriber", "liveliness_token")
+    yield _allow(f"{subject}-learns", declarations, ("egress",), (f"{prefix}**",))
+    queries = ("liveliness_query", "declare_liveliness_subscriber")
+    yield _allow(f"{subject}-queries", queries, ("ingress",), (keys.alive(robot, "**"),))
 
 
 def _allow(

@@ -4,9 +4,9 @@ On one machine every server listens on a unix socket in the robot's folder, and 
 known sockets, present or not. Retries find a server that starts or restarts; gossip finds servers with other
 names. There is no scouting, no port and no shared memory.
 
-No process dials an address that came over the network: the robot's processes can open links over unix sockets
-only, and the gateway, the only process that strangers reach, takes no part in gossip. It needs none, because
-all other processes connect to it.
+No process connects to an address that came over the network: the robot's processes open links over unix
+sockets only, and the gateway, the only process that other machines can reach, does not take part in gossip.
+It need not, because all other processes connect to it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections.abc import Mapping
 
 import zenoh
 
-from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.transport.live.limits import HANDSHAKE_MS, limits
 from colony.runtime.transport.live.place import Credentials, Local, Place, Remote
 from colony.runtime.transport.live.run_directory import RobotDirectory
@@ -27,29 +27,29 @@ GATEWAY = "Gateway"
 LOCAL_LINKS = ("unixsock-stream",)
 REMOTE_LINKS = ("tls",)
 
-LET_IN = [
+ACCEPTED_SESSIONS = [
     {"filters": [{"modes": ["peer"], "interfaces": ["none: a link of a unix socket"]}]},
     {"filters": [{"modes": ["client"]}]},
 ]
-"""Filters of the sessions that a gateway accepts: peers of this machine, and clients from anywhere.
+"""Filters of the sessions that a gateway accepts: peers on this machine, and clients from anywhere.
 
 A peer that arrives over a network interface is refused, because it would learn the ids of the robot's
 processes.
 """
 
-LEASE_MS = 3000
-"""Milliseconds without a sign of life after which zenoh closes a link; longer than a long reception."""
+LINK_LEASE_MS = 3000
+"""Milliseconds without a sign of life after which zenoh closes a link; longer than any reception takes."""
 
-KNOWN = ("Clock", "RServer", "PServer", "DServer")
+STANDARD_SERVERS = ("Clock", "RServer", "PServer", "DServer")
 """The servers of every robot; other servers are found by their sockets and by gossip."""
 
-BLOCKED_US = 1_000_000
-"""Microseconds without room for a message that must not be dropped, after which its link is closed.
+BLOCK_TIMEOUT_US = 1_000_000
+"""Timeout, in microseconds, of a message that waits for room on a link; the link is then closed.
 
-The receiver is then frozen, and must not hold up the sender for longer.
+Its receiver is frozen, and must not block the sender for longer.
 """
 
-FRAMES_ROOM = 16
+FRAME_QUEUE_BATCHES = 16
 """Batches of 64 KiB that may wait on a process's link for the messages of frames, allocated on demand.
 
 A direct host does not wait for room, so the requests of a program's maximum number of clients must fit.
@@ -79,11 +79,11 @@ def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
         ValueError: the process would serve a robot of another machine; only the robot's own machine has its
             sockets.
     """
-    room = {"transport/link/tx/queue/size/interactive_high": FRAMES_ROOM}
+    queue_size = {"transport/link/tx/queue/size/interactive_high": FRAME_QUEUE_BATCHES}
     match place:
         case Local(directory=directory):
-            names = {*KNOWN, GATEWAY, *directory.servers()}
-            return _common("peer", LOCAL_LINKS, gossip=True) | _local(directory, listens, names) | room
+            names = {*STANDARD_SERVERS, GATEWAY, *directory.servers()}
+            return _common("peer", LOCAL_LINKS, gossip=True) | _local(directory, listens, names) | queue_size
         case Remote(endpoint=endpoint, credentials=credentials):
             if listens:
                 raise ValueError(f"{listens[0]} cannot serve {place.robot} from another machine")
@@ -91,7 +91,7 @@ def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
                 _common("client", REMOTE_LINKS, gossip=False)
                 | {"listen/endpoints": [], "connect/endpoints": [endpoint], "connect/timeout_ms": LOGIN_MS}
                 | _tls_client(credentials)
-                | room
+                | queue_size
             )
 
 
@@ -116,7 +116,7 @@ def gateway_settings(directory: RobotDirectory, listen: str, security: Security)
     again.
     """
     return _common("router", (*LOCAL_LINKS, *REMOTE_LINKS), gossip=False) | {
-        "gateway": {"south": LET_IN},
+        "gateway": {"south": ACCEPTED_SESSIONS},
         "connect/endpoints": [],
         "listen/endpoints": [
             directory.endpoint(GATEWAY),
@@ -151,9 +151,9 @@ def _common(mode: str, links: tuple[str, ...], *, gossip: bool) -> dict[str, obj
         "transport/link/protocols": links,
         "transport/shared_memory/enabled": False,
         "transport/unicast/open_timeout": LOGIN_MS,
-        "transport/link/tx/lease": LEASE_MS,
-        "transport/link/tx/queue/congestion_control/block/wait_before_close": BLOCKED_US,
-        "transport/link/rx/max_message_size": 2 * LARGEST,
+        "transport/link/tx/lease": LINK_LEASE_MS,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": BLOCK_TIMEOUT_US,
+        "transport/link/rx/max_message_size": 2 * MAX_MESSAGE_BYTES,
         "connect/retry": RETRY,
         "open/return_conditions/connect_scouted": False,
     }

@@ -1,7 +1,7 @@
 """Frames that a host handles together with its other messages.
 
 Waking a thread for a message costs more than handling it. A node that can do without some frames until
-something else happens (`messages.Deferring`) avoids that cost: zenoh keeps these frames in one ring per
+something else happens (`messages.DeferringNode`) avoids that cost: zenoh keeps these frames in one ring per
 topic, and the host takes them whenever it handles a message or a node's alarm is due.
 
 Only frames are kept this way, because a reader can fetch a frame that its ring dropped. Other deferrable
@@ -16,15 +16,15 @@ from contextlib import ExitStack
 
 import zenoh
 
-from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.waiting import Waiting, too_large
+from colony.runtime.transport.live.message_queue import QueuedMessage, too_large
 
-DEFERRED_MOST = 128
+MAX_DEFERRED_FRAMES = 128
 """Deferred frames kept per topic. A full ring drops its oldest frame; a reader fetches it again."""
 
 DEFERRED_BATCH = 8
-"""Frames taken from one topic before other topics and all other messages get their turn."""
+"""Largest number of frames taken from one topic before all other messages get their turn."""
 
 _Subscriber = zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]
 
@@ -39,12 +39,12 @@ class DeferredFrames:
 
     def listen(self, topic: str, declared: ExitStack) -> None:
         """Keep the frames of a topic from now on, until `declared` is closed."""
-        handler: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(DEFERRED_MOST)
+        handler: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(MAX_DEFERRED_FRAMES)
         subscriber = self._session.declare_subscriber(keys.listening(self._robot, topic), handler)
         declared.callback(subscriber.undeclare)
         self._rings.append((topic, subscriber))
 
-    def take(self) -> Iterator[Waiting]:
+    def take(self) -> Iterator[QueuedMessage]:
         """Yield the waiting frames, at most `DEFERRED_BATCH` of each topic."""
         for topic, subscriber in self._rings:
             for _ in range(DEFERRED_BATCH):
@@ -52,5 +52,7 @@ class DeferredFrames:
                 if sample is None:
                     break
                 size = len(sample.payload)
-                message = sample.payload.to_bytes() if size <= LARGEST else too_large(topic, None, size)
-                yield Waiting(topic, message)
+                message = (
+                    sample.payload.to_bytes() if size <= MAX_MESSAGE_BYTES else too_large(topic, None, size)
+                )
+                yield QueuedMessage(topic, message)

@@ -29,7 +29,7 @@ def parse_endpoint(text: str) -> Endpoint:
         return Endpoint(found[1] or found[2], int(found[3]))
     if text.partition("/")[0] in ("tcp", "udp", "ws"):
         raise SecurityError(
-            f"`{text}` would go in the clear, and whoever is on the network could drive the robot: "
+            f"`{text}` is unencrypted, so that anyone on the network could drive the robot: "
             "expected tls/HOST:PORT"
         )
-    raise SecurityError(f"`{text}` is no address of a gateway: expected tls/HOST:PORT")
+    raise SecurityError(f"`{text}` is not the address of a gateway: expected tls/HOST:PORT")

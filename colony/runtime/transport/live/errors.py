@@ -1,10 +1,10 @@
-"""Errors between a robot's processes that a person can fix; each message says how."""
+"""Errors between a robot's processes that a user can fix; each message says how."""
 
 from __future__ import annotations
 
 
 class LiveError(Exception):
-    """An error in the network of processes; the message is for people."""
+    """An error in the network of processes; the message is for users."""
 
 
 class RunDirectoryError(LiveError):

@@ -1,6 +1,6 @@
 """The gateway to a robot from other machines: it joins the robot's sockets and listens with TLS.
 
-It routes messages and reports users their rights. It never passes on a message without the required right.
+It routes messages, and reports their rights to users. It never forwards a message without the required right.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from contextlib import ExitStack
 import msgspec
 
 from colony.runtime.library.ask import Ask
-from colony.runtime.protocol.calls import Asked, CallDesk, Nothing, method
+from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, method
 from colony.runtime.protocol.messages import Effect, Message, QuietNode, WakeAt
 from colony.runtime.transport.live import configuration
 from colony.runtime.transport.live.access import access_control
@@ -27,26 +27,26 @@ from colony.runtime.transport.live.place import Local
 from colony.runtime.transport.live.security import PERMISSIONS, Permission, Security
 
 
-class Admitted(msgspec.Struct, frozen=True, kw_only=True):
+class Identity(msgspec.Struct, frozen=True, kw_only=True):
     """The result of `whoami`: the authenticated identity, and the rights granted to it."""
 
     user: str
     may: tuple[Permission, ...]
 
 
-def whoami() -> Ask[Admitted]:
-    """Who am I, and what may I?"""
-    return Ask("whoami", Nothing(), Admitted, "read", repeatable=True)
+def whoami() -> Ask[Identity]:
+    """Return the identity of the caller, and the rights granted to it."""
+    return Ask("whoami", NoArguments(), Identity, "read", repeatable=True)
 
 
-GROWTH_BYTES = 64 * 1024 * 1024
+MAX_GROWTH_BYTES = 64 * 1024 * 1024
 """Bytes of resident memory by which a gateway may grow before it restarts; it starts at 45 MiB.
 
 Zenoh keeps 1.3 KB for every key that a session declares, for the life of the session and without a limit. So
 do the robot's servers, for keys that come through the gateway.
 """
 
-LOOK_NS = 500_000_000
+MEMORY_CHECK_INTERVAL_NS = 500_000_000
 """Nanoseconds between two checks of the gateway's memory."""
 
 
@@ -57,13 +57,13 @@ def resident_bytes() -> int:
 
 
 class GatewayNode(QuietNode):
-    """A node that answers `whoami` and watches the gateway's memory.
+    """A node that answers `whoami` and checks the gateway's memory.
 
     Users that are not in the table are those of this machine; they have every right.
 
     Args:
-        security: the table of users.
-        memory: returns the resident memory of this process in bytes.
+        security: table of users.
+        memory: function that returns the resident memory of this process in bytes.
 
     Raises:
         GatewayFullError: from `handle`, when the memory has reached its limit.
@@ -74,33 +74,33 @@ class GatewayNode(QuietNode):
     def __init__(self, security: Security, memory: Callable[[], int] = resident_bytes) -> None:
         self._users = security.users
         self._memory = memory
-        self._look_ns = self._began_with = 0
-        self._desk = CallDesk(GATEWAY, (method("whoami", Nothing, self._whoami, right="read"),))
-        self.listens = self._desk.listens
+        self._check_ns = self._initial_bytes = 0
+        self._calls = CallDispatcher(GATEWAY, (method("whoami", NoArguments, self._whoami, right="read"),))
+        self.listens = self._calls.listens
 
     def start(self, now_ns: int) -> Iterable[Effect]:
         """Record the initial memory and schedule the first check."""
-        self._began_with = self._memory()
-        self._look_ns = now_ns + LOOK_NS
-        yield WakeAt(self._look_ns)
+        self._initial_bytes = self._memory()
+        self._check_ns = now_ns + MEMORY_CHECK_INTERVAL_NS
+        yield WakeAt(self._check_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
         """Answer a call, and check the memory when a check is due."""
-        yield from self._desk.handle(message, now_ns)
-        if now_ns >= self._look_ns:
-            self._look()
-            self._look_ns = now_ns + LOOK_NS
-            yield WakeAt(self._look_ns)
+        yield from self._calls.handle(message, now_ns)
+        if now_ns >= self._check_ns:
+            self._check_memory()
+            self._check_ns = now_ns + MEMORY_CHECK_INTERVAL_NS
+            yield WakeAt(self._check_ns)
 
-    def _look(self) -> None:
+    def _check_memory(self) -> None:
         used = self._memory()
-        if used > self._began_with + GROWTH_BYTES:
-            most = (self._began_with + GROWTH_BYTES) >> 20
-            raise GatewayFullError(f"{GATEWAY}: {used >> 20} MiB of memory are used; expected at most {most}")
+        if used > self._initial_bytes + MAX_GROWTH_BYTES:
+            limit = (self._initial_bytes + MAX_GROWTH_BYTES) >> 20
+            raise GatewayFullError(f"{GATEWAY}: it uses {used >> 20} MiB of memory; expected at most {limit}")
 
-    def _whoami(self, asked: Asked, arguments: Nothing, now_ns: int) -> Admitted:
-        user = asked.caller.user
-        return Admitted(user=user, may=self._users.get(user, PERMISSIONS))
+    def _whoami(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> Identity:
+        user = call_id.caller.user
+        return Identity(user=user, may=self._users.get(user, PERMISSIONS))
 
 
 def open_gateway(
@@ -122,8 +122,8 @@ def open_gateway(
         **configuration.gateway_settings(place.directory, listen, security),
         "access_control": access_control(place.robot, security),
     }
-    with ExitStack() as holds:
-        network = holds.enter_context(ZenohSession.open(place, listens=(GATEWAY,), settings=settings))
+    with ExitStack() as resources:
+        network = resources.enter_context(ZenohSession.open(place, listens=(GATEWAY,), settings=settings))
         host = Host(network, [GatewayNode(security)], time=local_time(place), report=report)
-        host.and_close(holds.pop_all())
+        host.take_ownership(resources.pop_all())
         return host

@@ -6,21 +6,21 @@
 
 One thread at a time handles messages, in one of three ways:
 
-- By the thread of `run`. The network threads put bytes into the inbox (`reception.py`, `inbox.py`). The
-  thread of `run` takes messages in order (`waiting.py`), decodes them, passes them to the nodes, settles the
-  nodes, and sends their effects. While it sends, which may block for lack of room, other threads may hand
-  messages to the nodes.
+- In the thread of `run`. The network threads put bytes into the inbox (`reception.py`, `inbox.py`). The
+  thread of `run` takes messages in order (`message_queue.py`), decodes them, passes them to the nodes,
+  settles the nodes, and sends their effects. While it sends, which may block for lack of room, other threads
+  may hand messages to the nodes.
 - Immediately. In a `direct` host, for nodes that never block, the receiving thread hands a message to the
-  nodes itself if nothing else waits or is being handled. This saves two thread switches. Calls that find
-  others waiting go to the inbox, where urgent calls overtake the rest. Such a host never waits for room to
-  send, in any thread: a message without room is dropped, and the receiver does without it or asks again. A
-  frozen server therefore costs only its own clients their frames. Only large messages that must not be
-  dropped wait, in a thread of their own (`sender.py`).
-- Deferred. Frames that all their readers can do without for now wait in rings (`deferred.py`), and other
-  deferrable messages in the inbox, until another message or an alarm makes the nodes handle something.
+  nodes itself if nothing else waits or is being handled. This saves two thread switches. Other messages go to
+  the inbox, where urgent calls overtake the rest. Such a host never waits for room to send, in any thread: a
+  message without room is dropped, and its receiver continues without it or fetches it. A frozen server
+  therefore costs only its own clients their frames. Only large messages that must not be dropped wait, in
+  their own thread (`sender.py`).
+- Deferred. Frames that no reader needs yet wait in ring buffers (`deferred.py`), and other deferrable
+  messages in the inbox, until another message or an alarm makes the nodes handle something.
 
-Emergency stops have a thread of their own (`stop_lane.py`). It takes over the nodes as soon as they finish
-their current message, ahead of everything that waits, and never waits for room to send its replies.
+Emergency stops have their own thread (`stop_lane.py`). It takes over the nodes as soon as they finish their
+current message, ahead of everything that waits, and never waits for room to send its replies.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import (
     Call,
-    Deferring,
+    DeferringNode,
     Effect,
     Malformed,
     Message,
@@ -43,7 +43,7 @@ from colony.runtime.protocol.messages import (
     Problem,
     Reply,
     Send,
-    Settling,
+    SettlingNode,
     Tick,
     Wake,
 )
@@ -51,13 +51,13 @@ from colony.runtime.protocol.plausibility import check_plausible
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.deferred import DeferredFrames
 from colony.runtime.transport.live.inbox import Inbox
+from colony.runtime.transport.live.message_queue import MessageQueue, QueuedMessage
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import Outbox, Report
 from colony.runtime.transport.live.place import Place
 from colony.runtime.transport.live.reception import Reception
 from colony.runtime.transport.live.robot_time import LearnedTime, time_of
-from colony.runtime.transport.live.sender import Sender, may_wait
-from colony.runtime.transport.live.waiting import Waiting, WaitingRoom
+from colony.runtime.transport.live.sender import Sender, must_block
 
 BATCH = 64
 """Messages handled, at most, before the nodes settle and their effects are sent."""
@@ -81,44 +81,44 @@ class Host:
         """Run nodes on an open network that the caller owns; `Host.open` opens its own.
 
         Args:
-            network: the open session; closing the host leaves it open.
-            nodes: all have different addresses.
-            time: returns the robot's time in nanoseconds.
-            direct: let the receiving thread hand a message to the nodes, and never wait for room. Only for
-                nodes that never block: nothing is received while they handle a message. Ignored if a node has
-                to settle.
-            report: takes a sentence on each survived problem, in a thread that handles messages.
+            network: open session; closing the host leaves it open.
+            nodes: nodes with different addresses.
+            time: clock of the robot, in nanoseconds.
+            direct: True to let the receiving thread hand a message to the nodes, and never wait for room.
+                Only for nodes that never block: nothing is received while they handle a message. Ignored if a
+                node has to settle.
+            report: callback for a sentence on each survived problem, in a thread that handles messages.
         """
         self._nodes = tuple(nodes)
         self._network = network
         self._time = time
         self._learned = time if isinstance(time, LearnedTime) else None
-        self._settling = tuple(node for node in nodes if isinstance(node, Settling))
+        self._settling = tuple(node for node in nodes if isinstance(node, SettlingNode))
         self._direct = direct and not self._settling
         self._listeners: dict[str, list[Node]] = {}
         for node in nodes:
             for topic in dict.fromkeys(node.listens):
                 self._listeners.setdefault(topic, []).append(node)
         session, robot, user = network.session, network.robot, network.user
-        self._outbox = Outbox(session, robot, report, user=user, patient=not self._direct)
+        self._outbox = Outbox(session, robot, report, user=user, may_block=not self._direct)
         self._stop_outbox = Outbox(session, robot, report, user=user, urgent=True)
-        self._patient_outbox = Outbox(session, robot, report, user=user) if self._direct else None
+        self._blocking_outbox = Outbox(session, robot, report, user=user) if self._direct else None
         self._sender: Sender | None = None
-        self._inbox = Inbox(WaitingRoom())
+        self._inbox = Inbox(MessageQueue())
         self._deferred = DeferredFrames(session, robot)
-        at_once = self._at_once if self._direct else None
+        handler = self._handle_directly if self._direct else None
         self._reception = Reception(
-            network, self._inbox, self._deferred, at_once=at_once, stop=self._stop_nodes
+            network, self._inbox, self._deferred, direct=handler, stop=self._stop_nodes
         )
         self._handling = Lock()
-        self._calm = Event()  # cleared while an emergency stop is waiting for the nodes
-        self._calm.set()
+        self._no_stop_pending = Event()  # cleared while an emergency stop is waiting for the nodes
+        self._no_stop_pending.set()
         self._wakes: list[tuple[int, int, Node]] = []
         self._sleeps_until = NEVER_NS
         self._count = 0
         self._stopping = False
         self._failure: BaseException | None = None
-        self._holds = ExitStack()
+        self._resources = ExitStack()
 
     @classmethod
     def open(
@@ -137,17 +137,17 @@ class Host:
         it under the socket of the first. `time` defaults to the robot's time.
 
         Raises:
-            AlreadyRunningError: one of the nodes runs already.
+            AlreadyRunningError: another process already runs one of the nodes.
             RunDirectoryError: the robot's folder cannot be used.
             UnreachableError: the gateway cannot be reached, refuses the login, or no Clock ticks behind it.
         """
         listens = tuple(node.address for node in nodes) if serves else ()
-        with ExitStack() as holds:
-            network = holds.enter_context(ZenohSession.open(place, listens=listens))
+        with ExitStack() as resources:
+            network = resources.enter_context(ZenohSession.open(place, listens=listens))
             if time is None:
                 time = time_of(network)
             host = cls(network, nodes, time=time, direct=direct, report=report)
-            host.and_close(holds.pop_all())
+            host.take_ownership(resources.pop_all())
             return host
 
     @property
@@ -159,8 +159,8 @@ class Host:
         """Run the nodes until `stop` is called or one fails; always close all of them at the end."""
         try:
             with ExitStack() as declared:
-                if self._patient_outbox is not None:
-                    self._sender = Sender(self._patient_outbox, self._time, self._fail)
+                if self._blocking_outbox is not None:
+                    self._sender = Sender(self._blocking_outbox, self._time, self._fail)
                     declared.callback(self._sender.close)
                 with self._handling:
                     self._listen(declared)
@@ -168,7 +168,7 @@ class Host:
                 self._send(sends)
                 self._announce(declared)
                 while not self._stopping:
-                    self._turn()
+                    self._run_once()
         finally:
             self._handling.acquire()  # never released: nothing reaches the nodes from now on
             close_all(self._nodes)
@@ -180,13 +180,13 @@ class Host:
         self._stopping = True
         self._inbox.rouse()
 
-    def and_close(self, holds: ExitStack) -> None:
+    def take_ownership(self, resources: ExitStack) -> None:
         """Close `holds` when the host is closed."""
-        self._holds.push(holds)
+        self._resources.push(resources)
 
     def close(self) -> None:
         """Leave the network. Idempotent."""
-        self._holds.close()
+        self._resources.close()
 
     def __enter__(self) -> Host:
         """Return the host."""
@@ -200,7 +200,7 @@ class Host:
 
     def _listen(self, declared: ExitStack) -> None:
         for topic, nodes in self._listeners.items():
-            defers = all(isinstance(node, Deferring) and topic in node.deferred for node in nodes)
+            defers = all(isinstance(node, DeferringNode) and topic in node.deferred for node in nodes)
             self._reception.listen(topic, declared, defers=defers)
         if self._learned is not None and topics.TICKS in self._listeners:
             self._learned.stop_listening()  # `_read` passes ticks on, so each is decoded once
@@ -218,13 +218,13 @@ class Host:
         self._settle()
         return self._note_wakes(effects)
 
-    def _turn(self) -> None:
+    def _run_once(self) -> None:
         """Handle everything due or waiting; sleep if there is nothing."""
-        self._calm.wait()
+        self._no_stop_pending.wait()
         with self._handling:
             sends: list[Send] = []
             handled = self._handle_batch(sends)
-            if self._inbox.gave_up:
+            if self._inbox.has_dropped_calls:
                 sends += self._refusals()
             self._sleeps_until = self._wakes[0][0] if self._wakes else NEVER_NS
             sends = self._send_directly(sends)
@@ -240,7 +240,7 @@ class Host:
         effects: list[_Due] = []
         handled = self._take_deferred(effects) | self._wake(effects)
         for _ in range(BATCH if self._settling else 1):
-            if not self._calm.is_set() or (waiting := self._inbox.pop()) is None:
+            if not self._no_stop_pending.is_set() or (waiting := self._inbox.pop()) is None:
                 break
             handled = True
             self._deliver(waiting.topic, self._read(waiting), effects)
@@ -267,9 +267,9 @@ class Host:
         return None if until == NEVER_NS else max(0.0, (until - self._time()) / 1e9)
 
     def _refusals(self) -> Iterable[Send]:
-        for topic, connection, number in self._inbox.given_up():
+        for topic, connection, number in self._inbox.dropped_calls():
             server = topic.partition("/")[0]
-            text = f"{server}: too many calls of {connection}; this one was not done"
+            text = f"{server}: too many calls of {connection}; this one was not carried out"
             reply = Reply(connection=connection, number=number, problem=Problem(code="flood", message=text))
             yield Send(topics.replies(server, connection), reply)
 
@@ -281,12 +281,12 @@ class Host:
     def _take_deferred(self, effects: list[_Due]) -> bool:
         """Handle deferred frames; return True if there were any."""
         handled, frames = False, self._deferred.take()
-        while self._calm.is_set() and (waiting := next(frames, None)) is not None:
+        while self._no_stop_pending.is_set() and (waiting := next(frames, None)) is not None:
             self._deliver(waiting.topic, self._read(waiting), effects)
             handled = True
         return handled
 
-    def _read(self, waiting: Waiting) -> tuple[Message, ...]:
+    def _read(self, waiting: QueuedMessage) -> tuple[Message, ...]:
         if not isinstance(waiting.message, bytes):
             return (waiting.message,)
         try:
@@ -294,7 +294,7 @@ class Host:
             for message in messages:
                 keys.check_frame(message, waiting.topic)
                 if self._learned is not None and isinstance(message, Tick):
-                    self._learned.heard(message.t_ns)
+                    self._learned.on_tick(message.t_ns)
                 check_plausible(message, self._time())
         except MessageFormatError as problem:
             return (Malformed(topic=waiting.topic, connection=None, reason=str(problem)),)
@@ -324,9 +324,9 @@ class Host:
         """
         if self._sender is None:
             return sends
-        if large := [send for send in sends if may_wait(send)]:
+        if large := [send for send in sends if must_block(send)]:
             self._sender.put(large)
-            sends = [send for send in sends if not may_wait(send)]
+            sends = [send for send in sends if not must_block(send)]
         self._send(sends)
         return []
 
@@ -337,24 +337,26 @@ class Host:
 
     # --- the threads of the network ------------------------------------------------------------------
 
-    def _at_once(self, topic: str, message: bytes | Call) -> bool:
+    def _handle_directly(self, topic: str, message: bytes | Call) -> bool:
         """Handle a message in this thread, and everything it leaves waiting; return False if it must wait."""
-        if not self._calm.is_set() or not self._handling.acquire(blocking=False):
-            return False  # the nodes are busy, perhaps in this very thread: a node hears another of its host
+        if not self._no_stop_pending.is_set() or not self._handling.acquire(blocking=False):
+            return (
+                False  # the nodes are busy, perhaps in this thread, if a node receives from another one here
+            )
         try:
             if self._stopping or not self._inbox.claim():
                 return False
             effects: list[_Due] = []
             if self._take_deferred(effects):
                 self._send_directly(self._note_wakes(effects))
-            if not self._calm.is_set():
+            if not self._no_stop_pending.is_set():
                 return False
-            waiting: Waiting | None = Waiting(topic, message)
+            waiting: QueuedMessage | None = QueuedMessage(topic, message)
             while waiting is not None:
                 effects = []
                 self._deliver(waiting.topic, self._read(waiting), effects)
                 self._send_directly(self._note_wakes(effects))
-                waiting = self._inbox.pop() if self._calm.is_set() else None
+                waiting = self._inbox.pop() if self._no_stop_pending.is_set() else None
             if self._wakes and self._wakes[0][0] < self._sleeps_until:
                 self._sleeps_until = self._wakes[0][0]
                 self._inbox.rouse()
@@ -375,7 +377,7 @@ class Host:
 
     def _stopped(self, topic: str, message: Call) -> list[Send]:
         """Return the nodes' replies to a stop. No other thread uses the nodes meanwhile."""
-        self._calm.clear()
+        self._no_stop_pending.clear()
         try:
             with self._handling:
                 if self._stopping:
@@ -385,7 +387,7 @@ class Host:
                 self._settle()
                 return self._note_wakes(effects)
         finally:
-            self._calm.set()
+            self._no_stop_pending.set()
             self._inbox.rouse()  # a node may have set an earlier alarm
 
 

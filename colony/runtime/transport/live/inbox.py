@@ -7,9 +7,9 @@ from queue import Empty, SimpleQueue
 from threading import Lock
 
 from colony.runtime.protocol.messages import Alive, Call, Malformed
-from colony.runtime.transport.live.waiting import GivenUp, Waiting, WaitingRoom
+from colony.runtime.transport.live.message_queue import DroppedCall, MessageQueue, QueuedMessage
 
-LONGEST_SLEEP_S = 3600.0
+MAX_SLEEP_S = 3600.0
 """Longest single sleep in seconds, because the system has no unlimited timeout."""
 
 
@@ -20,7 +20,7 @@ class Inbox:
     messages of the process.
     """
 
-    def __init__(self, room: WaitingRoom) -> None:
+    def __init__(self, room: MessageQueue) -> None:
         self._room = room
         self._lock = Lock()
         self._calls: SimpleQueue[None] = SimpleQueue()
@@ -46,9 +46,9 @@ class Inbox:
         if asleep:
             self._calls.put(None)
 
-    def crowded(self, connection: str) -> bool:
+    def is_full_for(self, connection: str) -> bool:
         """Return True if a connection has the maximum number of waiting calls: one more would be refused."""
-        return self._room.crowded(connection)
+        return self._room.is_full_for(connection)
 
     def refuse(self, topic: str, connection: str, number: int) -> None:
         """Record a call that was not accepted, so that the caller gets a refusal."""
@@ -58,7 +58,7 @@ class Inbox:
         if asleep:
             self._calls.put(None)
 
-    def pop(self) -> Waiting | None:
+    def pop(self) -> QueuedMessage | None:
         """Return the next message to handle, or None if nothing waits."""
         with self._lock:
             waiting = self._room.pop()
@@ -77,19 +77,19 @@ class Inbox:
             return True
 
     @property
-    def gave_up(self) -> bool:
+    def has_dropped_calls(self) -> bool:
         """True if callers of dropped calls are still to be notified."""
-        return self._room.gave_up
+        return self._room.has_dropped_calls
 
-    def given_up(self) -> tuple[GivenUp, ...]:
+    def dropped_calls(self) -> tuple[DroppedCall, ...]:
         """Return the calls that were dropped since the last call of this method."""
         with self._lock:
-            return tuple(self._room.given_up())
+            return tuple(self._room.dropped_calls())
 
     def sleep(self, timeout_s: float | None) -> None:
         """Sleep, after `pop` returned None, until a message, a `rouse`, or the timeout."""
         if timeout_s is not None:
-            timeout_s = min(timeout_s, LONGEST_SLEEP_S)
+            timeout_s = min(timeout_s, MAX_SLEEP_S)
         with suppress(Empty):
             self._calls.get(timeout=timeout_s)
 

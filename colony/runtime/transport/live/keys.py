@@ -29,11 +29,11 @@ from colony.runtime.protocol.messages import (
     Request,
     Restart,
     Right,
-    Sent,
+    SentMessage,
     ServerFrame,
     Tick,
     Verdict,
-    Wire,
+    WireMessage,
 )
 
 RIGHTS: tuple[Right, ...] = get_args(Right)
@@ -101,7 +101,7 @@ def listening_to_calls(robot: str, topic: str, right: Right) -> str:
     return f"colony/{robot}/{topic}/{right}/*/*"
 
 
-def sending(robot: str, topic: str, message: Wire, *, user: str, least: Right = "read") -> str:
+def sending(robot: str, topic: str, message: WireMessage, *, user: str, least: Right = "read") -> str:
     """Return the key on which `user` sends a message to a topic.
 
     A sign of life uses the right `least`, which may be any right of its sender.
@@ -139,7 +139,7 @@ def call_key(key: str) -> CallKey | None:
     return None
 
 
-def check_call(message: Sent, key: CallKey) -> Call | Alive:
+def check_call(message: SentMessage, key: CallKey) -> Call | Alive:
     """Return the message if it is valid on this key.
 
     Raises:
@@ -149,18 +149,18 @@ def check_call(message: Sent, key: CallKey) -> Call | Alive:
         case Call(right=right, connection=connection):
             if right != key.right:
                 raise MessageFormatError(
-                    f"it claims the right to {right}, but came under that to {key.right}"
+                    f"it claims the right to {right}, but arrived under the right to {key.right}"
                 )
         case Alive(connection=connection):
             pass
         case _:
             raise MessageFormatError(f"found {type(message).__name__}; expected Call or Alive")
     if connection != key.connection:
-        raise MessageFormatError(f"it claims to be of {connection}, but is of {key.connection}")
+        raise MessageFormatError(f"it claims the connection {connection}, but is from {key.connection}")
     return message
 
 
-def check_frame(message: Sent, topic: str) -> Sent:
+def check_frame(message: SentMessage, topic: str) -> SentMessage:
     """Return the message if it is valid on this topic, which does not carry calls.
 
     Raises:

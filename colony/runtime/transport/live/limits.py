@@ -2,12 +2,12 @@
 
 A gateway never waits for a receiver. It drops messages for which a busy server or a slow user has no room,
 and the protocol sends them again (a call after 250 ms, with the same number; a frame at the next tick).
-Waiting would hold up all other users, and zenoh closes a link after waiting in vain. For the same reason
-users choose neither their priority nor the policy when there is no room: the key of a message decides.
+Waiting would block all other users, and zenoh closes a link on which it waited in vain. For the same reason
+users choose neither their priority nor what happens when there is no room: the key of a message decides.
 
 Nothing here limits the rate of messages. Zenoh's `downsampling` allows no bursts: of simultaneous calls of
 one user it would drop all but one, and drop them again when they are retried, again simultaneously. Servers
-count messages instead (`border.py`).
+count messages instead (`rate_limits.py`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from __future__ import annotations
 import resource
 from typing import Any
 
-from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.transport.live import keys
 
 HANDSHAKE_MS = 2000
@@ -24,20 +24,20 @@ HANDSHAKE_MS = 2000
 LOGIN_MS = 2000
 """Timeout of zenoh's login, in milliseconds. The login begins after TLS has accepted the certificate."""
 
-LOGINS_PENDING = 100
+MAX_PENDING_LOGINS = 100
 """Logins that the gateway handles at the same time."""
 
-SESSIONS = 200
+MAX_SESSIONS = 200
 """Sessions of users and of the robot's own processes together; a server of the robot has two."""
 
-DESCRIPTORS = 8192
+MAX_OPEN_FILES = 8192
 """Open files allowed to a gateway, as far as the system permits.
 
 This is far more than the connections that can wait for their handshake timeout.
 """
 
-SMALL, MIDDLE = 1024, 257 * 1024
-"""Sizes in bytes of the largest message of the two further limited kinds; see `_sizes`."""
+SMALL_MESSAGE_BYTES, MEDIUM_MESSAGE_BYTES = 1024, 257 * 1024
+"""Size limits, in bytes, of two kinds of messages; see `_sizes`."""
 
 _REMOTE = ["tls"]
 
@@ -46,8 +46,8 @@ def limits(robot: str) -> dict[str, Any]:
     """Return the settings of a gateway that limit what passes through it."""
     return {
         "transport/unicast/accept_timeout": LOGIN_MS,
-        "transport/unicast/accept_pending": LOGINS_PENDING,
-        "transport/unicast/max_sessions": SESSIONS,
+        "transport/unicast/accept_pending": MAX_PENDING_LOGINS,
+        "transport/unicast/max_sessions": MAX_SESSIONS,
         "transport/link/tx/queue/size": _QUEUES,
         "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 200_000,
         "low_pass_filter": list(_sizes(robot)),
@@ -76,9 +76,9 @@ def _sizes(robot: str) -> list[dict[str, Any]]:
     small = ("*/call/stop/**", "*/fetches/**", "Clock/restarts/**")
     middle = ("*/call/read/**", "*/requests/**", "*/announcements/**", "Clock/ready/**")
     return [
-        _size(robot, "small", small, SMALL),
-        _size(robot, "middle", middle, MIDDLE),
-        _size(robot, "large", ("**",), LARGEST + SMALL),
+        _size(robot, "small", small, SMALL_MESSAGE_BYTES),
+        _size(robot, "middle", middle, MEDIUM_MESSAGE_BYTES),
+        _size(robot, "large", ("**",), MAX_MESSAGE_BYTES + SMALL_MESSAGE_BYTES),
     ]
 
 
@@ -121,8 +121,8 @@ def _overwrite(
 
 
 def allow_descriptors() -> None:
-    """Raise this process's limit of open files to `DESCRIPTORS`, or as far as the system allows."""
+    """Raise this process's limit of open files to `MAX_OPEN_FILES`, or as far as the system allows."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    most = DESCRIPTORS if hard == resource.RLIM_INFINITY else min(DESCRIPTORS, hard)
-    if soft != resource.RLIM_INFINITY and soft < most:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+    target = MAX_OPEN_FILES if hard == resource.RLIM_INFINITY else min(MAX_OPEN_FILES, hard)
+    if soft != resource.RLIM_INFINITY and soft < target:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (target, hard))

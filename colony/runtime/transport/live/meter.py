@@ -1,7 +1,7 @@
 """Rates of messages, by sender, as token buckets.
 
-A sender begins with `burst` tokens and gains `per_s` of them a second, up to `burst`. A message costs one
-token, and one more for each `BYTES_A_TOKEN` of its size. A sender with too few tokens left is over its rate.
+A sender begins with `burst` tokens and gains `per_s` tokens a second, up to `burst`. A message costs one
+token, and one more for each `BYTES_PER_TOKEN` of its size. A sender with too few tokens is over its rate.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import NamedTuple
 
-BYTES_A_TOKEN = 16_384
+BYTES_PER_TOKEN = 16_384
 """Bytes of a message that cost one extra token."""
 
-SENDERS = 1024
+MAX_SENDERS = 1024
 """Senders with a bucket. Beyond that, the sender that was silent for longest loses its bucket."""
 
 
@@ -45,7 +45,7 @@ class Meter:
 
         `now_ns` is a monotonic time.
         """
-        cost = count + size // BYTES_A_TOKEN
+        cost = count + size // BYTES_PER_TOKEN
         with self._lock:
             bucket = self._bucket(sender, now_ns)
             if bucket.tokens < cost:
@@ -58,7 +58,7 @@ class Meter:
         bucket = self._buckets.get(sender)
         if bucket is None:
             bucket = self._buckets[sender] = _Bucket(self._burst, now_ns)
-            if len(self._buckets) > SENDERS:
+            if len(self._buckets) > MAX_SENDERS:
                 self._buckets.popitem(last=False)
         elif now_ns > bucket.at_ns:
             self._buckets.move_to_end(sender)

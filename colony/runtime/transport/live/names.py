@@ -6,7 +6,7 @@ import os
 import pwd
 import re
 
-LONGEST = 64
+MAX_NAME_LENGTH = 64
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*", re.ASCII)
 _USER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]*", re.ASCII)
@@ -31,9 +31,9 @@ def check_user(name: str) -> str:
 
 
 def _check(what: str, name: str, pattern: re.Pattern[str], expected: str) -> str:
-    if len(name) > LONGEST or pattern.fullmatch(name) is None:
+    if len(name) > MAX_NAME_LENGTH or pattern.fullmatch(name) is None:
         raise ValueError(
-            f"`{name}` cannot be the name of a {what}: expected 1 to {LONGEST} characters, "
+            f"`{name}` cannot be the name of a {what}: expected 1 to {MAX_NAME_LENGTH} characters, "
             f"{expected}, beginning with a letter or digit"
         )
     return name

@@ -16,20 +16,20 @@ from colony.runtime.transport.live.configuration import Settings
 from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.names import local_user as local_user
 from colony.runtime.transport.live.place import Local, Place, Remote
-from colony.runtime.transport.live.probe import why_not_reached
+from colony.runtime.transport.live.probe import diagnose
 
 THREADS = "(rx: (worker_threads: 2), acc: (handover: rx), tx: (worker_threads: 1), net: (handover: tx))"
 """Threads of zenoh, in the format of `ZENOH_RUNTIME`; a variable that is already set takes precedence.
 
 Receiving and accepting share their threads: with separate threads each message would wake two, one that
-notices it and one that reads it. Sending, which includes signs of life, has a thread of its own: a server
-that is flooded with calls must keep sending signs of life, or the others close their links to it.
+notices it and one that reads it. Sending, which includes signs of life, has its own thread: a server that is
+flooded with calls must keep sending signs of life, or the other processes close their links to it.
 """
 
-LINKING_S = 0.1
+SOCKET_SCAN_S = 0.1
 """Seconds after which all present sockets have been tried."""
 
-DESCRIPTORS = 32
+FREE_DESCRIPTORS = 32
 """Descriptors that must be free to open a session: it takes up to 12, plus one per linked process."""
 
 Watcher = Callable[[str, bool], None]
@@ -46,12 +46,12 @@ class ZenohSession:
     """
 
     def __init__(
-        self, place: Place, session: zenoh.Session, holds: ExitStack, stops: zenoh.Session | None = None
+        self, place: Place, session: zenoh.Session, resources: ExitStack, stops: zenoh.Session | None = None
     ) -> None:
         self.place = place
         self.session = session
         self.stops = stops
-        self._holds = holds
+        self._resources = resources
         self._opened = time.monotonic()
         self._present: dict[str, None] = {}
         self._watchers: tuple[Watcher, ...] = ()
@@ -68,22 +68,22 @@ class ZenohSession:
         Other processes find these servers under the socket of the first. `settings` replace the usual ones.
 
         Raises:
-            AlreadyRunningError: one of `listens` runs already.
+            AlreadyRunningError: another process already serves one of `listens`.
             RunDirectoryError: the robot's folder cannot be used.
             UnreachableError: the gateway cannot be reached, or refuses the login.
         """
-        with ExitStack() as holds:
+        with ExitStack() as resources:
             if isinstance(place, Local):
                 place.directory.prepare()
                 for name in listens:
-                    holds.enter_context(place.directory.claim(name))
+                    resources.enter_context(place.directory.claim(name))
             stops = None
             if isinstance(place, Local) and listens and settings is None:
-                stops = _open(place, configuration.stop_settings(place.directory), holds)
+                stops = _open(place, configuration.stop_settings(place.directory), resources)
             if settings is None:
                 settings = configuration.settings(place, listens=listens[:1])
-            session = _open(place, settings, holds)
-            return cls(place, session, holds.pop_all(), stops)
+            session = _open(place, settings, resources)
+            return cls(place, session, resources.pop_all(), stops)
 
     @property
     def robot(self) -> str:
@@ -97,15 +97,15 @@ class ZenohSession:
 
     def alive(self) -> tuple[str, ...]:
         """Return the addresses of the nodes known to be present."""
-        time.sleep(max(0.0, self._opened + LINKING_S - time.monotonic()))
+        time.sleep(max(0.0, self._opened + SOCKET_SCAN_S - time.monotonic()))
         return tuple(sorted(self._present))
 
     def watch(self, watcher: Watcher) -> None:
-        """Notify `watcher` of every node that comes or goes from now on, in a network thread."""
+        """Call `watcher` for every node that joins or leaves from now on, in a network thread."""
         self._watchers = (*self._watchers, watcher)
 
     def unwatch(self, watcher: Watcher) -> None:
-        """Stop notifying `watcher`."""
+        """Stop calling `watcher`."""
         self._watchers = tuple(w for w in self._watchers if w != watcher)
 
     def _presence(self, sample: zenoh.Sample) -> None:
@@ -120,7 +120,7 @@ class ZenohSession:
 
     def close(self) -> None:
         """Leave the network. Idempotent."""
-        self._holds.close()
+        self._resources.close()
 
     def __enter__(self) -> ZenohSession:
         """Return the session."""
@@ -131,13 +131,13 @@ class ZenohSession:
         self.close()
 
 
-def _open(place: Place, settings: Settings, holds: ExitStack) -> zenoh.Session:
-    _expect_descriptors()
+def _open(place: Place, settings: Settings, resources: ExitStack) -> zenoh.Session:
+    _check_descriptors()
     try:
         with _threads():
             session = zenoh.open(configuration.configuration(settings))
     except zenoh.ZError as problem:
-        raise UnreachableError(_why(place, settings, problem)) from None
+        raise UnreachableError(_open_failure(place, settings, problem)) from None
     except BaseException as problem:
         # Rust's panic is not an Exception and cannot be imported
         if type(problem).__name__ != "PanicException":
@@ -145,7 +145,7 @@ def _open(place: Place, settings: Settings, holds: ExitStack) -> zenoh.Session:
         raise UnreachableError(
             f"no session can be opened, for lack of memory or threads: {problem}"
         ) from None
-    holds.callback(session.close)
+    resources.callback(session.close)
     return session
 
 
@@ -165,7 +165,7 @@ def _threads() -> Iterator[None]:
         os.environ.pop("ZENOH_RUNTIME", None)
 
 
-def _expect_descriptors() -> None:
+def _check_descriptors() -> None:
     """Check that a session can open the files it needs: zenoh would panic without a message.
 
     Raises:
@@ -178,15 +178,15 @@ def _expect_descriptors() -> None:
         used = len(os.listdir("/proc/self/fd"))
     except OSError as problem:  # listing takes a descriptor too, and not every system has this folder
         used = most if problem.errno == errno.EMFILE else 0
-    if most - used < DESCRIPTORS:
-        text = f"this process may have {most} files open, and has {used}; a session needs {DESCRIPTORS} more"
-        raise UnreachableError(f"{text}: raise the limit (`ulimit -n`)")
+    if most - used < FREE_DESCRIPTORS:
+        needed = f"a session needs {FREE_DESCRIPTORS} more: raise the limit (`ulimit -n`)"
+        raise UnreachableError(f"this process may have {most} files open, and has {used}; {needed}")
 
 
-def _why(place: Place, settings: Settings, problem: zenoh.ZError) -> str:
+def _open_failure(place: Place, settings: Settings, problem: zenoh.ZError) -> str:
     match place:
         case Remote():
-            return why_not_reached(place)
+            return diagnose(place)
         case Local(directory=directory):
             return f"{directory.robot}: cannot listen at {settings['listen/endpoints']}: {problem}"
 

@@ -3,9 +3,9 @@
 A message without a listener therefore costs almost nothing.
 
 Ticks, server frames and verdicts go to all readers, and are dropped for a reader whose link has no room,
-because a frozen reader must not hold up the server; a reader fetches the frames that it missed. Other
-messages wait for room if the outbox is patient. Otherwise they are dropped too, and their senders repeat
-them: clients with the next frame, connections with the same call.
+because a frozen reader must not block the server; a reader fetches the frames that it missed. Other messages
+wait for room if the outbox may block. Otherwise they are dropped, too, and their senders repeat them: clients
+with the next frame, connections with the same call.
 
 Messages of frames overtake checkpoints, calls and their replies, which may be whole images.
 """
@@ -19,7 +19,7 @@ import zenoh
 
 from colony.runtime.protocol import codec
 from colony.runtime.protocol.messages import (
-    MOST_IN_BATCH,
+    MAX_BATCH_LENGTH,
     Alive,
     Batch,
     Batched,
@@ -29,22 +29,22 @@ from colony.runtime.protocol.messages import (
     Problem,
     Reply,
     Send,
-    Sent,
+    SentMessage,
     ServerFrame,
     Tick,
     Verdict,
-    Wire,
+    WireMessage,
 )
 from colony.runtime.transport.live import keys
 
 IDLE_NS = 10_000_000_000
 """Nanoseconds without a message after which a connection's publisher is released."""
 
-SMALL_BYTES = 1024
+MAX_BATCHED_BYTES = 1024
 """Size in bytes of the largest checkpoint that travels in a batch."""
 
-PASSING_MOST = 256
-"""Publishers for connections that exist at the same time."""
+MAX_CONNECTION_PUBLISHERS = 256
+"""Largest number of publishers for connections."""
 
 Report = Callable[[str], None]
 """A function that takes a sentence on each survived problem."""
@@ -60,27 +60,28 @@ class Outbox:
         report: Report,
         *,
         user: str,
-        patient: bool = True,
+        may_block: bool = True,
         urgent: bool = False,
     ) -> None:
         """Create an outbox for one thread at a time.
 
         Args:
-            session: the session to send with.
-            robot: the robot whose processes receive the messages.
-            report: takes a sentence on each message that cannot be sent.
-            user: the user as whom clients send.
-            patient: True to make messages that do not go to all readers wait for room rather than be dropped.
+            session: session to send with.
+            robot: robot whose processes receive the messages.
+            report: callback for a sentence on each message that cannot be sent.
+            user: user in whose name clients send.
+            may_block: True to make messages that do not go to all readers wait for room instead of being
+                dropped.
             urgent: True to let replies overtake all other messages; then no message waits for room.
         """
         self._session = session
         self._robot = robot
         self._report = report
         self._user = user
-        self._patient = patient and not urgent
+        self._may_block = may_block and not urgent
         self._urgent = urgent
-        self._lasting: dict[str, zenoh.Publisher] = {}
-        self._passing: dict[str, tuple[zenoh.Publisher, int]] = {}
+        self._topic_publishers: dict[str, zenoh.Publisher] = {}
+        self._connection_publishers: dict[str, tuple[zenoh.Publisher, int]] = {}
 
     def send_all(self, sends: Iterable[Send], now_ns: int) -> None:
         """Send messages: first the single ones, then those that clients send to one server, as batches."""
@@ -91,10 +92,10 @@ class Outbox:
             else:
                 self.send(topic, message, now_ns)
         for topic, messages in batches.items():
-            for i in range(0, len(messages), MOST_IN_BATCH):
-                self._send_together(topic, messages[i : i + MOST_IN_BATCH], now_ns)
+            for i in range(0, len(messages), MAX_BATCH_LENGTH):
+                self._send_together(topic, messages[i : i + MAX_BATCH_LENGTH], now_ns)
 
-    def send(self, topic: str, message: Sent, now_ns: int) -> None:
+    def send(self, topic: str, message: SentMessage, now_ns: int) -> None:
         """Send a message; report one that is too large, and replace a reply by one that says so."""
         try:
             data = codec.encode(message)
@@ -120,45 +121,48 @@ class Outbox:
         else:
             self._put(topic, batch, data, now_ns)
 
-    def _put(self, topic: str, message: Wire, data: bytes, now_ns: int) -> None:
+    def _put(self, topic: str, message: WireMessage, data: bytes, now_ns: int) -> None:
         try:
             self._publisher(topic, message, now_ns).put(data)
         except zenoh.ZError as problem:  # a name given by a user cannot be part of a key
             self._report(f"to {topic}: {problem}")
 
-    def _publisher(self, topic: str, message: Wire, now_ns: int) -> zenoh.Publisher:
+    def _publisher(self, topic: str, message: WireMessage, now_ns: int) -> zenoh.Publisher:
         key = keys.sending(self._robot, topic, message, user=self._user)
         # the messages of a batch are of one kind
         first = message.messages[0] if isinstance(message, Batch) else message
         if isinstance(first, (Call, Alive, Reply, Notice, Checkpoint)):
-            return self._passing_publisher(key, first, now_ns)
-        publisher = self._lasting.get(topic)
+            return self._connection_publisher(key, first, now_ns)
+        publisher = self._topic_publishers.get(topic)
         if publisher is None:
-            patient = self._patient and not isinstance(first, (Tick, ServerFrame, Verdict))
-            publisher = publish(self._session, key, haste=Haste.FRAMES, patient=patient)
-            self._lasting[topic] = publisher
+            may_block = self._may_block and not isinstance(first, (Tick, ServerFrame, Verdict))
+            publisher = publish(self._session, key, priority=SendPriority.FRAMES, may_block=may_block)
+            self._topic_publishers[topic] = publisher
         return publisher
 
-    def _passing_publisher(self, key: str, message: Sent, now_ns: int) -> zenoh.Publisher:
-        publisher, _ = self._passing.pop(key, (None, 0))
+    def _connection_publisher(self, key: str, message: SentMessage, now_ns: int) -> zenoh.Publisher:
+        publisher, _ = self._connection_publishers.pop(key, (None, 0))
         if publisher is None:
             self._tidy(now_ns)
-            haste = Haste.STOP if self._urgent else haste_of(message)
-            publisher = publish(self._session, key, haste=haste, patient=self._patient)
-        self._passing[key] = (publisher, now_ns)  # reinserted last, so that the first was idle for longest
+            priority = SendPriority.STOP if self._urgent else priority_of(message)
+            publisher = publish(self._session, key, priority=priority, may_block=self._may_block)
+        self._connection_publishers[key] = (
+            publisher,
+            now_ns,
+        )  # reinserted last, so that the first was idle for longest
         return publisher
 
     def _tidy(self, now_ns: int) -> None:
         """Release publishers that are idle, and those beyond the limit."""
-        while self._passing:
-            key, (publisher, used_ns) = next(iter(self._passing.items()))
-            if now_ns - used_ns <= IDLE_NS and len(self._passing) < PASSING_MOST:
+        while self._connection_publishers:
+            key, (publisher, used_ns) = next(iter(self._connection_publishers.items()))
+            if now_ns - used_ns <= IDLE_NS and len(self._connection_publishers) < MAX_CONNECTION_PUBLISHERS:
                 return
-            del self._passing[key]
+            del self._connection_publishers[key]
             publisher.undeclare()  # type: ignore[no-untyped-call]
 
 
-class Haste(Enum):
+class SendPriority(Enum):
     """The priority of a message on a link: emergency stops overtake frames, frames overtake calls."""
 
     STOP = zenoh.Priority.REAL_TIME
@@ -166,28 +170,28 @@ class Haste(Enum):
     CALLS = zenoh.Priority.DATA
 
 
-def haste_of(message: Sent) -> Haste:
+def priority_of(message: SentMessage) -> SendPriority:
     """Return the priority of a message between a connection and a server."""
-    return Haste.STOP if isinstance(message, Call) and message.right == "stop" else Haste.CALLS
+    return SendPriority.STOP if isinstance(message, Call) and message.right == "stop" else SendPriority.CALLS
 
 
 def publish(
-    session: zenoh.Session, key: str, *, haste: Haste = Haste.CALLS, patient: bool = True
+    session: zenoh.Session, key: str, *, priority: SendPriority = SendPriority.CALLS, may_block: bool = True
 ) -> zenoh.Publisher:
-    """Declare a publisher that waits for room if `patient`, and drops messages otherwise."""
+    """Declare a publisher that waits for room if `may_block`, and drops messages otherwise."""
     block, drop = zenoh.CongestionControl.BLOCK, zenoh.CongestionControl.DROP
     return session.declare_publisher(
         key,
-        congestion_control=block if patient else drop,
+        congestion_control=block if may_block else drop,
         reliability=zenoh.Reliability.RELIABLE,
-        priority=haste.value,
-        express=haste is Haste.STOP,
+        priority=priority.value,
+        express=priority is SendPriority.STOP,
     )
 
 
 def _is_large(message: Batched) -> bool:
     """Return True if a message is too large for a batch: batches without it stay small."""
-    return isinstance(message, Checkpoint) and len(message.memory) > SMALL_BYTES
+    return isinstance(message, Checkpoint) and len(message.memory) > MAX_BATCHED_BYTES
 
 
 def _too_large(reply: Reply, why: str) -> Reply:

@@ -11,37 +11,38 @@ import ssl
 from colony.runtime.transport.live.endpoint import parse_endpoint
 from colony.runtime.transport.live.place import Remote
 
-STEP_S = 2.0
-ALERT_S = 0.5
+STEP_TIMEOUT_S = 2.0
+"""Timeout of each step of the connection, in seconds."""
+ALERT_TIMEOUT_S = 0.5
 """Seconds to wait after the handshake for the gateway to refuse this process's certificate."""
 
 
-def why_not_reached(place: Remote) -> str:
+def diagnose(place: Remote) -> str:
     """Return one sentence: no listener, not a gateway, an untrusted gateway, or a refused login."""
     host, port = parse_endpoint(place.endpoint)
-    who = place.credentials
+    credentials = place.credentials
     try:
-        with socket.create_connection((host, port), timeout=STEP_S) as plain:
-            return _why_no_login(plain, host, place)
+        with socket.create_connection((host, port), timeout=STEP_TIMEOUT_S) as plain:
+            return _diagnose_login(plain, host, place)
     except TimeoutError:
         return f"{place.endpoint} does not answer: is the machine on, and on the network?"
     except ssl.SSLCertVerificationError as problem:
         return (
-            f"{place.endpoint} is not to be trusted: {problem.verify_message} (checked with {who.authority}, "
-            f"and the certificate must be for `{host}`)"
+            f"{place.endpoint} is not to be trusted: {problem.verify_message} "
+            f"(checked with {credentials.authority}, and the certificate must be for `{host}`)"
         )
     except ssl.SSLError as problem:
-        return f"{place.endpoint} does not take part in TLS: {problem.reason or problem}"
+        return f"{place.endpoint} does not speak TLS: {problem.reason or problem}"
     except OSError as problem:
-        return f"nobody listens at {place.endpoint}: {problem.strerror or problem}"
+        return f"no process listens at {place.endpoint}: {problem.strerror or problem}"
 
 
-def _why_no_login(plain: socket.socket, host: str, place: Remote) -> str:
-    who = place.credentials
-    context = ssl.create_default_context(cafile=str(who.authority))
-    context.load_cert_chain(who.certificate, who.key)
+def _diagnose_login(plain: socket.socket, host: str, place: Remote) -> str:
+    credentials = place.credentials
+    context = ssl.create_default_context(cafile=str(credentials.authority))
+    context.load_cert_chain(credentials.certificate, credentials.key)
     with context.wrap_socket(plain, server_hostname=host) as secured:
-        secured.settimeout(ALERT_S)
+        secured.settimeout(ALERT_TIMEOUT_S)
         try:
             # TLS 1.3 sends the verdict on our certificate after the handshake
             closed = secured.recv(1) == b""
@@ -49,7 +50,7 @@ def _why_no_login(plain: socket.socket, host: str, place: Remote) -> str:
             closed = False
         except (ssl.SSLError, ConnectionError) as problem:
             reason = getattr(problem, "reason", None) or problem
-            return f"{place.endpoint} refuses {who.certificate}: {reason}"
+            return f"{place.endpoint} refuses {credentials.certificate}: {reason}"
     if closed:
-        return f"{place.endpoint} ended the login with {who.certificate}"
-    return f"{place.endpoint} takes the login of {who.user}, but does not answer as a gateway"
+        return f"{place.endpoint} ended the login with {credentials.certificate}"
+    return f"{place.endpoint} accepts the login of {credentials.user}, but does not answer as a gateway"

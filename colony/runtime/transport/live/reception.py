@@ -11,19 +11,19 @@ from contextlib import ExitStack, suppress
 import zenoh
 
 from colony.runtime.protocol import codec
-from colony.runtime.protocol.codec import LARGEST, MessageFormatError
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES, MessageFormatError
 from colony.runtime.protocol.messages import Call, Malformed
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.border import Border
 from colony.runtime.transport.live.deferred import DeferredFrames
 from colony.runtime.transport.live.inbox import Inbox
+from colony.runtime.transport.live.message_queue import too_large
 from colony.runtime.transport.live.network import ZenohSession, local_user
+from colony.runtime.transport.live.rate_limits import RateLimits
 from colony.runtime.transport.live.stop_lane import StopLane
-from colony.runtime.transport.live.waiting import too_large
 
 Handler = Callable[[zenoh.Sample], None]
 
-AtOnce = Callable[[str, bytes | Call], bool]
+DirectHandler = Callable[[str, bytes | Call], bool]
 """A function that handles a message in the receiving thread.
 
 It returns False if the message must go to the inbox.
@@ -34,11 +34,12 @@ class Reception:
     """The subscriptions of a host.
 
     Args:
-        network: the session that messages come from.
-        inbox: the queue of the host's own thread.
-        deferred: the rings of frames that are handled together with other messages.
-        at_once: tried before the inbox, except for deferred messages; None in hosts that are not direct.
-        stop: handles an emergency stop, in a thread of its own.
+        network: session from which messages come.
+        inbox: queue of the host's own thread.
+        deferred: ring buffers of frames that are handled together with other messages.
+        direct: handler that is tried before the inbox, except for deferred messages; None in hosts that are
+            not direct.
+        stop: handler of emergency stops, called in its own thread.
     """
 
     def __init__(
@@ -47,15 +48,15 @@ class Reception:
         inbox: Inbox,
         deferred: DeferredFrames,
         *,
-        at_once: AtOnce | None,
+        direct: DirectHandler | None,
         stop: Callable[[str, Call], None],
     ) -> None:
         self._network = network
         self._inbox = inbox
         self._deferred = deferred
-        self._at_once = at_once
+        self._direct = direct
         self._stop = stop
-        self._border = Border(local_user())
+        self._rate_limits = RateLimits(local_user())
 
     def listen(self, topic: str, declared: ExitStack, *, defers: bool) -> None:
         """Receive the messages of a topic until `declared` is closed; with `defers`, they wake no thread."""
@@ -76,9 +77,9 @@ class Reception:
         lane = StopLane(self._stop, self._inbox.call)
         declared.callback(lane.close)
         key = keys.listening_to_calls(self._network.robot, topic, "stop")
-        self._subscribe(key, _stop_handler(topic, lane, self._border, twice=False), declared)
+        self._subscribe(key, _stop_handler(topic, lane, self._rate_limits, twice=False), declared)
         if self._network.stops is not None:
-            handler = _stop_handler(topic, lane, Border(local_user()), twice=True)
+            handler = _stop_handler(topic, lane, RateLimits(local_user()), twice=True)
             self._subscribe(key, handler, declared, self._network.stops)
 
     def _subscribe(
@@ -90,26 +91,26 @@ class Reception:
 
     def _frame_handler(self, topic: str, defers: bool) -> Handler:
         """Return the handler of a topic that does not carry calls."""
-        frame, border = self._inbox.frame, self._border
-        kind, at_once = keys.kind_of_users(topic), None if defers else self._at_once
+        frame, limits = self._inbox.frame, self._rate_limits
+        kind, direct = keys.kind_of_users(topic), None if defers else self._direct
 
         def take(sample: zenoh.Sample) -> None:
             payload = sample.payload
             size = len(payload)
-            data = payload.to_bytes() if size <= LARGEST else b""
+            data = payload.to_bytes() if size <= MAX_MESSAGE_BYTES else b""
             if kind is not None:
                 user = str(sample.key_expr).rpartition("/")[2]
-                if not border.frame(kind, user, size, codec.count(data)):
+                if not limits.frame(kind, user, size, codec.count(data)):
                     return  # no reply: a reader fetches a missed frame again
-            if size > LARGEST:
+            if size > MAX_MESSAGE_BYTES:
                 frame(topic, too_large(topic, None, size))
-            elif at_once is None or not at_once(topic, data):
+            elif direct is None or not direct(topic, data):
                 frame(topic, data, rouse=not defers)
 
         return take
 
     def _call_handler(self, topic: str) -> Handler:
-        inbox, border, at_once = self._inbox, self._border, self._at_once
+        inbox, limits, direct = self._inbox, self._rate_limits, self._direct
 
         def take(sample: zenoh.Sample) -> None:
             payload = sample.payload
@@ -117,11 +118,11 @@ class Reception:
             size = len(payload)
             if key is None:
                 return  # a key without a connection names no receiver of a reply
-            if inbox.crowded(key.connection) or not border.call(key.connection, size):
-                if border.refusal(key.connection) and size <= LARGEST:
+            if inbox.is_full_for(key.connection) or not limits.call(key.connection, size):
+                if limits.refusal(key.connection) and size <= MAX_MESSAGE_BYTES:
                     self._refuse(topic, key, payload.to_bytes())
                 return
-            if size > LARGEST:
+            if size > MAX_MESSAGE_BYTES:
                 inbox.call(topic, key.connection, too_large(topic, key.connection, size), 0)
                 return
             try:
@@ -130,7 +131,7 @@ class Reception:
                 malformed = Malformed(topic=topic, connection=key.connection, reason=str(problem))
                 inbox.call(topic, key.connection, malformed, 0)
             else:
-                if at_once is None or not isinstance(message, Call) or not at_once(topic, message):
+                if direct is None or not isinstance(message, Call) or not direct(topic, message):
                     inbox.call(topic, key.connection, message, size)
 
         return take
@@ -143,7 +144,7 @@ class Reception:
             self._inbox.refuse(topic, key.connection, number)
 
 
-def _stop_handler(topic: str, lane: StopLane, border: Border, *, twice: bool) -> Handler:
+def _stop_handler(topic: str, lane: StopLane, limits: RateLimits, *, twice: bool) -> Handler:
     """Return the handler of one session's messages under the right to stop.
 
     With `twice`, another session receives the same messages and handles all but the emergency stops.
@@ -152,7 +153,11 @@ def _stop_handler(topic: str, lane: StopLane, border: Border, *, twice: bool) ->
     def take(sample: zenoh.Sample) -> None:
         payload = sample.payload
         key = keys.call_key(str(sample.key_expr))
-        if key is not None and len(payload) <= LARGEST and border.stop(key.connection, len(payload)):
+        if (
+            key is not None
+            and len(payload) <= MAX_MESSAGE_BYTES
+            and limits.stop(key.connection, len(payload))
+        ):
             lane.put(topic, key, payload.to_bytes(), twice=twice)
 
     return take

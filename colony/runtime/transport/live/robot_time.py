@@ -2,7 +2,7 @@
 
 A tick contains the time at which it was due, and arrives later by an unknown delay that is never negative.
 The greatest difference between a tick's time and its arrival is therefore the most accurate. The clocks of
-two machines drift apart, so an old difference loses value by `DRIFT`.
+two machines drift apart, so a difference is lowered by `DRIFT` as it ages.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from colony.runtime.transport.live.place import Local
 DRIFT = 1e-4
 """Largest drift between two clocks, in seconds per second."""
 
-FIRST_TICK_S = 5.0
+FIRST_TICK_TIMEOUT_S = 5.0
 
 
 class LearnedTime:
     """A clock learned from ticks. Mutable: the best difference so far.
 
     Args:
-        monotonic: this machine's clock in nanoseconds.
+        monotonic: clock of this machine, in nanoseconds.
 
     Attributes:
-        stop_listening: ends the clock's own subscription to ticks, in a process that calls `heard` for each
-            tick.
+        stop_listening: function that ends the clock's own subscription to ticks, for a process that calls
+            `on_tick` itself.
     """
 
     def __init__(self, monotonic: Callable[[], int] = time.monotonic_ns) -> None:
@@ -46,11 +46,11 @@ class LearnedTime:
 
     @property
     def known(self) -> bool:
-        """True once a tick was heard."""
+        """True once a tick has arrived."""
         return self._best is not None
 
-    def heard(self, t_ns: int) -> None:
-        """Take the arrival, now, of a tick that was due at `t_ns`."""
+    def on_tick(self, t_ns: int) -> None:
+        """Note the arrival, now, of a tick that was due at `t_ns`."""
         now = self._monotonic()
         found = t_ns - now
         if self._best is not None:
@@ -77,7 +77,7 @@ def time_of(network: ZenohSession) -> Callable[[], int]:
     return local_time(place) if isinstance(place, Local) else learned_time(network)
 
 
-def learned_time(network: ZenohSession, *, timeout_s: float = FIRST_TICK_S) -> LearnedTime:
+def learned_time(network: ZenohSession, *, timeout_s: float = FIRST_TICK_TIMEOUT_S) -> LearnedTime:
     """Return the clock of a robot of another machine after its first tick; it keeps learning.
 
     Raises:
@@ -91,12 +91,12 @@ def learned_time(network: ZenohSession, *, timeout_s: float = FIRST_TICK_S) -> L
         except MessageFormatError:
             return
         if isinstance(message, Tick):
-            learned.heard(message.t_ns)
+            learned.on_tick(message.t_ns)
             first.set()
 
     key = keys.listening(network.robot, topics.TICKS)
     subscriber = network.session.declare_subscriber(key, zenoh.handlers.Callback(take, indirect=False))
     learned.stop_listening = subscriber.undeclare
     if not first.wait(timeout_s):
-        raise UnreachableError(f"{network.robot}: no tick of its Clock came in {timeout_s:g} s: does it run?")
+        raise UnreachableError(f"{network.robot}: no tick of its Clock in {timeout_s:g} s: is it running?")
     return learned

@@ -26,12 +26,12 @@ from colony.os_errors import NO_ROOM, limit_advice, naming
 from colony.runtime.transport.live.errors import AlreadyRunningError, RunDirectoryError
 from colony.runtime.transport.live.names import check_name
 
-CHOOSE = "set COLONY_RUN_DIR to a folder of yours"
+ADVICE = "set COLONY_RUN_DIR to a folder of yours"
 
-LONGEST_SOCKET = 107
+MAX_SOCKET_PATH_BYTES = 107
 """Longest path of a unix socket in bytes (`sun_path` without its terminator)."""
 
-NOT_IN_ENDPOINTS = "#?"
+FORBIDDEN_CHARACTERS = "#?"
 """Characters that end the address in a zenoh endpoint, and so cannot be in a socket's path."""
 
 CLAIM_BYTES = 32
@@ -114,16 +114,16 @@ class RobotDirectory:
         except ValueError as problem:
             raise RunDirectoryError(str(problem)) from None
         if not _is_utf8(path):
-            raise RunDirectoryError(f"{path} is not UTF-8, as the path of a socket has to be: {CHOOSE}")
-        if odd := [sign for sign in NOT_IN_ENDPOINTS if sign in str(path)]:
+            raise RunDirectoryError(f"the path of a socket must be UTF-8, and {path} is not: {ADVICE}")
+        if odd := [sign for sign in FORBIDDEN_CHARACTERS if sign in str(path)]:
             raise RunDirectoryError(
-                f"{path} cannot be the path of a socket, for the `{odd[0]}` in it: "
-                "set COLONY_RUN_DIR to a folder without"
+                f"{path} cannot be the path of a socket, because it contains `{odd[0]}`: "
+                "set COLONY_RUN_DIR to a folder without it"
             )
         size = len(os.fsencode(path))
-        if size > LONGEST_SOCKET:
+        if size > MAX_SOCKET_PATH_BYTES:
             raise RunDirectoryError(
-                f"{path} is {size} bytes long, and the path of a socket can have {LONGEST_SOCKET}: "
+                f"{path} is {size} bytes long, and the path of a socket can have {MAX_SOCKET_PATH_BYTES}: "
                 "set COLONY_RUN_DIR to a shorter folder"
             )
         return path
@@ -153,13 +153,13 @@ class RobotDirectory:
         with in_run_directory(path):
             descriptor = open_descriptor(path, os.O_RDWR | os.O_CREAT)
             try:
-                if not _locks(descriptor):
+                if not _try_lock(descriptor):
                     holder = os.read(descriptor, CLAIM_BYTES).decode("ascii", "replace").strip()
                     raise AlreadyRunningError(
-                        f"{server} of {self.robot} runs already, as process {holder or 'unknown'}: "
-                        "end that one first, or give another --robot"
+                        f"{server} of {self.robot} is already running, as process {holder or 'unknown'}: "
+                        "end it first, or give another --robot"
                     )
-                _note(descriptor, str(os.getpid()))
+                _write_holder(descriptor, str(os.getpid()))
             except BaseException:
                 os.close(descriptor)
                 raise
@@ -180,8 +180,8 @@ class RobotDirectory:
             known = _read_base(path)
             if known is not None and known.boot == boot:
                 return known.base_ns
-            gone = 0 if known is None else max(0, time.time_ns() - known.wall_ns)
-            new = _Base(boot=boot, base_ns=monotonic() - gone, wall_ns=time.time_ns() - gone)
+            elapsed_ns = 0 if known is None else max(0, time.time_ns() - known.wall_ns)
+            new = _Base(boot=boot, base_ns=monotonic() - elapsed_ns, wall_ns=time.time_ns() - elapsed_ns)
             temporary = path.with_suffix(".new")
             with naming(path):
                 temporary.write_bytes(msgspec.json.encode(new))
@@ -200,7 +200,7 @@ class Claim:
         if self._descriptor >= 0:
             descriptor, self._descriptor = self._descriptor, -1
             with suppress(OSError):
-                _note(descriptor, "")
+                _write_holder(descriptor, "")
             os.close(descriptor)
 
     def __enter__(self) -> Claim:
@@ -230,7 +230,7 @@ def in_run_directory(path: Path) -> Iterator[None]:
     except OSError as problem:
         if problem.errno in (errno.EMFILE, errno.ENFILE):
             raise
-        room = f"free some space or {CHOOSE}" if problem.errno in NO_ROOM else CHOOSE
+        room = f"free some space or {ADVICE}" if problem.errno in NO_ROOM else ADVICE
         advice = limit_advice(problem) or room
         raise RunDirectoryError(f"{problem.filename or path}: {problem.strerror}: {advice}") from None
 
@@ -245,10 +245,10 @@ def _check_private(folder: Path) -> None:
     with in_run_directory(folder):
         found = folder.lstat()
     if not stat.S_ISDIR(found.st_mode):
-        raise RunDirectoryError(f"{folder} is no folder: set COLONY_RUN_DIR to one of yours")
+        raise RunDirectoryError(f"{folder} is not a folder: {ADVICE}")
     if found.st_uid != os.getuid():
         raise RunDirectoryError(
-            f"{folder} belongs to user {found.st_uid}, and this is user {os.getuid()}: {CHOOSE}"
+            f"{folder} belongs to user {found.st_uid}, and this is user {os.getuid()}: {ADVICE}"
         )
     if found.st_mode & 0o077:
         raise RunDirectoryError(
@@ -257,7 +257,7 @@ def _check_private(folder: Path) -> None:
         )
 
 
-def _note(descriptor: int, holder: str) -> None:
+def _write_holder(descriptor: int, holder: str) -> None:
     """Overwrite the holder noted in a claim.
 
     The file keeps its size and needs no room on a full disk, so a server can be restarted.
@@ -265,8 +265,8 @@ def _note(descriptor: int, holder: str) -> None:
     os.pwrite(descriptor, f"{holder:<{CLAIM_BYTES - 1}}\n".encode(), 0)
 
 
-def _locks(descriptor: int) -> bool:
-    """Try to lock a file, several times: a process that only reads the holder locks it for a moment, too."""
+def _try_lock(descriptor: int) -> bool:
+    """Try to lock a file, several times, because a process that reads the holder locks it briefly, too."""
     for _ in range(CLAIM_TRIES):
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -316,7 +316,7 @@ def _read_base(path: Path) -> _Base | None:
         return None
     except (msgspec.DecodeError, UnsuitableFileError) as problem:
         raise RunDirectoryError(
-            f"{path}: {reason(problem)}: remove it while nothing of the robot runs"
+            f"{path}: {reason(problem)}: remove it while no process of the robot is running"
         ) from None
 
 

@@ -3,14 +3,14 @@
     [gateway]
     certificate = "gateway.pem"      # paths are relative to this file
     key = "gateway.key"
-    authority = "authority.pem"      # who signed the certificates of the users
+    authority = "authority.pem"      # the authority that signed the users' certificates
 
     [users.ada]
     may = ["read", "command"]
 
-A user is the common name of a certificate that the authority signed. `read` lets a user look, `stop` stop the
-robot in an emergency, `command` change and move things and stop, and `run` run programs on the robot: send as
-their clients, with all the other rights.
+A user is the common name of a certificate that the authority signed. `read` permits reading, `stop` emergency
+stops, `command` changes, motion and stops, and `run` programs on the robot: sending as their clients, with
+all other rights.
 """
 
 from __future__ import annotations
@@ -163,7 +163,7 @@ def _users(table: object, problems: list[str]) -> dict[str, tuple[Permission, ..
         except ValueError as problem:
             problems.append(f"{where}: {problem}")
         if name == local_user():
-            problems.append(f"{where}: the robot's own programs go by this name; expected another one")
+            problems.append(f"{where}: the robot's own programs have this name; expected another one")
         if not isinstance(entry, dict) or not isinstance(entry.get("may"), list) or not entry["may"]:
             problems.append(f"{where}: expected `may = [...]` with some of {', '.join(PERMISSIONS)}")
             continue
@@ -198,8 +198,8 @@ def _unusable(certificate: Path, key: Path, authority: Path) -> Iterator[str]:
     try:
         context.load_cert_chain(certificate, key, password="")
     except (ssl.SSLError, OSError) as problem:
-        yield f"{certificate}, {key}: no certificate and its key without a password, in PEM: {problem}"
+        yield f"{certificate}, {key}: not a certificate and its key in PEM without a password: {problem}"
     try:
         context.load_verify_locations(authority)
     except (ssl.SSLError, OSError) as problem:
-        yield f"{authority}: no certificate in PEM: {problem}"
+        yield f"{authority}: not a certificate in PEM: {problem}"

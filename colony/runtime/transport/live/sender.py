@@ -2,8 +2,8 @@
 
 A network thread must not wait for room: it may be the thread that makes room, and nothing is received while
 it waits. A direct host therefore sends most messages without waiting, and hands this thread the messages that
-exceed the room of a link and must not be dropped: checkpoints, notices, large replies. They have another
-priority than the messages of frames, whose queues therefore stay free while this thread waits.
+exceed the room of a link and must not be dropped: checkpoints, notices, large replies. Their priority differs
+from that of the messages of frames, whose queues therefore stay free while this thread waits.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from threading import Thread
 from colony.runtime.protocol.messages import Checkpoint, Notice, Reply, Send
 from colony.runtime.transport.live.outbox import Outbox
 
-DROPPABLE_BYTES = 1024
+MAX_DROPPABLE_BYTES = 1024
 """Size in bytes of the largest reply that may be dropped for lack of room; a link has room for many."""
 
 
@@ -23,9 +23,9 @@ class Sender:
     """A queue with its own thread. Mutable: the waiting messages, and whether the thread runs.
 
     Args:
-        outbox: sends the messages, and waits for room; used in the sender's thread alone.
-        time: returns the present time in nanoseconds.
-        failed: takes the exception that ended the thread; called in that thread.
+        outbox: outbox that waits for room; used only in the sender's thread.
+        time: clock in nanoseconds.
+        failed: callback for the exception that ended the thread; called in that thread.
     """
 
     def __init__(
@@ -55,10 +55,10 @@ class Sender:
             self._failed(failure)
 
 
-def may_wait(send: Send) -> bool:
+def must_block(send: Send) -> bool:
     """Return True if a message may exceed a link's room and must not be dropped."""
     match send.message:
         case Reply(result=result):
-            return len(bytes(result)) > DROPPABLE_BYTES
+            return len(bytes(result)) > MAX_DROPPABLE_BYTES
         case message:
             return isinstance(message, (Checkpoint, Notice))

@@ -2,7 +2,7 @@
 
 The receiving thread puts messages under the right to stop into the queue, undecoded. The lane's thread
 decodes them and hands over emergency stops immediately. Other messages under this right, such as the opening
-of a connection, take the way of all calls.
+of a connection, join all other calls.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from colony.runtime.protocol.messages import Alive, Call, Malformed
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.keys import CallKey
 
-LONGEST = 1024
-"""Messages that may wait: the bursts (`border.STOPS`) of ten users at once."""
+MAX_WAITING = 1024
+"""Messages that may wait: the bursts (`rate_limits.STOP_RATE`) of ten users at once."""
 
-Take = Callable[[str, str, Call | Alive | Malformed, int], None]
+OtherHandler = Callable[[str, str, Call | Alive | Malformed, int], None]
 """A function that takes other messages than emergency stops: topic, connection, content, size in bytes."""
 
 
-class _Came(NamedTuple):
+class _Received(NamedTuple):
     topic: str
     key: CallKey
     data: bytes
@@ -37,25 +37,25 @@ class StopLane:
     """A queue with its own thread. Mutable: the waiting messages, and whether the thread runs.
 
     Args:
-        stop: handles an emergency stop that came on a topic; called in the lane's thread.
-        other: takes any other message; called in the lane's thread.
+        stop: handler of an emergency stop on a topic; called in the lane's thread.
+        other: handler of any other message; called in the lane's thread.
     """
 
-    def __init__(self, stop: Callable[[str, Call], None], other: Take) -> None:
+    def __init__(self, stop: Callable[[str, Call], None], other: OtherHandler) -> None:
         self._stop = stop
         self._other = other
-        self._queue: SimpleQueue[_Came | None] = SimpleQueue()
+        self._queue: SimpleQueue[_Received | None] = SimpleQueue()
         self._thread = Thread(target=self._run, name="emergency stops", daemon=True)
         self._thread.start()
 
     def put(self, topic: str, key: CallKey, data: bytes, *, twice: bool = False) -> None:
-        """Queue a message from the network without blocking; drop it if `LONGEST` messages wait.
+        """Queue a message from the network without blocking; drop it if `MAX_WAITING` messages wait.
 
         A message that arrives `twice` is handled only if it is an emergency stop, whose repetition is
         recognized.
         """
-        if self._queue.qsize() < LONGEST:
-            self._queue.put(_Came(topic, key, data, twice))
+        if self._queue.qsize() < MAX_WAITING:
+            self._queue.put(_Received(topic, key, data, twice))
 
     def close(self) -> None:
         """Handle the waiting messages, and end the thread."""
@@ -63,16 +63,16 @@ class StopLane:
         self._thread.join()
 
     def _run(self) -> None:
-        while (came := self._queue.get()) is not None:
-            message = _read(came)
+        while (received := self._queue.get()) is not None:
+            message = _read(received)
             if isinstance(message, Call) and message.method == EMERGENCY_STOP:
-                self._stop(came.topic, message)
-            elif not came.twice:
-                self._other(came.topic, came.key.connection, message, len(came.data))
+                self._stop(received.topic, message)
+            elif not received.twice:
+                self._other(received.topic, received.key.connection, message, len(received.data))
 
 
-def _read(came: _Came) -> Call | Alive | Malformed:
+def _read(received: _Received) -> Call | Alive | Malformed:
     try:
-        return keys.check_call(codec.decode(came.data), came.key)
+        return keys.check_call(codec.decode(received.data), received.key)
     except MessageFormatError as problem:
-        return Malformed(topic=came.topic, connection=came.key.connection, reason=str(problem))
+        return Malformed(topic=received.topic, connection=received.key.connection, reason=str(problem))

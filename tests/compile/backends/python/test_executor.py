@@ -64,7 +64,8 @@ def test_a_module_in_python_that_is_not_there() -> None:
         "ModuleNotFoundError: No module named 'colony.nowhere'"
     )
     assert found.hint == (
-        "it is looked for beside the behavior and in this folder; its params are given by keyword"
+        "the class must be importable from the folder of the behavior or the current folder, "
+        "and take its params as keyword arguments"
     )
 
 

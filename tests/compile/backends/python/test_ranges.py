@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from colony.compile.backends.python.ranges import Range, ranges
 from colony.execute.code import Kind
-from colony.execute.machine import Machine
+from colony.execute.machine import OpMachine
 from colony.ir.frame import Frame
 from colony.verify.testing.strategies import programs, traces
 from tests.case_files import table
@@ -108,7 +108,7 @@ def test_within(low: float | None, high: float | None, inside: bool) -> None:
 def test_every_value_lies_in_its_range(data: st.DataObject) -> None:
     program = data.draw(programs())
     code = lowered(program)
-    known, machine = ranges(code), Machine(code)
+    known, machine = ranges(code), OpMachine(code)
     for frame in data.draw(traces(program)):
         machine.begin(Frame(frame.t_ns, frame.readings))
         machine.run()

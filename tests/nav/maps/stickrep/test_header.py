@@ -51,8 +51,8 @@ def test_rings_and_rows_are_left() -> None:
         ("floor 1/2", "M008", "a name is"),
         ("link A", "M007", None),
         ("link A B C", "M007", None),
-        ("floor 1\nfloor 2", "M005", "take one"),
-        ("elevator a b c\nelevator a  b c", "M005", "take one"),
+        ("floor 1\nfloor 2", "M005", "remove one"),
+        ("elevator a b c\nelevator a  b c", "M005", "remove one"),
     ],
 )
 def test_what_is_wrong(text: str, code: str, hint: str | None) -> None:

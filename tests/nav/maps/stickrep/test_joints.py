@@ -101,20 +101,20 @@ def test_links_that_are_sound(line: str) -> None:
     ],
 )
 def test_links_that_are_not(line: str, column: int, message: str) -> None:
-    (told,) = found(line)
-    assert told.startswith(f"{FIRST}:{column} M0")
-    assert told.endswith(message)
+    (error,) = found(line)
+    assert error.startswith(f"{FIRST}:{column} M0")
+    assert error.endswith(message)
 
 
 def test_a_wall_between_two_places_is_seen() -> None:
     pillar = ["ring pillar 10 4 270", *(f"-90 p{i} W 0 .2" for i in range(4))]
-    (told,) = found(*pillar, "link Q+2.1 X+9.9")
-    assert told.endswith("`Q+2.1` and `X+9.9` have a wall between them")
+    (error,) = found(*pillar, "link Q+2.1 X+9.9")
+    assert error.endswith("`Q+2.1` and `X+9.9` have a wall between them")
     assert len(read(*pillar, "link Q+2.3 X+9.7").links) == 1
 
 
 def test_all_links_are_judged_at_once_and_only_when_the_rings_are_sound() -> None:
-    assert [told.split()[1] for told in found("link A O", "link P Q", "elevator N f.stickrep N")] == [
+    assert [error.split()[1] for error in found("link A O", "link P Q", "elevator N f.stickrep N")] == [
         "M025",
         "M026",
         "M025",
@@ -126,7 +126,7 @@ def test_all_links_are_judged_at_once_and_only_when_the_rings_are_sound() -> Non
 
 
 def test_lines_may_not_be_told_twice() -> None:
-    assert [told.split()[1] for told in found("link Q T", "link Q T")] == ["M005"]
+    assert [error.split()[1] for error in found("link Q T", "link Q T")] == ["M005"]
     assert len(read("link Q T", "link Q X+12").links) == 2
 
 
@@ -143,7 +143,7 @@ def test_elevators() -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "error"),
     [
         ("elevator lift.R two.stickrep lift.L", "10 M027 the edge after `lift.R` is a wall; "),
         ("elevator 10L two.stickrep lift.L", "10 M027 the edge after `10L` is a door; "),
@@ -153,9 +153,9 @@ def test_elevators() -> None:
         ("elevator lift.L two.stickrep", "29 M007 expected `elevator NODE FILE NODE`; "),
     ],
 )
-def test_elevators_that_are_none(line: str, told: str) -> None:
+def test_elevators_that_are_none(line: str, error: str) -> None:
     (message,) = found(line)
-    assert message.startswith(f"{FIRST}:{told}")
+    assert message.startswith(f"{FIRST}:{error}")
 
 
 def test_a_map_with_elevators_says_which_floor_it_is() -> None:

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import zenoh
 
-from colony.robots.process_run import PLANT_S
+from colony.robots.process_run import PLANT_START_TIMEOUT_S
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import Tick, Verdict
 from colony.runtime.transport.live.network import ZenohSession, local_time
@@ -76,7 +76,11 @@ class Run:
         self.ticks: deque[Tick] = deque(maxlen=keep)
         self._holds = ExitStack()
         place = local(ROBOT, machine.environment)
-        until(lambda: self.started.ended() or machine.truth(), "the simulator starts", patience_s=PLANT_S)
+        until(
+            lambda: self.started.ended() or machine.truth(),
+            "the simulator starts",
+            patience_s=PLANT_START_TIMEOUT_S,
+        )
         assert not self.started.ended(), self.started.err
         self.network = self._holds.enter_context(ZenohSession.open(place))
         self.now: Callable[[], int] = local_time(place)

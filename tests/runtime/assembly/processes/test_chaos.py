@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from colony.runtime.assembly.processes.restarts import STEADY_NS
+from colony.runtime.assembly.processes.restarts import STABLE_NS
 from tests.runtime.assembly.processes.chaos import FIRST_DEATH_S, FREEZE_S, schedule
 
 SERVERS = {"Clock": 0.1, "RServer": 0.1}
@@ -30,4 +30,4 @@ def test_nobody_dies_so_often_that_its_supervisor_gives_it_up() -> None:
     for name in (*SERVERS, *CLIENTS):
         deaths = [f.at_s for f in faults if f.name == name and f.freeze_s is None]
         assert len(deaths) > 100
-        assert min(b - a for a, b in pairwise(deaths)) > STEADY_NS / 1e9
+        assert min(b - a for a, b in pairwise(deaths)) > STABLE_NS / 1e9

@@ -13,30 +13,30 @@ from pathlib import Path
 import pytest
 
 from colony.runtime.assembly.processes.children import Children, Death, Job, described, last_lines
-from colony.runtime.assembly.processes.restarts import LONGEST_NS, QUICK_DEATHS, STEADY_NS, Restarts
+from colony.runtime.assembly.processes.restarts import MAX_PAUSE_NS, MAX_QUICK_DEATHS, STABLE_NS, Restarts
 from tests.waiting import PATIENCE_S, until
 
 OBEYS = """
 import sys
-from colony.runtime.assembly.processes.ending import Ending, on_death_of_parent, on_signals
-ending = Ending()
-with on_signals(ending):
-    on_death_of_parent(ending)
+from colony.runtime.assembly.processes.shutdown import Shutdown, on_parent_exit, on_signals
+shutdown = Shutdown()
+with on_signals(shutdown):
+    on_parent_exit(shutdown)
     print("here", flush=True)
-    ending.wait()
-print("closed:", ending.why, flush=True)
+    shutdown.wait()
+print("closed:", shutdown.reason, flush=True)
 """
 
 HANDLES = """
 import os, signal
-from colony.runtime.assembly.processes.ending import Ending, on_signals
-ending = Ending()
+from colony.runtime.assembly.processes.shutdown import Shutdown, on_signals
+shutdown = Shutdown()
 signal.signal(signal.SIGUSR1, lambda *_: None)
-with on_signals(ending):
+with on_signals(shutdown):
     os.kill(os.getpid(), signal.SIGUSR1)
     os.kill(os.getpid(), signal.SIGTERM)
-    ending.wait()
-print("closed:", ending.why, flush=True)
+    shutdown.wait()
+print("closed:", shutdown.reason, flush=True)
 """
 
 IGNORES = """
@@ -48,16 +48,16 @@ while True: time.sleep(1)
 
 FORKS = """
 import os, signal, sys
-from colony.runtime.assembly.processes.ending import Ending, on_death_of_parent, on_signals
-ending = Ending()
-with on_signals(ending):
-    on_death_of_parent(ending)
+from colony.runtime.assembly.processes.shutdown import Shutdown, on_parent_exit, on_signals
+shutdown = Shutdown()
+with on_signals(shutdown):
+    on_parent_exit(shutdown)
     forked = os.fork()
     while not forked:
         signal.pause()
     print(forked, flush=True)
-    ending.wait()
-ending.end_forked()
+    shutdown.wait()
+shutdown.end_forked()
 """
 
 FLOODS = """
@@ -66,13 +66,13 @@ print("x" * 100_000, flush=True)
 sys.stdin.buffer.raw.read(1)
 """
 
-EMPTIED = ("earlier lines are dropped: more than 0 MiB",)
+EMPTIED = ("earlier lines were dropped: more than 0 MiB",)
 
 FAILS = "raise OSError('no such luck')"
 
 WRONG = """
-from colony.runtime.assembly.processes.ending import give_up
-give_up("no such robot")
+from colony.runtime.assembly.processes.shutdown import exit_with
+exit_with("no such robot")
 """
 
 HEAPS = """
@@ -168,16 +168,16 @@ def test_a_first_death_is_mended_at_once_and_the_next_ones_later_and_later() -> 
         now = at
     assert pauses[0] == 0
     assert pauses == sorted(pauses)
-    assert len(pauses) == QUICK_DEATHS - 1
-    assert max(pauses) <= LONGEST_NS
+    assert len(pauses) == MAX_QUICK_DEATHS - 1
+    assert max(pauses) <= MAX_PAUSE_NS
 
 
 def test_who_lived_for_long_is_started_at_once_again() -> None:
     restarts, now = Restarts(), 0
-    for _ in range(3 * QUICK_DEATHS):
-        assert restarts.died(now, now + STEADY_NS) == now + STEADY_NS
-        now += STEADY_NS
-    assert restarts.total == 3 * QUICK_DEATHS
+    for _ in range(3 * MAX_QUICK_DEATHS):
+        assert restarts.died(now, now + STABLE_NS) == now + STABLE_NS
+        now += STABLE_NS
+    assert restarts.total == 3 * MAX_QUICK_DEATHS
 
 
 def test_a_log_that_grows_too_large_is_emptied(
@@ -197,7 +197,7 @@ def test_one_that_is_killed_is_started_again(children: Children, folder: Path) -
     os.kill(first, 9)
     deaths: list[Death] = []
     until(lambda: deaths.extend(children.poll()) or deaths, "the death is seen")
-    assert (deaths[0].why, deaths[0].said, deaths[0].pause_s) == ("was killed by SIGKILL", ("here",), 0.0)
+    assert (deaths[0].cause, deaths[0].tail, deaths[0].pause_s) == ("was killed by SIGKILL", ("here",), 0.0)
     assert pid_of(children, "client") != first
     assert children.restarts() == 1
     until(lambda: said(folder, "client") == ("here", "here"), "it starts again")
@@ -229,9 +229,9 @@ def test_one_that_cannot_live_is_given_up(folder: Path) -> None:
         return bool(deaths) and deaths[-1].pause_s is None
 
     until(poll, "it is given up")
-    assert len(deaths) == QUICK_DEATHS
-    assert deaths[-1].why == "ended with exit code 1"
-    assert deaths[-1].said[-1] == "OSError: no such luck"
+    assert len(deaths) == MAX_QUICK_DEATHS
+    assert deaths[-1].cause == "ended with exit code 1"
+    assert deaths[-1].tail[-1] == "OSError: no such luck"
     assert children.pid("fails") is None
     assert children.stop(PATIENCE_S) == ()
 
@@ -246,10 +246,10 @@ def test_one_that_was_started_wrongly_is_given_up_at_once(children: Children, fo
 
 def test_a_death_is_told_with_the_last_words(folder: Path) -> None:
     death = Death(job(folder, "a"), "was killed by SIGKILL", ("x", "y"), 0.25, False)
-    expected = ["a was killed by SIGKILL; it is started again in 0.25 s"]
-    expected += [f"its last lines, from {folder}/a.log:", "  x", "  y"]
+    expected = ["a was killed by SIGKILL; it is restarted in 0.25 s"]
+    expected += [f"last lines of {folder}/a.log:", "  x", "  y"]
     assert described(death).splitlines() == expected
-    assert described(death._replace(said=(), pause_s=None)) == "a was killed by SIGKILL; it is given up"
+    assert described(death._replace(tail=(), pause_s=None)) == "a was killed by SIGKILL; it is not restarted"
 
 
 def test_they_end_wave_by_wave(children: Children, folder: Path) -> None:
@@ -323,6 +323,6 @@ def test_a_process_whose_log_cannot_be_made_runs_without(folder: Path, children:
     os.kill(pid, signal.SIGKILL)
     deaths: list[Death] = []
     until(lambda: deaths.extend(children.poll()) or deaths, "it is dead")
-    assert [(death.why, death.said) for death in deaths] == [("was killed by SIGKILL", ())]
+    assert [(death.cause, death.tail) for death in deaths] == [("was killed by SIGKILL", ())]
     until(lambda: children.poll() == () and lives(pid_of(children, "obeys")), "it is started again")
     assert pid_of(children, "obeys") != pid

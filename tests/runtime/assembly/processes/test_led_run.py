@@ -12,7 +12,7 @@ from colony.ir.frame import Frame, Outcome
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.run import LedRun, RunFailedError
-from colony.runtime.assembly.processes.standings import Standings
+from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.bindings import bind
@@ -25,15 +25,15 @@ from tests.waiting import until
 NAME = "DServer/activity/rogue"
 
 NEVER_JOINS = """
-from colony.runtime.assembly.processes.ending import give_up
-give_up("it cannot be imported")
+from colony.runtime.assembly.processes.shutdown import exit_with
+exit_with("it cannot be imported")
 """
 """One that is given up at its first death, by its exit code; six deaths would take ten seconds."""
 
 JOINS = """
 import os, sys, threading, time
 from pathlib import Path
-from colony.runtime.assembly.processes.ending import give_up
+from colony.runtime.assembly.processes.shutdown import exit_with
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.place import local
 from tests.runtime.transport.live.stage import Recorder
@@ -43,7 +43,7 @@ with Host.open(local("rome", {"COLONY_RUN_DIR": sys.argv[1]}), [Recorder("DServe
     threading.Thread(target=host.run, daemon=True).start()
     while not go.exists():
         time.sleep(0.005)
-    give_up("something is gone")
+    exit_with("something is gone")
 """
 
 
@@ -55,8 +55,8 @@ class Led:
         compiled = compile_program(roam()).compiled
         bindings = bind(compiled.robot)
         deployed = deployment(compiled, bindings, run="r1", seed=1)
-        self.standings = Standings(deployed, file="f.colony")
-        self.window = Window(None, frame_ns=deployed.frame_ns, sinks=(self.standings,))
+        self.status_tracker = RunStatusTracker(deployed, file="f.colony")
+        self.window = Window(None, frame_ns=deployed.frame_ns, sinks=(self.status_tracker,))
         self.reports: list[str] = []
         self.led = LedRun(
             place({"COLONY_RUN_DIR": run_folder}),
@@ -64,7 +64,7 @@ class Led:
             (),
             observer=build_observer(compiled, bindings, (self.window,), "r1"),
             window=self.window,
-            standings=self.standings,
+            status_tracker=self.status_tracker,
             report=self.reports.append,
         )
 
@@ -94,7 +94,7 @@ class Led:
 
     def look_after(self) -> None:
         """Look after the processes until a death is reported."""
-        assert self.led.wait_for(lambda: bool(self.reports), lambda: False, what="a death", most_s=20.0)
+        assert self.led.wait_for(lambda: bool(self.reports), lambda: False, what="a death", timeout_s=20.0)
 
 
 @pytest.fixture
@@ -138,7 +138,7 @@ def test_the_standings_have_the_processes_that_live(led: Led) -> None:
     led.begin()
     led.start(JOINS)
     until(led.has_joined, "it joins")
-    assert led.standings.status().processes == {NAME: led.led.pid(NAME)}
+    assert led.status_tracker.status().processes == {NAME: led.led.pid(NAME)}
     led.leave()
     led.look_after()
-    assert led.standings.status().processes == {}
+    assert led.status_tracker.status().processes == {}

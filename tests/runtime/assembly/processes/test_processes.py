@@ -19,25 +19,25 @@ from colony.ir.program import Program, PythonModule, Use, Wire
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.jobs import client_jobs, fresh_folder, server_parts
 from colony.runtime.assembly.processes.parts import nodes_of, serves
+from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
 from colony.runtime.assembly.processes.spec import (
     Device,
     Spec,
     bindings_of,
     name_of,
     place_of,
+    place_spec,
     read_bindings,
     read_spec,
-    said_of,
     write_private,
     write_spec,
 )
-from colony.runtime.assembly.processes.standings import LeaderServer, Standings
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.library.ask import Ask
 from colony.runtime.library.leader import LEADER, RunStatus
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol.bindings import bind
-from colony.runtime.protocol.calls import Nothing
+from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.deployment import Deployment, deployment
 from colony.runtime.protocol.messages import Fate, Reply, Send, Tick, Verdict
 from colony.runtime.transport.live.place import Credentials, Local, Place, Remote
@@ -116,7 +116,7 @@ def test_specs_come_back_as_they_were(roaming: Program, tmp_path: Path) -> None:
         credentials=Credentials(user="ada", certificate=pem, key=pem, authority=pem),
     )
     for place in (here, there):
-        assert place_of(said_of(place)) == place
+        assert place_of(place_spec(place)) == place
         folder = fresh_folder(tmp_path / "told")
         jobs = jobs_of(roaming, place, folder)
         assert [job.name for job in jobs] == CLIENTS
@@ -125,7 +125,7 @@ def test_specs_come_back_as_they_were(roaming: Program, tmp_path: Path) -> None:
         assert [name_of(spec.part) for spec in specs] == CLIENTS
         assert {place_of(spec.place) for spec in specs} == {place}
     for part in server_parts(tmp_path, Device(plant="p"), cameras=[("CServer", "CServer")], held={"v": 1.0}):
-        write_spec(tmp_path / "s", Spec(place=said_of(here), part=part))
+        write_spec(tmp_path / "s", Spec(place=place_spec(here), part=part))
         assert read_spec(tmp_path / "s").part == part
         assert serves(part)  # type: ignore[arg-type]
 
@@ -182,7 +182,7 @@ def test_a_client_and_a_module_in_python_of_one_name_are_two_processes(tmp_path:
 def test_a_server_of_hardware_wants_a_driver(tmp_path: Path) -> None:
     place = Local(RobotDirectory(tmp_path, "rome"))
     base = server_parts(tmp_path, Device(plant="p"))[1]
-    with ExitStack() as holds, pytest.raises(ValueError, match="runs where the hardware is"):
+    with ExitStack() as holds, pytest.raises(ValueError, match="runs on the robot's own machine"):
         nodes_of(base, place, None, holds)  # type: ignore[arg-type]
 
 
@@ -248,18 +248,20 @@ def test_sinks_are_closed_even_where_one_fails() -> None:
 
 
 def test_the_leader_counts_who_was_on_time(roaming: Program) -> None:
-    standings = Standings(deployed(roaming), file="f.colony")
-    standings.take(log(1, ("back_off", "silent"), ("avoid", "won"), by="avoid"))
-    standings.take(log(2, ("back_off", "late"), ("avoid", "won"), by="avoid"))
-    standings.take(log(3, ("back_off", "lost"), ("avoid", "suppressed"), restart=True))
-    standings.died(("drive/back_off", "drive/cruise"), "MemoryError", again=True)  # they share a process
-    standings.died((), "of a server", again=True)
-    status = standings.status()
+    status_tracker = RunStatusTracker(deployed(roaming), file="f.colony")
+    status_tracker.take(log(1, ("back_off", "silent"), ("avoid", "won"), by="avoid"))
+    status_tracker.take(log(2, ("back_off", "late"), ("avoid", "won"), by="avoid"))
+    status_tracker.take(log(3, ("back_off", "lost"), ("avoid", "suppressed"), restart=True))
+    status_tracker.died(
+        ("drive/back_off", "drive/cruise"), "MemoryError", restarted=True
+    )  # they share a process
+    status_tracker.died((), "of a server", restarted=True)
+    status = status_tracker.status()
     a, b, c = status.clients
     assert (a.address, a.standing, a.on_time, a.late, a.lost) == ("drive/back_off", "lost", 1, 1, 1)
     assert [of.restarts for of in (a, b, c)] == [1, 0, 1]
-    standings.died(("drive/cruise",), "MemoryError", again=False)
-    assert standings.status().clients[2].restarts == 1, "one that is given up is not started again"
+    status_tracker.died(("drive/cruise",), "MemoryError", restarted=False)
+    assert status_tracker.status().clients[2].restarts == 1, "one that is given up is not started again"
     assert [of.last_error for of in (a, b, c)] == ["MemoryError", None, "MemoryError"]
     assert (b.address, b.standing, b.on_time, b.late, b.lost) == ("drive/avoid", "alive", 3, 0, 0)
     assert (status.k, status.frames, status.restarts) == (3, 3, 1)
@@ -268,9 +270,9 @@ def test_the_leader_counts_who_was_on_time(roaming: Program) -> None:
 
 
 def test_the_leader_answers(roaming: Program) -> None:
-    server = LeaderServer(Standings(deployed(roaming), file="f.colony"))
+    server = LeaderServer(RunStatusTracker(deployed(roaming), file="f.colony"))
     replies = []
-    for number, ask in enumerate((opening("test"), Ask("run", Nothing(), None, "read")), 1):
+    for number, ask in enumerate((opening("test"), Ask("run", NoArguments(), None, "read")), 1):
         call = call_of(ask, "ada/1", number)
         replies += [e.message for e in server.handle(call, number) if isinstance(e, Send)]
     assert all(isinstance(r, Reply) and r.problem is None for r in replies)

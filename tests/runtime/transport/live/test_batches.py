@@ -11,7 +11,7 @@ import zenoh
 
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import (
-    MOST_IN_BATCH,
+    MAX_BATCH_LENGTH,
     Batch,
     Checkpoint,
     Malformed,
@@ -19,14 +19,14 @@ from colony.runtime.protocol.messages import (
     Recall,
     Request,
     Send,
-    Sent,
+    SentMessage,
     Verdict,
 )
-from colony.runtime.transport.live import border, keys
-from colony.runtime.transport.live.border import PROGRAMS, Border
+from colony.runtime.transport.live import keys, rate_limits
 from colony.runtime.transport.live.meter import Rate
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.outbox import SMALL_BYTES, Outbox
+from colony.runtime.transport.live.outbox import MAX_BATCHED_BYTES, Outbox
+from colony.runtime.transport.live.rate_limits import PROGRAM_RATE, RateLimits
 from tests.runtime.transport.live.outside import SERVER, Outside
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place
 from tests.waiting import until
@@ -50,13 +50,13 @@ def memory(client: str, size: int) -> Checkpoint:
 # --- on their way out ------------------------------------------------------------------------------
 
 
-class Wire:
+class WireMessage:
     """An outbox, and all that leaves it, by topic: the pieces, each with its messages."""
 
     def __init__(self, network: ZenohSession) -> None:
         self.reports: list[str] = []
         self.box = Outbox(network.session, ROBOT, self.reports.append, user="u")
-        self.pieces: list[tuple[str, tuple[Sent, ...]]] = []
+        self.pieces: list[tuple[str, tuple[SentMessage, ...]]] = []
         for topic in (REQUESTS, SAVED, topics.READY, topics.VERDICTS):
             handler = zenoh.handlers.Callback(self._taker(topic), indirect=False)
             network.session.declare_subscriber(keys.listening(ROBOT, topic), handler)
@@ -64,7 +64,7 @@ class Wire:
     def _taker(self, topic: str) -> Callable[[zenoh.Sample], None]:
         return lambda sample: self.pieces.append((topic, codec.decode_all(sample.payload.to_bytes())))
 
-    def send(self, *sends: Send) -> list[tuple[str, tuple[Sent, ...]]]:
+    def send(self, *sends: Send) -> list[tuple[str, tuple[SentMessage, ...]]]:
         """Send these; gives the pieces in which they were heard."""
         self.pieces.clear()
         self.box.send_all(sends, 0)
@@ -73,21 +73,21 @@ class Wire:
 
 
 @pytest.fixture
-def wire(environment: Mapping[str, str]) -> Iterator[Wire]:
+def wire(environment: Mapping[str, str]) -> Iterator[WireMessage]:
     with ZenohSession.open(place(environment)) as network:
-        yield Wire(network)
+        yield WireMessage(network)
 
 
-def test_what_is_said_to_one_server_goes_in_one_piece_and_all_else_by_itself(wire: Wire) -> None:
+def test_what_is_said_to_one_server_goes_in_one_piece_and_all_else_by_itself(wire: WireMessage) -> None:
     verdicts = [Verdict(k=k, t_ns=0, actuator="drive", by=None, values=None, fates=()) for k in (1, 2)]
     sent = [
         Send(REQUESTS, asks(3, "avoid")),
         *(Send(topics.VERDICTS, verdict) for verdict in verdicts),
         Send(topics.READY, ready("drive/avoid")),
         Send(REQUESTS, asks(3, "cruise")),
-        Send(SAVED, memory("drive/avoid", SMALL_BYTES)),
+        Send(SAVED, memory("drive/avoid", MAX_BATCHED_BYTES)),
         Send(SAVED, memory("drive/cruise", 10)),
-        Send(SAVED, memory("drive/large", SMALL_BYTES + 1)),
+        Send(SAVED, memory("drive/large", MAX_BATCHED_BYTES + 1)),
         Send(SAVED, Recall(client="drive/new")),
     ]
     assert sorted(wire.send(*sent), key=repr) == sorted(
@@ -95,23 +95,23 @@ def test_what_is_said_to_one_server_goes_in_one_piece_and_all_else_by_itself(wir
             *((topics.VERDICTS, (verdict,)) for verdict in verdicts),
             (REQUESTS, (asks(3, "avoid"), asks(3, "cruise"))),
             (topics.READY, (ready("drive/avoid"),)),
-            (SAVED, (memory("drive/avoid", SMALL_BYTES), memory("drive/cruise", 10))),
-            (SAVED, (memory("drive/large", SMALL_BYTES + 1),)),
+            (SAVED, (memory("drive/avoid", MAX_BATCHED_BYTES), memory("drive/cruise", 10))),
+            (SAVED, (memory("drive/large", MAX_BATCHED_BYTES + 1),)),
             (SAVED, (Recall(client="drive/new"),)),
         ],
         key=repr,
     )
 
 
-def test_more_than_fit_into_a_batch_go_in_several_and_in_their_order(wire: Wire) -> None:
-    sent = [asks(k) for k in range(MOST_IN_BATCH + 1)]
+def test_more_than_fit_into_a_batch_go_in_several_and_in_their_order(wire: WireMessage) -> None:
+    sent = [asks(k) for k in range(MAX_BATCH_LENGTH + 1)]
     pieces = [piece for _, piece in wire.send(*(Send(REQUESTS, one) for one in sent))]
-    assert [len(piece) for piece in pieces] == [MOST_IN_BATCH, 1]
+    assert [len(piece) for piece in pieces] == [MAX_BATCH_LENGTH, 1]
     assert [one for piece in pieces for one in piece] == sent
     assert not wire.reports
 
 
-def test_what_is_too_large_together_goes_one_by_one(wire: Wire) -> None:
+def test_what_is_too_large_together_goes_one_by_one(wire: WireMessage) -> None:
     large = [asks(k, "c" * 60_000) for k in range(6)]
     assert wire.send(*(Send(REQUESTS, one) for one in large)) == [(REQUESTS, (one,)) for one in large]
     assert not wire.reports
@@ -121,8 +121,8 @@ def test_what_is_too_large_together_goes_one_by_one(wire: Wire) -> None:
 
 
 def test_a_batch_costs_as_much_as_its_messages_alone() -> None:
-    counting = Border("here", monotonic=lambda: 0)
-    burst = int(PROGRAMS.burst)
+    counting = RateLimits("here", monotonic=lambda: 0)
+    burst = int(PROGRAM_RATE.burst)
     assert not counting.frame("requests", "ada", 50, burst + 1)
     assert counting.frame("requests", "ada", 50, burst - 1), "what was refused cost nothing"
     assert not counting.frame("requests", "ada", 50, 2)
@@ -139,7 +139,7 @@ def put(outside: Outside, data: bytes, user: str = "ada") -> None:
 def test_a_batch_over_the_rate_of_its_user_is_refused_as_a_whole(
     environment: Mapping[str, str], outside: Outside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(border, "PROGRAMS", Rate(per_s=0.0, burst=7.0))
+    monkeypatch.setattr(rate_limits, "PROGRAM_RATE", Rate(per_s=0.0, burst=7.0))
     node = Recorder(SERVER, REQUESTS)
     batches = [tuple(asks(k) for k in ks) for ks in (range(4), range(10, 14), range(20, 23))]
     with hosted(environment, [node]):
@@ -165,10 +165,10 @@ GOOD = ("Request", 3, "drive", "avoid", "command", (200.0, 0.0), None)
         (of(GOOD, ("Request", "now", "drive", "avoid", "silent")), "Expected `int`"),
         (of(GOOD, ("Ready", "drive/avoid", "run", 3)), "found Ready"),
         (of(GOOD, ("Call", "ada/1", 1, "go", {})), "Invalid value 'Call'"),
-        (of(GOOD, ("Request", 1 << 62, "drive", "avoid", "silent")), "cannot be yet"),
-        (of(*[GOOD] * (MOST_IN_BATCH + 1)), "length <= 1000"),
+        (of(GOOD, ("Request", 1 << 62, "drive", "avoid", "silent")), "is not possible yet"),
+        (of(*[GOOD] * (MAX_BATCH_LENGTH + 1)), "length <= 1000"),
         (of(*[GOOD] * 20)[:-5], "truncated"),
-        (b"\x01\xdc\x00\x02" + of(GOOD, GOOD)[2:], "shortest encoding"),
+        (b"\x01\xdc\x00\x02" + of(GOOD, GOOD)[2:], "shortest form"),
     ],
     ids=["a type", "elsewhere", "a call", "implausible", "too many", "cut off", "another head"],
 )

@@ -24,7 +24,7 @@ from colony.runtime.protocol.messages import (
     ServerFrame,
     Tick,
 )
-from colony.runtime.transport.live import border, deferred, keys
+from colony.runtime.transport.live import deferred, keys, rate_limits
 from colony.runtime.transport.live.deferred import DEFERRED_BATCH
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.meter import Rate
@@ -86,7 +86,7 @@ class Reader:
 
 @pytest.fixture
 def reader(monkeypatch: pytest.MonkeyPatch) -> Reader:
-    monkeypatch.setattr(deferred, "DEFERRED_MOST", RING)
+    monkeypatch.setattr(deferred, "MAX_DEFERRED_FRAMES", RING)
     return Reader()
 
 
@@ -165,7 +165,7 @@ def test_what_users_send_waits_too_and_is_counted(
     monkeypatch: pytest.MonkeyPatch,
     direct: bool,
 ) -> None:
-    monkeypatch.setattr(border, "PROGRAMS", Rate(per_s=0.0, burst=2.0))
+    monkeypatch.setattr(rate_limits, "PROGRAM_RATE", Rate(per_s=0.0, burst=2.0))
     reader.go.set()
     requests = [Request(k=k, actuator="drive", client="c", bid="silent") for k in range(3)]
     with Host.open(place(environment), [reader], serves=True, direct=direct) as host, running(host):
@@ -200,7 +200,7 @@ def test_an_emergency_stop_waits_for_none_of_them(environment: Mapping[str, str]
         put(outside, *map(frame, range(5 * DEFERRED_BATCH)), tick(0))
         assert node.busy.wait(20)
         outside.call(stop)
-        until(lambda: not host._calm.is_set(), "the stop is there")
+        until(lambda: not host._no_stop_pending.is_set(), "the stop is there")
         node.go.set()
         until(lambda: tick(0) in node.got, "the tick is handled")
     assert node.got[:2] == [frame(0), stop]

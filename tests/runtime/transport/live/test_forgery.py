@@ -21,7 +21,7 @@ from colony.runtime.protocol.messages import (
     Reply,
     Request,
     Send,
-    Sent,
+    SentMessage,
     ServerFrame,
     Tick,
 )
@@ -38,7 +38,7 @@ CHECKPOINT = Checkpoint(client="drive/frames", k=1, start=0, memory=b"")
 FRAME = ServerFrame(server="PServer", k=1, fields={})
 TICK = Tick(k=1, t_ns=1)
 
-FITS: list[tuple[str, Sent]] = [
+FITS: list[tuple[str, SentMessage]] = [
     (topics.TICKS, TICK),
     (topics.frames("PServer"), FRAME),
     (topics.frames(topics.CLOCK), TICK),
@@ -52,7 +52,7 @@ FITS: list[tuple[str, Sent]] = [
 
 
 @pytest.mark.parametrize(("topic", "message"), FITS, ids=[topic for topic, _ in FITS])
-def test_a_topic_takes_its_own_kinds(topic: str, message: Sent) -> None:
+def test_a_topic_takes_its_own_kinds(topic: str, message: SentMessage) -> None:
     assert keys.check_frame(message, topic) == message
     for call in (CALL, Alive(connection="ada/1")):
         with pytest.raises(MessageFormatError, match=rf"found {type(call).__name__}; expected "):

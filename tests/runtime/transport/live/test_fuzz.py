@@ -17,14 +17,14 @@ from colony.runtime.library import clock as clock_library
 from colony.runtime.library import proximity, robot
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import codec, topics
-from colony.runtime.protocol.calls import Nothing, Status
-from colony.runtime.protocol.codec import LARGEST, MessageFormatError
-from colony.runtime.protocol.messages import Reply, Right, Sent, Tick
-from colony.runtime.transport.live.inbox import LONGEST_SLEEP_S, Inbox
+from colony.runtime.protocol.calls import NoArguments, Status
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES, MessageFormatError
+from colony.runtime.protocol.messages import Reply, Right, SentMessage, Tick
+from colony.runtime.transport.live.inbox import MAX_SLEEP_S, Inbox
+from colony.runtime.transport.live.message_queue import MessageQueue
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.live.place import local
-from colony.runtime.transport.live.waiting import WaitingRoom
 from tests.cli.machine import MAP, ROBOT, Machine
 from tests.runtime.servers.fuzz_stage import BUILD, Stage
 from tests.waiting import until
@@ -58,7 +58,7 @@ class Gun(Stage):
         if not forged:
             self.fire(f"colony/{ROBOT}/{topic}", data)
 
-    def call(self, right: Right, connection: str, data: bytes) -> list[Sent]:
+    def call(self, right: Right, connection: str, data: bytes) -> list[SentMessage]:
         self._numbers[connection] += 1
         server = self.node.address
         self.fire(f"colony/{ROBOT}/{topics.calls(server)}/{right}/{connection}", data)
@@ -80,7 +80,7 @@ def healthy(session: Session) -> None:
     """Every server answers a call that nothing is wrong with."""
     for name in BUILD:
         with session.connect(name, name="doctor") as connection:
-            found: Status = connection.do(Ask("status", Nothing(), Status, "read", repeatable=True))
+            found: Status = connection.do(Ask("status", NoArguments(), Status, "read", repeatable=True))
             assert found.server == name
     with session.connect("PServer", name="doctor") as eye:
         until(lambda: eye.do(proximity.sonar()), "the sonars read")
@@ -129,7 +129,7 @@ def test_servers_under_fire(machine: Machine) -> None:
 
 def _cannonballs(network: ZenohSession) -> None:
     """What is too large, or comes on keys where nobody should speak."""
-    huge = bytes([1]) + bytes(LARGEST)
+    huge = bytes([1]) + bytes(MAX_MESSAGE_BYTES)
     for key in (
         f"colony/{ROBOT}/RServer/call/read/ada/1",
         f"colony/{ROBOT}/DServer/requests/ada",
@@ -153,7 +153,7 @@ def _drives(machine: Machine, session: Session) -> None:
 
 
 def test_who_sleeps_for_ever_is_woken_in_between() -> None:
-    inbox = Inbox(WaitingRoom())
+    inbox = Inbox(MessageQueue())
     inbox.rouse()
     inbox.sleep(1e12)
-    assert LONGEST_SLEEP_S < 1e6
+    assert MAX_SLEEP_S < 1e6

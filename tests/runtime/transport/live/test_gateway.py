@@ -99,7 +99,7 @@ def test_who_claims_another_name_in_the_message_is_refused(lab: Lab) -> None:
     malformed = node.got[0]
     assert isinstance(malformed, Malformed)
     assert malformed.connection == "bob/1"
-    assert "claims to be of ada/1" in malformed.reason
+    assert "claims the connection ada/1" in malformed.reason
 
 
 def test_nobody_hears_the_answers_to_others(lab: Lab) -> None:
@@ -211,11 +211,11 @@ def test_a_gateway_whose_memory_is_full_begins_again(tmp_path: Path, monkeypatch
     node = GatewayNode(read_security(Authority(tmp_path).table(USERS)), memory=lambda: used[0])
     (wake,) = node.start(0)
     assert isinstance(wake, WakeAt)
-    used[0] += gateway.GROWTH_BYTES
+    used[0] += gateway.MAX_GROWTH_BYTES
     assert list(node.handle(Wake(), wake.t_ns)) == [WakeAt(2 * wake.t_ns)]
     used[0] += 1 << 20
     assert list(node.handle(Wake(), 2 * wake.t_ns - 1)) == [], "not looked at yet"
-    with pytest.raises(GatewayFullError, match="Gateway: 111 MiB of memory are used; expected at most 110"):
+    with pytest.raises(GatewayFullError, match="Gateway: it uses 111 MiB of memory; expected at most 110"):
         list(node.handle(Wake(), 2 * wake.t_ns))
 
 
@@ -223,5 +223,5 @@ def test_it_is_the_same_command_that_begins_again(monkeypatch: pytest.MonkeyPatc
     began: list[list[str]] = []
     monkeypatch.setattr(child.os, "execv", lambda program, arguments: began.append([program, *arguments]))
     monkeypatch.setattr(child.sys, "orig_argv", ["python", "-P", "-m", "module", "spec.json"])
-    child.begin_again()
+    child.restart_in_place()
     assert began == [[sys.executable, sys.executable, "-P", "-m", "module", "spec.json"]]

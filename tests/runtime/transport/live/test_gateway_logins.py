@@ -32,14 +32,18 @@ def test_logins_that_are_refused(lab: Lab, tmp_path: Path) -> None:
         (forged, lab.endpoint, r"refuses .*ada.pem: .*UNKNOWN_CA"),
         (fooled, lab.endpoint, r"is not to be trusted: .*stranger.pem"),
         (lab.authority.user("ada", expired=True), lab.endpoint, r"refuses .*ada-expired.pem: .*EXPIRED"),
-        (lab.authority.user("zoe"), lab.endpoint, r"lets nobody in as zoe: .*table of users for rome"),
-        (lab.authority.user("bob", called="ada"), lab.endpoint, r"lets nobody in as ada: .*bob.pem"),
+        (lab.authority.user("zoe"), lab.endpoint, r"does not admit zoe: .*table of users for rome"),
+        (lab.authority.user("bob", called="ada"), lab.endpoint, r"does not admit ada: .*bob.pem"),
         (
             lab.authority.user("ada"),
             f"tls/127.0.0.2:{port}",
             r"not to be trusted: .*for `127.0.0.2`|Connection refused",
         ),
-        (lab.authority.user("ada"), f"tls/localhost:{free_port()}", r"nobody listens .*Connection refused"),
+        (
+            lab.authority.user("ada"),
+            f"tls/localhost:{free_port()}",
+            r"no process listens .*Connection refused",
+        ),
     )
     for (credentials, endpoint, says), problem in zip(cases, _all_refused(cases), strict=True):
         assert isinstance(problem, UnreachableError), (credentials, endpoint, problem)
@@ -72,10 +76,10 @@ def _matches(pattern: str, text: str) -> bool:
 
 def test_nothing_goes_in_the_clear(lab: Lab) -> None:
     in_the_clear = lab.endpoint.replace("tls/", "tcp/")
-    with pytest.raises(SecurityError, match="would go in the clear"):
+    with pytest.raises(SecurityError, match="is unencrypted"):
         connect(BATTERY, robot=ROBOT, gateway=in_the_clear, credentials=lab.authority.user("ada"))
     security = read_security(lab.authority.table(USERS))
-    with pytest.raises(SecurityError, match="would go in the clear"):
+    with pytest.raises(SecurityError, match="is unencrypted"):
         open_gateway(place(lab.environment), in_the_clear, security)
     settings = {"mode": "client", "connect/endpoints": [in_the_clear], "connect/timeout_ms": 300}
     with pytest.raises(zenoh.ZError):
@@ -83,7 +87,7 @@ def test_nothing_goes_in_the_clear(lab: Lab) -> None:
 
 
 def test_a_certificate_is_wanted(lab: Lab) -> None:
-    with pytest.raises(ValueError, match="a gateway wants to know who comes"):
+    with pytest.raises(ValueError, match="no credentials for the gateway"):
         Session.open(ROBOT, gateway=lab.endpoint)
     ada = lab.remote("ada")
     settings = {
@@ -98,7 +102,7 @@ def test_a_certificate_is_wanted(lab: Lab) -> None:
 
 def test_two_gateways_to_one_robot_and_a_port_that_is_taken(lab: Lab, tmp_path: Path) -> None:
     security = read_security(lab.authority.table(USERS))
-    with pytest.raises(Exception, match="Gateway of rome runs already"):
+    with pytest.raises(Exception, match="Gateway of rome is already running"):
         open_gateway(place(lab.environment), f"tls/localhost:{free_port()}", security)
     with run_directory() as other, pytest.raises(UnreachableError, match=r"cannot listen at .*tls/localhost"):
         open_gateway(place(other), lab.endpoint, security)
@@ -111,6 +115,6 @@ def test_a_user_who_was_taken_out_of_the_table_is_out(lab: Lab, tmp_path: Path) 
             assert session.servers() == ("Gateway",)
         with (
             gateway_for(other, {"ada": ("read",)}),
-            pytest.raises(UnreachableError, match="lets nobody in as bob"),
+            pytest.raises(UnreachableError, match="does not admit bob"),
         ):
             other.session("bob")

@@ -13,7 +13,7 @@ import zenoh
 
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import (
-    MOST_IN_BATCH,
+    MAX_BATCH_LENGTH,
     Alive,
     Call,
     Effect,
@@ -23,11 +23,11 @@ from colony.runtime.protocol.messages import (
     Request,
     Send,
 )
-from colony.runtime.transport.live import border, keys
-from colony.runtime.transport.live.limits import MIDDLE
+from colony.runtime.transport.live import keys, rate_limits
+from colony.runtime.transport.live.limits import MEDIUM_MESSAGE_BYTES
 from colony.runtime.transport.live.meter import Rate
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.outbox import Haste, Outbox, publish
+from colony.runtime.transport.live.outbox import Outbox, SendPriority, publish
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.gateway_lab import Lab, listen, note, put
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, python_process
@@ -57,7 +57,8 @@ def test_nothing_comes_twice_and_servers_that_come_later_are_found(lab: Lab) -> 
 
 
 @pytest.mark.parametrize(
-    ("user", "right", "limit"), [("carl", "stop", 1024), ("bob", "read", MIDDLE), ("ada", "command", None)]
+    ("user", "right", "limit"),
+    [("carl", "stop", 1024), ("bob", "read", MEDIUM_MESSAGE_BYTES), ("ada", "command", None)],
 )
 def test_messages_larger_than_their_right_allows(lab: Lab, user: str, right: str, limit: int | None) -> None:
     sizes: list[int] = []
@@ -71,9 +72,9 @@ def test_messages_larger_than_their_right_allows(lab: Lab, user: str, right: str
         until(lambda: sizes == [5], "the small one")
         if limit is not None:
             put(network, key, bytes(limit + 1))
-        put(network, key, bytes(limit or codec.LARGEST))
+        put(network, key, bytes(limit or codec.MAX_MESSAGE_BYTES))
         until(lambda: len(sizes) == 2, "the largest one")
-    assert sizes == [5, limit or codec.LARGEST]
+    assert sizes == [5, limit or codec.MAX_MESSAGE_BYTES]
 
 
 def test_users_choose_no_priority_and_nobody_waits_for_them(lab: Lab) -> None:
@@ -108,7 +109,7 @@ def test_users_choose_no_priority_and_nobody_waits_for_them(lab: Lab) -> None:
 
 
 def test_the_largest_answer_gets_through(lab: Lab) -> None:
-    image = msgspec.Raw(msgspec.msgpack.encode(bytes(codec.LARGEST - 1024)))
+    image = msgspec.Raw(msgspec.msgpack.encode(bytes(codec.MAX_MESSAGE_BYTES - 1024)))
 
     def answer(message: Message, now_ns: int) -> Iterator[Effect]:
         if isinstance(message, Call):
@@ -201,7 +202,7 @@ def _heard(publisher: zenoh.Publisher, heard: list[int]) -> bool:
 
 
 def _urgent(network: ZenohSession, key: str) -> None:
-    with publish(network.session, key, haste=Haste.STOP) as publisher:
+    with publish(network.session, key, priority=SendPriority.STOP) as publisher:
         until(lambda: publisher.matching_status.matching, f"nobody listens to {key}")  # type: ignore[attr-defined]
         publisher.put(b"x")
 
@@ -210,8 +211,8 @@ def test_the_largest_batches_of_clients_get_through_and_are_counted_by_their_mes
     lab: Lab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As large as a process of a thousand clients with long names sends them, in each of some frames."""
-    monkeypatch.setattr(border, "PROGRAMS", Rate(per_s=0.0, burst=3 * (2 * MOST_IN_BATCH + 30)))
-    clients = [f"{'c' * 150}{i}" for i in range(MOST_IN_BATCH)]
+    monkeypatch.setattr(rate_limits, "PROGRAM_RATE", Rate(per_s=0.0, burst=3 * (2 * MAX_BATCH_LENGTH + 30)))
+    clients = [f"{'c' * 150}{i}" for i in range(MAX_BATCH_LENGTH)]
     frames = [
         [
             *(Send(topics.requests("RServer"), _asks(k, client)) for client in clients),

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from colony.runtime.protocol import codec, topics
-from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -24,9 +24,9 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.transport.live.errors import AlreadyRunningError
 from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.message_queue import MAX_CALLS_PER_CONNECTION
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.robot_time import learned_time
-from colony.runtime.transport.live.waiting import CALLS_EACH
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
 from tests.runtime.transport.live.stage import Recorder, hosted, place, running
@@ -64,16 +64,21 @@ def test_a_flood_is_answered_and_harms_nobody_else(environment: Mapping[str, str
         outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
         assert node.busy.wait(20)
         outside.call(plain_call("u/other", 1))
-        for number in range(1, CALLS_EACH + 11):
+        for number in range(1, MAX_CALLS_PER_CONNECTION + 11):
             outside.call(plain_call("u/flood", number))
         room = host._inbox._room
-        until(lambda: (len(room._calls), len(room._given_up)) == (CALLS_EACH + 1, 10), "they wait")
+        until(
+            lambda: (len(room._calls), len(room._dropped_calls)) == (MAX_CALLS_PER_CONNECTION + 1, 10),
+            "they wait",
+        )
         node.go.set()
-        until(lambda: len(node.got) == CALLS_EACH + 2, "all are handled")
+        until(lambda: len(node.got) == MAX_CALLS_PER_CONNECTION + 2, "all are handled")
         until(lambda: len(outside.heard) == 10, "ten are told")
     assert node.got[1] == plain_call("u/other", 1)
     replies = [reply for reply in outside.heard if isinstance(reply, Reply)]
-    assert [reply.number for reply in replies] == list(range(CALLS_EACH + 1, CALLS_EACH + 11))
+    assert [reply.number for reply in replies] == list(
+        range(MAX_CALLS_PER_CONNECTION + 1, MAX_CALLS_PER_CONNECTION + 11)
+    )
     assert {reply.problem.code for reply in replies if reply.problem is not None} == {"flood"}
 
 
@@ -112,9 +117,9 @@ def test_a_host_on_another_machine_decodes_each_tick_once_and_learns_the_time_fr
     ("key", "message", "says"),
     [
         ("read/ada/7", plain_call("ada/7", 1), "claims the right to command"),
-        ("command/ada/7", plain_call("bob/7", 1), "claims to be of bob/7"),
+        ("command/ada/7", plain_call("bob/7", 1), "claims the connection bob/7"),
         ("command/ada/7", Tick(k=1, t_ns=1), "found Tick"),
-        ("read/ada/7", Alive(connection="bob/7"), "claims to be of bob/7"),
+        ("read/ada/7", Alive(connection="bob/7"), "claims the connection bob/7"),
     ],
 )
 def test_a_call_that_does_not_fit_its_key_is_malformed(
@@ -135,7 +140,7 @@ def test_what_is_far_too_large_is_dropped_by_the_network_and_the_link_lives_on(
 ) -> None:
     node = Recorder(SERVER, CALLS)
     with hosted(environment, [node]):
-        outside.put(f"{CALLS}/read/ada/7", bytes(3 * LARGEST))
+        outside.put(f"{CALLS}/read/ada/7", bytes(3 * MAX_MESSAGE_BYTES))
         outside.call(plain_call("ada/7", 1))
         until(lambda: plain_call("ada/7", 1) in node.got, "the next call arrives")
     assert len(node.got) <= 2
@@ -144,7 +149,7 @@ def test_what_is_far_too_large_is_dropped_by_the_network_and_the_link_lives_on(
 def test_a_reply_that_is_too_large_becomes_an_error_and_other_messages_are_reported(
     environment: Mapping[str, str], outside: Outside
 ) -> None:
-    huge = msgspec.Raw(msgspec.msgpack.encode(bytes(LARGEST)))
+    huge = msgspec.Raw(msgspec.msgpack.encode(bytes(MAX_MESSAGE_BYTES)))
 
     def answer(message: Message, now_ns: int) -> Iterable[Effect]:
         assert isinstance(message, Call)
@@ -168,7 +173,7 @@ def test_a_reply_that_is_too_large_becomes_an_error_and_other_messages_are_repor
 def test_one_process_serves_under_a_name(environment: Mapping[str, str]) -> None:
     with (
         hosted(environment, [Recorder(SERVER), Recorder("Second")]),
-        pytest.raises(AlreadyRunningError, match=r"Second of rome runs already"),
+        pytest.raises(AlreadyRunningError, match=r"Second of rome is already running"),
     ):
         Host.open(place(environment), [Recorder("Other"), Recorder("Second")], serves=True)
     Host.open(place(environment), [Recorder("Other"), Recorder("Second")], serves=True).close()

@@ -10,7 +10,7 @@ import pytest
 
 from colony.runtime.assembly.processes.children import ONE_THREAD
 from colony.runtime.protocol import codec, topics
-from colony.runtime.protocol.deployment import MOST_CLIENTS
+from colony.runtime.protocol.deployment import MAX_CLIENTS
 from colony.runtime.protocol.messages import (
     Effect,
     Message,
@@ -20,7 +20,7 @@ from colony.runtime.protocol.messages import (
     Tick,
     WakeAt,
 )
-from colony.runtime.transport.live.configuration import BLOCKED_US
+from colony.runtime.transport.live.configuration import BLOCK_TIMEOUT_US
 from colony.runtime.transport.live.network import ZenohSession
 from tests.runtime.transport.live.outside import SERVER, Outside
 from tests.runtime.transport.live.stage import Recorder, hosted, place, python_process
@@ -96,7 +96,7 @@ def test_with_one_thread_for_the_network_the_requests_of_a_whole_program_get_thr
     ticks = 3
     server = Recorder("RServer", topics.requests("RServer"))
     with (
-        python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", CROWD, str(MOST_CLIENTS)),
+        python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", CROWD, str(MAX_CLIENTS)),
         hosted(environment, [server]) as host,
         ZenohSession.open(place(environment), listens=("Clock",)) as clock,
     ):
@@ -104,7 +104,7 @@ def test_with_one_thread_for_the_network_the_requests_of_a_whole_program_get_thr
         until(lambda: "drive/crowd" in host.network.alive(), "it is there for RServer")
         for k in range(ticks):
             Outside(clock).put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
-            until(lambda n=(k + 1) * MOST_CLIENTS: len(server.got) == n, "all came")  # type: ignore[misc]
+            until(lambda n=(k + 1) * MAX_CLIENTS: len(server.got) == n, "all came")  # type: ignore[misc]
 
 
 FROZEN_SERVER = """
@@ -130,7 +130,7 @@ def test_a_server_that_is_frozen_makes_no_client_of_another_server_late(
     server = Recorder("DServer", topics.requests("DServer"))
     with (
         python_process(environment, "-c", FROZEN_SERVER, says="ready") as frozen,
-        python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", CROWD, str(MOST_CLIENTS)),
+        python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", CROWD, str(MAX_CLIENTS)),
         hosted(environment, [server]) as host,
         ZenohSession.open(place(environment), listens=("Clock",)) as clock,
     ):
@@ -141,7 +141,9 @@ def test_a_server_that_is_frozen_makes_no_client_of_another_server_late(
             Outside(clock).put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
             until(lambda n=k + 1: len(server.got) == n, "its request came")  # type: ignore[misc]
     gaps = [b - a for a, b in itertools.pairwise(server.times)]
-    assert max(gaps) < BLOCKED_US * 1000 // 2, "who waits for room is held up until the link is given up"
+    assert max(gaps) < BLOCK_TIMEOUT_US * 1000 // 2, (
+        "who waits for room is held up until the link is given up"
+    )
 
 
 FROZEN = """
@@ -177,7 +179,9 @@ def test_a_reader_that_is_frozen_does_not_hold_up_a_server(environment: Mapping[
             Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
         until(lambda: len(server.got) > frames, "all frames are published")
     gaps = [b - a for a, b in zip(server.times, server.times[1:], strict=False)]
-    assert max(gaps) < BLOCKED_US * 1000 // 2, "who waits for room is held up until the link is given up"
+    assert max(gaps) < BLOCK_TIMEOUT_US * 1000 // 2, (
+        "who waits for room is held up until the link is given up"
+    )
 
 
 PROCESS = """

@@ -15,17 +15,17 @@ from colony.runtime.protocol.messages import (
     Message,
     Reply,
     Send,
-    Sent,
+    SentMessage,
     Tick,
     Wake,
     WakeAt,
 )
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.host import Host
+from colony.runtime.transport.live.message_queue import MAX_CALLS_PER_CONNECTION
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
-from colony.runtime.transport.live.sender import DROPPABLE_BYTES
-from colony.runtime.transport.live.waiting import CALLS_EACH
+from colony.runtime.transport.live.sender import MAX_DROPPABLE_BYTES
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running
@@ -106,15 +106,17 @@ def test_a_direct_host_sends_what_must_not_be_dropped_in_a_thread_of_its_own(
 
     def answer(message: Message, now_ns: int) -> Iterable[Effect]:
         if isinstance(message, Call):
-            result = msgspec.Raw(msgspec.msgpack.encode(bytes(DROPPABLE_BYTES if message.number > 1 else 1)))
+            result = msgspec.Raw(
+                msgspec.msgpack.encode(bytes(MAX_DROPPABLE_BYTES if message.number > 1 else 1))
+            )
             reply = Reply(connection=message.connection, number=message.number, result=result)
             yield Send(topics.replies(SERVER, message.connection), reply)
 
     node = Recorder(SERVER, CALLS, on=answer)
     outside.hear(topics.replies(SERVER, "u/a"))
     with Host.open(place(environment), [node], serves=True, direct=True) as host:
-        assert host._patient_outbox is not None
-        send_all = host._patient_outbox.send_all
+        assert host._blocking_outbox is not None
+        send_all = host._blocking_outbox.send_all
 
         def waits_for_room(sends: Iterable[Send], now_ns: int) -> None:
             threads.append(threading.current_thread().name)
@@ -122,7 +124,7 @@ def test_a_direct_host_sends_what_must_not_be_dropped_in_a_thread_of_its_own(
             assert let_go.wait(20)
             send_all(sends, now_ns)
 
-        host._patient_outbox.send_all = waits_for_room  # type: ignore[method-assign]
+        host._blocking_outbox.send_all = waits_for_room  # type: ignore[method-assign]
         with running(host):
             until(lambda: SERVER in outside.network.alive(), "it is there")
             outside.call(plain_call("u/a", 2))
@@ -151,14 +153,14 @@ def test_an_emergency_stop_has_a_thread_of_its_own_and_goes_before_all_that_wait
     with hosted(environment, [node]) as host:
         outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
         assert node.busy.wait(20)
-        for number in range(1, CALLS_EACH + 1):
+        for number in range(1, MAX_CALLS_PER_CONNECTION + 1):
             outside.call(plain_call("u/flood", number, priority=1 << 40))
-        until(lambda: len(host._inbox._room._calls) == CALLS_EACH, "they wait")
+        until(lambda: len(host._inbox._room._calls) == MAX_CALLS_PER_CONNECTION, "they wait")
         stop = _stop("u/stop", 1)
         outside.call(stop)
-        until(lambda: not host._calm.is_set(), "the stop is next")
+        until(lambda: not host._no_stop_pending.is_set(), "the stop is next")
         node.go.set()
-        until(lambda: len(node.got) == CALLS_EACH + 2, "all are handled")
+        until(lambda: len(node.got) == MAX_CALLS_PER_CONNECTION + 2, "all are handled")
     assert node.got[1] == stop
     assert threads[1] == "emergency stops"
     assert "emergency stops" not in {t.name for t in threading.enumerate()}
@@ -171,7 +173,7 @@ def test_an_answer_that_nobody_takes_does_not_hold_up_a_stop(environment: Mappin
     with hosted(environment, [node]) as host, ZenohSession.open(place(environment)) as network:
         send = host._outbox.send
 
-        def blocked(topic: str, message: Sent, now_ns: int) -> None:
+        def blocked(topic: str, message: SentMessage, now_ns: int) -> None:
             sending.set()
             assert go_on.wait(20)
             send(topic, message, now_ns)

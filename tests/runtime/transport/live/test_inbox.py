@@ -6,7 +6,7 @@ import pytest
 
 from colony.runtime.protocol import topics
 from colony.runtime.transport.live.inbox import Inbox
-from colony.runtime.transport.live.waiting import WaitingRoom
+from colony.runtime.transport.live.message_queue import MessageQueue
 from tests.runtime.calling import plain_call
 
 TOPIC = topics.TICKS
@@ -15,7 +15,7 @@ TOPIC = topics.TICKS
 @pytest.fixture
 def inbox() -> Inbox:
     """One whose taker is about to sleep."""
-    made = Inbox(WaitingRoom())
+    made = Inbox(MessageQueue())
     assert made.pop() is None
     return made
 

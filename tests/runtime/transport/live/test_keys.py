@@ -8,7 +8,7 @@ import zenoh
 
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.codec import MessageFormatError
-from colony.runtime.protocol.messages import Alive, Call, Fetch, Ready, Reply, Right, Sent, Tick
+from colony.runtime.protocol.messages import Alive, Call, Fetch, Ready, Reply, Right, SentMessage, Tick
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.keys import CallKey
 
@@ -31,7 +31,9 @@ def _call(right: Right = "command", connection: str = "ada/7") -> Call:
         (topics.READY, Ready(client="drive/cruise")),
     ],
 )
-def test_who_listens_to_a_topic_hears_what_is_sent_to_it_at_this_robot(topic: str, message: Sent) -> None:
+def test_who_listens_to_a_topic_hears_what_is_sent_to_it_at_this_robot(
+    topic: str, message: SentMessage
+) -> None:
     key = zenoh.KeyExpr(keys.sending("rome", topic, message, user="ada"))
     assert zenoh.KeyExpr(keys.listening("rome", topic)).includes(key)
     assert not zenoh.KeyExpr(keys.listening("siena", topic)).intersects(key)
@@ -55,12 +57,12 @@ def test_the_key_of_a_call_says_whose_it_is_and_under_which_right() -> None:
     ("message", "says"),
     [
         (_call("command"), "claims the right to command"),
-        (_call("read", "bob/7"), "claims to be of bob/7"),
-        (Alive(connection="bob/7"), "claims to be of bob/7"),
+        (_call("read", "bob/7"), "claims the connection bob/7"),
+        (Alive(connection="bob/7"), "claims the connection bob/7"),
         (Tick(k=1, t_ns=1), "found Tick; expected Call or Alive"),
     ],
 )
-def test_a_call_must_say_what_its_key_says(message: Sent, says: str) -> None:
+def test_a_call_must_say_what_its_key_says(message: SentMessage, says: str) -> None:
     with pytest.raises(MessageFormatError, match=says):
         keys.check_call(message, CallKey("read", "ada/7"))
 

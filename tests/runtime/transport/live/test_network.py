@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.transport.live.network import DESCRIPTORS
+from colony.runtime.transport.live.network import FREE_DESCRIPTORS
 from tests.paths import ROOT
 
 OPEN = """
@@ -39,13 +39,13 @@ def opened(folder: Path, free: int, checked: str = "checked") -> str:
 
 
 def test_a_session_is_opened_where_there_are_enough(tmp_path: Path) -> None:
-    assert opened(tmp_path, DESCRIPTORS + 16) == "open"
+    assert opened(tmp_path, FREE_DESCRIPTORS + 16) == "open"
 
 
 @pytest.mark.parametrize("free", [8, 16, 28])
 def test_too_few_are_told_before(tmp_path: Path, free: int) -> None:
     said = opened(tmp_path, free)
-    assert f"a session needs {DESCRIPTORS} more: raise the limit (`ulimit -n`)" in said
+    assert f"a session needs {FREE_DESCRIPTORS} more: raise the limit (`ulimit -n`)" in said
 
 
 @pytest.mark.parametrize("free", range(2, 9))

@@ -32,17 +32,17 @@ def test_publishers_for_connections_are_given_back_when_they_are_idle(network: Z
     _reply(box, "u/1", 0)
     _reply(box, "u/2", 0)
     _reply(box, "u/1", IDLE_NS)
-    assert len(box._passing) == 2
+    assert len(box._connection_publishers) == 2
     _reply(box, "u/3", IDLE_NS + 1)
-    assert [key.rsplit("/", 1)[1] for key in box._passing] == ["1", "3"]
+    assert [key.rsplit("/", 1)[1] for key in box._connection_publishers] == ["1", "3"]
 
 
 def test_there_are_never_too_many_of_them(network: ZenohSession, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(outbox, "PASSING_MOST", 3)
+    monkeypatch.setattr(outbox, "MAX_CONNECTION_PUBLISHERS", 3)
     box = Outbox(network.session, ROBOT, lambda problem: None, user="u")
     for n in range(10):
         _reply(box, f"u/{n}", n)
-    assert [key.rsplit("/", 1)[1] for key in box._passing] == ["7", "8", "9"]
+    assert [key.rsplit("/", 1)[1] for key in box._connection_publishers] == ["7", "8", "9"]
 
 
 def test_what_is_sent_is_heard_also_when_its_publisher_was_given_back(network: ZenohSession) -> None:

@@ -23,7 +23,7 @@ def test_the_least_delayed_tick_counts_and_time_never_goes_back() -> None:
         due = k * 50 * MS
         late = draw.choice((2 * MS, 5 * MS, 40 * MS)) if k != 100 else MS
         now[0] = due - offset + late
-        learned.heard(due)
+        learned.on_tick(due)
         assert learned() >= last
         last = learned()
         assert learned.known
@@ -37,5 +37,5 @@ def test_it_follows_a_clock_that_drifts() -> None:
     for k in range(20_000):
         due = k * 50 * MS
         now[0] = int(due * (1 + DRIFT / 2)) + MS  # this machine's clock is fast
-        learned.heard(due)
+        learned.on_tick(due)
     assert abs(learned() - 19_999 * 50 * MS) <= 2 * MS

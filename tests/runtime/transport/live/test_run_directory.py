@@ -15,7 +15,7 @@ from colony.runtime.transport.live import run_directory as module
 from colony.runtime.transport.live.errors import AlreadyRunningError, RunDirectoryError
 from colony.runtime.transport.live.run_directory import (
     CLAIM_BYTES,
-    LONGEST_SOCKET,
+    MAX_SOCKET_PATH_BYTES,
     RobotDirectory,
     RunDirectory,
     in_run_directory,
@@ -63,7 +63,7 @@ def test_one_that_is_open_to_others_is_refused(robot: RobotDirectory, tmp_path: 
 def test_a_link_or_a_file_in_its_place_is_refused(tmp_path: Path) -> None:
     (tmp_path / "other").mkdir(mode=0o700)
     (tmp_path / "run").symlink_to(tmp_path / "other")
-    with pytest.raises(RunDirectoryError, match="is no folder"):
+    with pytest.raises(RunDirectoryError, match="is not a folder"):
         _robot(tmp_path).prepare()
     (tmp_path / "file").write_text("")
     with pytest.raises(RunDirectoryError, match="set COLONY_RUN_DIR"):
@@ -87,22 +87,22 @@ def test_names_that_are_none(tmp_path: Path, name: str) -> None:
 
 
 def test_a_socket_with_too_long_a_path_is_refused(tmp_path: Path) -> None:
-    folder = Path("/tmp") / ("x" * (LONGEST_SOCKET - len("/tmp//rome/RServer.sock")))
+    folder = Path("/tmp") / ("x" * (MAX_SOCKET_PATH_BYTES - len("/tmp//rome/RServer.sock")))
     robot = RunDirectory(folder).robot("rome")
-    assert len(str(robot.socket("RServer"))) == LONGEST_SOCKET
+    assert len(str(robot.socket("RServer"))) == MAX_SOCKET_PATH_BYTES
     with pytest.raises(RunDirectoryError, match=r"108 bytes long.*107.*COLONY_RUN_DIR to a shorter"):
         robot.socket("RServerX")
 
 
 @pytest.mark.parametrize("sign", "#?")
 def test_a_folder_that_no_endpoint_can_have_is_refused(tmp_path: Path, sign: str) -> None:
-    with pytest.raises(RunDirectoryError, match=rf"for the `\{sign}` in it: set COLONY_RUN_DIR"):
+    with pytest.raises(RunDirectoryError, match=rf"because it contains `\{sign}`: set COLONY_RUN_DIR"):
         RunDirectory(tmp_path / f"a b{sign}").robot("rome").socket("RServer")
 
 
 def test_a_folder_that_is_not_utf8_is_refused(tmp_path: Path) -> None:
     folder = Path(os.fsdecode(bytes(tmp_path) + b"/\xff"))
-    with pytest.raises(RunDirectoryError, match="is not UTF-8"):
+    with pytest.raises(RunDirectoryError, match="must be UTF-8"):
         RunDirectory(folder).robot("rome").socket("RServer")
 
 
@@ -137,7 +137,7 @@ def test_a_server_is_claimed_by_one_process_at_a_time(robot: RobotDirectory, tmp
     with robot.claim("RServer") as claim, robot.claim("DServer"):
         assert robot.running() == {"DServer": os.getpid(), "RServer": os.getpid()}
         with pytest.raises(
-            AlreadyRunningError, match=f"RServer of rome runs already, as process {os.getpid()}"
+            AlreadyRunningError, match=f"RServer of rome is already running, as process {os.getpid()}"
         ):
             robot.claim("RServer")
         claim.close()
@@ -209,7 +209,7 @@ def test_place_of_a_robot_of_this_machine() -> None:
 def test_robots_are_not_looked_for_where_others_could_have_put_them(tmp_path: Path) -> None:
     assert RunDirectory(tmp_path / "none").robots() == ()
     (tmp_path / "file").write_text("")
-    with pytest.raises(RunDirectoryError, match="is no folder"):
+    with pytest.raises(RunDirectoryError, match="is not a folder"):
         RunDirectory(tmp_path / "file").robots()
     (tmp_path / "open").mkdir(mode=0o755)
     with pytest.raises(RunDirectoryError, match="open to others"):

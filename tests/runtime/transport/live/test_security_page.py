@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from colony.runtime.kit.connection import Session
-from colony.runtime.protocol.codec import LARGEST
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.transport.live import limits
-from colony.runtime.transport.live.gateway import GROWTH_BYTES, open_gateway
+from colony.runtime.transport.live.gateway import MAX_GROWTH_BYTES, open_gateway
 from colony.runtime.transport.live.security import PERMISSIONS, read_credentials, read_security
 from tests.runtime.kit.stage import BATTERY, battery_thread, charge, level
 from tests.runtime.transport.live.certificates import free_port
@@ -56,15 +56,15 @@ def test_the_rules_of_the_firewall_are_valid(tmp_path: Path) -> None:
 
 def test_the_limits_on_the_page_are_those_of_the_gateway() -> None:
     assert f"| TLS handshake | {limits.HANDSHAKE_MS // 1000} s |" in PAGE
-    assert f"{limits.LOGIN_MS // 1000} s, {limits.LOGINS_PENDING} at a time" in PAGE
-    assert f"| {limits.SESSIONS} | the login is refused" in PAGE
-    assert f"| {limits.SMALL // 1024} KiB | dropped" in PAGE
-    assert f"| {limits.MIDDLE // 1024} KiB | dropped" in PAGE
-    assert f"| {LARGEST >> 20} MiB and {limits.SMALL // 1024} KiB | dropped" in PAGE
+    assert f"{limits.LOGIN_MS // 1000} s, {limits.MAX_PENDING_LOGINS} at a time" in PAGE
+    assert f"| {limits.MAX_SESSIONS} | the login is refused" in PAGE
+    assert f"| {limits.SMALL_MESSAGE_BYTES // 1024} KiB | dropped" in PAGE
+    assert f"| {limits.MEDIUM_MESSAGE_BYTES // 1024} KiB | dropped" in PAGE
+    assert f"| {MAX_MESSAGE_BYTES >> 20} MiB and {limits.SMALL_MESSAGE_BYTES // 1024} KiB | dropped" in PAGE
 
 
 def test_the_memory_of_the_gateway_is_that_of_the_code() -> None:
-    assert f"memory has grown by {GROWTH_BYTES >> 20} MiB" in PAGE
+    assert f"memory has grown by {MAX_GROWTH_BYTES >> 20} MiB" in PAGE
 
 
 def test_the_program_on_the_page_is_one() -> None:

@@ -1,0 +1,113 @@
+"""The comparison of sightings of door plates with the plates that the robot actually passed.
+
+A sighting matches a plate within `MATCH_RADIUS_MM` of its *true* place. The true place is the reported place
+relative to the robot, applied to the robot's true pose, so that odometry errors do not count against the
+finder.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from colony.experiment.plates.passed import Pass
+from colony.experiment.plates.record import Kind, Outcome
+from colony.nav.maps.signs import Plate
+from colony.nav.maps.stickrep.geometry import Point
+from colony.nav.maps.stickrep.model import Pose
+
+MATCH_RADIUS_MM = 500.0
+"""Largest distance in mm of a sighting from its plate; plates hang at least 1.7 m apart."""
+
+MIN_VIEW_NS = 500_000_000
+"""Shortest time in view that ensures an image of a plate: the period of the camera server."""
+
+AGAIN, INSTEAD = " again", " instead of "
+"""Parts of the names of false sightings: a plate that was seen before, and one mistaken for another."""
+
+
+class Sighting(NamedTuple):
+    """A sighting of a plate.
+
+    It has the time, the true place, the text that was read ("" for none), and the door of the matched plate
+    on the map (None if the finder has no map).
+    """
+
+    t_ns: int
+    place: Point
+    text: str
+    door: str | None = None
+
+
+NameSighting = Callable[[Sighting], str]
+"""Function that names the real object of a sighting that is not a plate."""
+
+
+def true_place(place: Point, believed: Pose, true: Pose) -> Point:
+    """Return the true place of an object at the estimated `place`.
+
+    `true` is the robot's pose, `believed` its estimate.
+    """
+    turned = math.radians(true.heading_deg - believed.heading_deg)
+    sine, cosine = math.sin(turned), math.cos(turned)
+    dx, dy = place.x - believed.x_mm, place.y - believed.y_mm
+    return Point(true.x_mm + cosine * dx - sine * dy, true.y_mm + sine * dx + cosine * dy)
+
+
+def judge_sightings(
+    sightings: Sequence[Sighting], plates: Sequence[Plate], passes: Sequence[Pass], named: NameSighting
+) -> tuple[Outcome, ...]:
+    """Return the outcomes of all passed plates and of all sightings, in chronological order.
+
+    Args:
+        sightings: the sightings in chronological order.
+        plates: all plates of the floor.
+        passes: the plates that were passed.
+        named: a function that names the real object of a sighting that is not a plate.
+    """
+    at_ns = {passage.plate: passage.at_ns for passage in passes}
+    seen: set[int] = set()
+    outcomes: list[Outcome] = []
+    for sighting in sightings:
+        number = _nearest(sighting.place, plates)
+        if number is None:
+            outcomes.append(_false(sighting, named(sighting)))
+        elif sighting.door not in (None, plates[number].door):
+            outcomes.append(_false(sighting, f"{sighting.door}{INSTEAD}{plates[number].door}"))
+        elif number in seen:
+            outcomes.append(_false(sighting, f"{plates[number].door}{AGAIN}"))
+        else:
+            seen.add(number)
+            outcomes.append(_plate(plates[number], sighting, at_ns.get(number)))
+    outcomes += [_not_seen(plates[passage.plate], passage) for passage in passes if passage.plate not in seen]
+    return tuple(sorted(outcomes, key=lambda passage: passage.at_ns))
+
+
+def _nearest(place: Point, plates: Sequence[Plate]) -> int | None:
+    def apart(number: int) -> float:
+        middle = plates[number].middle
+        return math.hypot(middle.x - place.x, middle.y - place.y)
+
+    nearest = min(range(len(plates)), key=apart, default=None)
+    return None if nearest is None or apart(nearest) > MATCH_RADIUS_MM else nearest
+
+
+def _false(sighting: Sighting, name: str) -> Outcome:
+    x, y = sighting.place
+    return Outcome("false", sighting.t_ns, name, sighting.text, False, round(x), round(y))
+
+
+def _plate(plate: Plate, sighting: Sighting, passed_ns: int | None) -> Outcome:
+    """Return the outcome of a plate that was seen: the time it was passed, and the place of the sighting."""
+    x, y = sighting.place
+    right = sighting.text == plate.text
+    if passed_ns is None:
+        return Outcome("beyond", sighting.t_ns, plate.door, sighting.text, right, round(x), round(y))
+    return Outcome("found", passed_ns, plate.door, sighting.text, right, round(x), round(y))
+
+
+def _not_seen(plate: Plate, passage: Pass) -> Outcome:
+    kind: Kind = "missed" if passage.in_view_ns >= MIN_VIEW_NS else "unseen"
+    x, y = plate.middle
+    return Outcome(kind, passage.at_ns, plate.door, "", False, round(x), round(y))

@@ -1,0 +1,195 @@
+"""The monitor of a run: its progress, its contacts, and the detection of a stuck robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from colony.experiment.record import MODES, Contacts, FailureReason, LightCount, Mode, ModeCount
+from colony.nav.maps.stickrep.model import Pose
+from colony.nav.plan.plan import Plan, Segment
+from colony.nav.shared import CEILING_LIGHT, GoalKind
+from colony.robots.expected import TIME_LIMIT_FACTOR
+from colony.runtime.assembly.loop import Loop
+from colony.sim.world.world import World
+
+STUCK_TIMEOUT_NS = 60_000_000_000
+"""Time without progress after which a robot is stuck; people block it for at most a quarter of that."""
+
+STUCK_RADIUS_MM = 500.0
+"""Distance in mm that counts as progress."""
+
+BELOW_LIGHT_MM = 1500.0
+"""Largest distance in mm of a counted light from its place; lights are 5 to 6 m apart."""
+
+SLIP_MM = 20.0
+"""Least error of the odometry in a frame, in mm, that means a wheel slip."""
+
+RIDE_MM = 200.0
+"""Least error of the odometry in a frame, in mm, that means an elevator ride."""
+
+PATH_INTERVAL_NS = 1_000_000_000
+
+
+def mode_of(kind: GoalKind) -> Mode:
+    """Return the mode as the tables count it; entering and leaving a corner are one mode."""
+    match kind:
+        case GoalKind.LIGHTS:
+            return "L"
+        case GoalKind.CORNER | GoalKind.ENTER_CORNER:
+            return "C"
+        case GoalKind.DEAD_RECKONING | GoalKind.ELEVATOR | GoalKind.NONE:
+            return "D"
+
+
+class RunMonitor:
+    """The monitor of a run, updated after every frame. Mutable: its observations.
+
+    Args:
+        plan: the plan.
+        loop: the run.
+        world: the world, in which the robot is number 0.
+        expected_s: expected time of the plan in seconds, without incidents.
+        begun: the numbers, from 0, of the segments that the planner has begun; the planner extends it.
+    """
+
+    def __init__(self, plan: Plan, loop: Loop, world: World, expected_s: float, begun: Sequence[int]) -> None:
+        self._plan, self._loop, self._world, self._begun = plan, loop, world, begun
+        self._limit_ns = round(TIME_LIMIT_FACTOR * expected_s * 1e9)
+        self._seen = 0
+        self._began_mm: dict[int, float] = {}
+        self.done = False
+        self._place = world.true_pose(0)
+        self._since_ns = 0
+        self._light = 0
+        self._counted: dict[int, set[float]] = {}
+        self._false = 0
+        self._pose, self._counts = world.true_pose(0), world.odometry(0)
+        self.slips = 0
+        self.top_mm_s = 0.0
+        self.path: list[tuple[int, int]] = []
+
+    def update(self) -> FailureReason:
+        """Record the finished frame; return the reason if the run should be abandoned."""
+        now_ns, world = self._loop.now_ns, self._world
+        self.top_mm_s = max(self.top_mm_s, abs(world.speed(0).velocity_mm_s))
+        pose, counts = world.true_pose(0), world.odometry(0)
+        drifted = abs(_distance_mm(pose, self._pose) - _distance_mm(counts, self._counts))
+        self.slips += SLIP_MM < drifted < RIDE_MM
+        self._pose, self._counts = pose, counts
+        if now_ns % PATH_INTERVAL_NS == 0:
+            self.path.append((round(pose.x_mm), round(pose.y_mm)))
+        goal = self._update_segment()
+        if goal or _distance_mm(pose, self._place) > STUCK_RADIUS_MM:
+            self._place, self._since_ns = pose, now_ns
+        if now_ns - self._since_ns > STUCK_TIMEOUT_NS:
+            return "stuck"
+        return "too long" if now_ns > self._limit_ns else ""
+
+    @property
+    def _segment(self) -> int:
+        """The number of the present segment, -1 before the first one."""
+        return self._begun[-1] if self._begun else -1
+
+    @property
+    def mode(self) -> Mode:
+        """The mode of the present segment."""
+        return mode_of(self._plan.segments[max(self._segment, 0)].kind)
+
+    @property
+    def contacts(self) -> Contacts:
+        """The contacts of the robot so far."""
+        world = self._world
+        return Contacts(world.bumps(0), world.contact_speed(0))
+
+    @property
+    def lights(self) -> LightCount:
+        """The lights of the legs begun so far; of the present leg only those that were passed."""
+        seen = missed = 0
+        for number in self._begun:
+            segment, counted = self._plan.segments[number], self._counted.get(number, set())
+            over = number != self._segment or self.done
+            upto = math.inf if over else _along(segment, self._world) - BELOW_LIGHT_MM
+            due = {light for light in segment.lights_mm if self._began_mm.get(number, 0.0) < light < upto}
+            seen += len(counted)
+            missed += len(due - counted)
+        return LightCount(seen, missed, self._false)
+
+    def modes(self) -> tuple[ModeCount, ModeCount, ModeCount]:
+        """Return how often each mode was entered and completed so far."""
+        counts = {mode: [0, 0, 0] for mode in MODES}
+        for first, last, mode in _groups(self._plan):
+            count = counts[mode]
+            count[0] += self._segment >= first
+            count[1] += self._is_over(last)
+            count[2] += 1
+        lights, corners, end = (ModeCount(*counts[mode]) for mode in MODES)
+        return lights, corners, end
+
+    def _is_over(self, segment: int) -> bool:
+        return self.done or self._segment > segment
+
+    @property
+    def completed(self) -> int:
+        """The number of completed modes."""
+        return sum(self._is_over(last) for _, last, _ in _groups(self._plan))
+
+    @property
+    def first_light(self) -> bool:
+        """True if a light of the present segment was found."""
+        return bool(self._counted.get(self._segment))
+
+    # --- observations --------------------------------------------------------------------------------
+
+    def _update_segment(self) -> bool:
+        """Record segments and counted lights; return True if a new segment has begun."""
+        new = len(self._begun) != self._seen
+        if new:
+            self._seen, self._light = len(self._begun), 0
+            segment = self._plan.segments[self._segment]
+            self._began_mm[self._segment] = _along(segment, self._world)
+        counted = self._loop.data.present(CEILING_LIGHT)
+        light = int(counted) if isinstance(counted, (int, float)) else 0
+        if new and light:
+            self._light = light  # the count of the previous leg, until CTracker resets it
+        elif light != self._light:
+            for _ in range(self._light, light):
+                self._light_counted()
+            self._light = light
+        return new
+
+    def _light_counted(self) -> None:
+        """Count the nearest light, if it is near and was not counted yet; otherwise a false one."""
+        number = self._segment
+        segment = self._plan.segments[number] if number >= 0 else None
+        if segment is None or segment.kind is not GoalKind.LIGHTS:
+            return
+        along, counted = _along(segment, self._world), self._counted.setdefault(number, set())
+        nearest = min(segment.lights_mm, key=lambda light: abs(light - along))
+        if abs(nearest - along) < BELOW_LIGHT_MM and nearest not in counted:
+            counted.add(nearest)
+        else:
+            self._false += 1
+
+
+def _groups(plan: Plan) -> list[tuple[int, int, Mode]]:
+    """Return the modes of a plan with their first and last segments; corners have up to two."""
+    groups: list[tuple[int, int, Mode]] = []
+    for number, segment in enumerate(plan.segments):
+        entered = number > 0 and plan.segments[number - 1].kind is GoalKind.ENTER_CORNER
+        if segment.kind is GoalKind.CORNER and entered:
+            groups[-1] = (groups[-1][0], number, "C")
+        else:
+            groups.append((number, number, mode_of(segment.kind)))
+    return groups
+
+
+def _distance_mm(one: Pose, other: Pose) -> float:
+    return math.hypot(one.x_mm - other.x_mm, one.y_mm - other.y_mm)
+
+
+def _along(segment: Segment, world: World) -> float:
+    """Return the true distance of the robot from a segment's start, along it, in mm."""
+    heading, pose = math.radians(segment.heading_deg), world.true_pose(0)
+    dx, dy = pose.x_mm - segment.start.x_mm, pose.y_mm - segment.start.y_mm
+    return -math.sin(heading) * dx + math.cos(heading) * dy

@@ -1,0 +1,114 @@
+"""The leader's connections, which deploy the program at the Clock and at every participating server.
+
+A restarted server gets the program again. The run ends with these connections. Each server has its own thread
+here, so that a missing server does not delay the others.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+
+from colony.runtime.kit.connection import Connection, Session
+from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError, ServerNotFoundError
+from colony.runtime.library.clock import deploy
+from colony.runtime.protocol.deployment import Deployment
+
+PAUSE_S = 0.05
+"""Seconds between two attempts to reach a server."""
+
+REFUSED_PAUSE_S = 0.5
+"""Seconds before the next attempt at a server that is in another run, whose leader may have died."""
+
+BUSY_S = 3.0
+"""Seconds that a server may be in another run before this run fails; longer than a lease."""
+
+
+class ProgramDeployer:
+    """The deployer of a program at its servers. Mutable: the servers that took it, and any refusal.
+
+    Args:
+        session: session of this process with the robot; stays open.
+        deployment: program to run.
+        servers: names of the servers.
+        report: callback for a sentence on each awaited server; called from other threads.
+    """
+
+    def __init__(
+        self, session: Session, deployment: Deployment, servers: Iterable[str], report: Callable[[str], None]
+    ) -> None:
+        self._session = session
+        self._deployment = deployment
+        self._report = report
+        self._stop = threading.Event()
+        self._deployed: set[str] = set()
+        self.refused: str | None = None
+        self._threads = [
+            threading.Thread(target=self._keep_deployed, args=(server,), name=f"leads {server}", daemon=True)
+            for server in servers
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def deployed(self) -> frozenset[str]:
+        """The servers that took the program."""
+        return frozenset(self._deployed)
+
+    def close(self) -> None:
+        """End the run. Idempotent."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
+
+    # --- one server ----------------------------------------------------------------------------------
+
+    def _keep_deployed(self, server: str) -> None:
+        with ExitStack() as resources:
+            connection = self._connected(server)
+            if connection is None:
+                return
+            resources.enter_context(connection)
+            if self._deploy(server, connection):
+                self._deployed.add(server)
+                self._stop.wait()
+
+    def _connected(self, server: str) -> Connection | None:
+        """Wait for the server, and return a connection; None if it refuses or the run ends."""
+        name = f"run of {self._deployment.program}"
+        reported = False
+        while not self._stop.is_set():
+            try:
+                return self._session.connect(server, name=name)
+            except ServerNotFoundError as problem:
+                if not reported:
+                    self._report(f"waiting: {problem}")
+                    reported = True
+            except CallRefusedError as problem:
+                self._give_up(server, problem)
+                return None
+            except RobotConnectionError:
+                pass
+            self._stop.wait(PAUSE_S)
+        return None
+
+    def _deploy(self, server: str, connection: Connection) -> bool:
+        """Deploy now and after every restart of the server; return True if the server took the program."""
+        waited_s = 0.0
+        while not self._stop.is_set():
+            try:
+                connection.keep(deploy(self._deployment))
+                return True
+            except CallRefusedError as problem:
+                if problem.code != "busy" or waited_s >= BUSY_S:
+                    self._give_up(server, problem)
+                    return False
+                self._stop.wait(REFUSED_PAUSE_S)
+                waited_s += REFUSED_PAUSE_S
+            except RobotConnectionError:
+                self._stop.wait(PAUSE_S)
+        return False
+
+    def _give_up(self, server: str, problem: CallRefusedError) -> None:
+        self.refused = self.refused or f"{server}: {problem.message}"

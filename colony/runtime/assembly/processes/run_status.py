@@ -1,0 +1,122 @@
+"""The state of a run, which its leader answers to queries: clients on time, late or lost, and the winners."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+
+from colony.runtime.library.leader import LEADER, ClientStanding, RunStatus, Standing
+from colony.runtime.observe.observer import FrameLog
+from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, method
+from colony.runtime.protocol.deployment import Deployment, client_addresses
+from colony.runtime.protocol.messages import Effect, Message, QuietNode
+from colony.runtime.protocol.topics import client_address
+
+
+@dataclass(frozen=False, slots=True, kw_only=True)
+class _Client:
+    standing: Standing = "starting"
+    fates: Counter[Standing] = field(default_factory=Counter)
+    restarts: int = 0
+    last_error: str | None = None
+
+
+class RunStatusTracker:
+    """A sink that counts the frames in which each client was on time, late or lost. Mutable: the counts."""
+
+    def __init__(self, deployed: Deployment, *, file: str) -> None:
+        self._deployed = deployed
+        self._file = file
+        self._clients = {address: _Client() for address, _ in client_addresses(deployed)}
+        self._commanded_by: dict[str, str | None] = {}
+        self._k = -1
+        self._frames = 0
+        self._restarts = 0
+        self._disagreements = 0
+        self._pids: Callable[[], Mapping[str, int]] = dict
+
+    def watch(self, pids: Callable[[], Mapping[str, int]]) -> None:
+        """Take the list of the run's live processes from `pids`, which may be called in any thread."""
+        self._pids = pids
+
+    def take(self, log: FrameLog) -> None:
+        """Count the fates of the clients in a frame."""
+        self._frames += 1
+        self._k = log.tick.k
+        self._restarts += log.restart
+        self._disagreements += bool(log.disagreements)
+        for actuator, verdict in log.verdicts.items():
+            self._commanded_by[actuator] = verdict.by
+            for module, fate in verdict.fates:
+                client = self._clients.get(client_address(actuator, module))
+                if client is not None:
+                    client.standing = "late" if fate == "late" else "lost" if fate == "lost" else "alive"
+                    client.fates[client.standing] += 1
+
+    def close(self) -> None:
+        """Do nothing: the counts stay."""
+
+    @property
+    def frames(self) -> int:
+        """The number of frames that were decided."""
+        return self._frames
+
+    def died(self, clients: Iterable[str], error: str, *, restarted: bool) -> None:
+        """Record that the process of these clients died.
+
+        Args:
+            clients: addresses of the clients.
+            error: last line that the process printed, or the cause of its death.
+            restarted: True if it is restarted.
+        """
+        for address in clients:
+            client = self._clients[address]
+            client.restarts += restarted
+            client.last_error = error
+
+    def status(self) -> RunStatus:
+        """Return the state of the run."""
+        return RunStatus(
+            run=self._deployed.run,
+            program=self._deployed.program,
+            file=self._file,
+            process=os.getpid(),
+            k=self._k,
+            frames=self._frames,
+            restarts=self._restarts,
+            disagreements=self._disagreements,
+            commanded_by=dict(self._commanded_by),
+            processes=dict(self._pids()),
+            clients=tuple(
+                ClientStanding(
+                    address=address,
+                    standing=c.standing,
+                    on_time=c.fates["alive"],
+                    late=c.fates["late"],
+                    lost=c.fates["lost"],
+                    restarts=c.restarts,
+                    last_error=c.last_error,
+                )
+                for address, c in self._clients.items()
+            ),
+        )
+
+
+class LeaderServer(QuietNode):
+    """A server that answers `run` with the state of the run. Mutable: its connections."""
+
+    address = LEADER
+
+    def __init__(self, status_tracker: RunStatusTracker) -> None:
+        self._status_tracker = status_tracker
+        self._calls = CallDispatcher(LEADER, (method("run", NoArguments, self._run, right="read"),))
+        self.listens = self._calls.listens
+
+    def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
+        """Answer a call."""
+        return self._calls.handle(message, now_ns)
+
+    def _run(self, call_id: CallId, arguments: object, now_ns: int) -> RunStatus:
+        return self._status_tracker.status()

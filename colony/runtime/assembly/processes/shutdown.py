@@ -1,0 +1,174 @@
+"""The shutdown of a robot's process: on a signal, or when its parent is gone.
+
+The parent holds the other end of the standard input. However the parent ends, even by SIGKILL, the kernel
+closes that end, and the process reads the end of file: a killed run leaves no processes behind.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, BinaryIO, NoReturn, cast
+
+from colony.os_errors import described, is_out_of_memory
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer as Buffer
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+CLOSE_GRACE_S = 1.5
+"""Grace period in seconds to close resources before the process ends forcibly."""
+
+EXIT_FAILED = 1
+"""Exit code of a process that cannot continue; a restart may succeed."""
+
+EXIT_FINAL = 2
+"""Exit code of a process that was started wrongly; a restart would not help."""
+
+EXIT_HARD = 70
+"""Exit code of a process that did not close in time."""
+
+PARENT_GONE = "the process that started it is gone"
+"""Reason of a shutdown after the parent has ended."""
+
+
+class Shutdown:
+    """The request to end a process. Mutable: the reason, and the callback.
+
+    `request` may be called repeatedly and from any thread; only the first reason counts. From then on the
+    process has `CLOSE_GRACE_S` to close its resources, and ends in any case.
+    """
+
+    def __init__(self) -> None:
+        self._event = threading.Event()
+        self._then: Callable[[], None] = lambda: None
+        self.reason: str | None = None
+
+    def request(self, reason: str) -> None:
+        """Begin the shutdown, for this reason."""
+        if self.reason is not None:
+            return
+        self.reason = reason
+        timer = threading.Timer(CLOSE_GRACE_S, self._end_hard)
+        timer.daemon = True
+        timer.start()
+        self._event.set()
+        self._then()
+
+    def _end_hard(self) -> None:
+        self.end_forked()
+        os._exit(EXIT_HARD)
+
+    def end_forked(self) -> None:
+        """Kill this process and all that it forked, if its parent, which otherwise does so, is gone."""
+        if self.reason == PARENT_GONE and os.getpgrp() == os.getpid():
+            kill_group(os.getpid())
+
+    def then(self, stop: Callable[[], None]) -> None:
+        """Call `stop` when the shutdown begins, immediately if it has begun."""
+        self._then = stop
+        if self.reason is not None:
+            stop()
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait for the shutdown, at most for `timeout_s`; return True if it has begun."""
+        return self._event.wait(timeout_s)
+
+    def __bool__(self) -> bool:
+        """Return True if the shutdown has begun."""
+        return self.reason is not None
+
+
+@contextmanager
+def on_signals(shutdown: Shutdown) -> Iterator[None]:
+    """Shut down on SIGINT, SIGTERM and SIGHUP for the duration of a `with`; only for the main thread.
+
+    A separate thread receives the signals through a pipe: a Python handler would wait for the main thread,
+    and could interrupt it while it holds a lock that the handler needs.
+    """
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+
+    def watch() -> None:
+        while number := os.read(reading, 1):
+            if number[0] in SIGNALS:  # the pipe receives every signal that has a handler
+                shutdown.request(signal.Signals(number[0]).name)
+        os.close(reading)
+
+    threading.Thread(target=watch, name="signals", daemon=True).start()
+    before_fd = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    before = {number: signal.signal(number, lambda *_: None) for number in SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(before_fd)
+        os.close(writing)
+
+
+def on_parent_exit(shutdown: Shutdown) -> None:
+    """Shut down when the standard input ends."""
+
+    def watch() -> None:
+        try:
+            while os.read(sys.stdin.fileno(), 4096):
+                pass
+        except (OSError, ValueError):
+            pass
+        shutdown.request(PARENT_GONE)
+
+    threading.Thread(target=watch, name="parent", daemon=True).start()
+
+
+def kill_group(leader: int) -> None:
+    """Kill all processes of a group, if there are any."""
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(leader, signal.SIGKILL)
+
+
+class _Log(io.FileIO):
+    """The output stream of a process. Output that cannot be written, as on a full disk, is dropped.
+
+    A robot must not stop because of a line in a log.
+    """
+
+    def write(self, data: Buffer, /) -> int:
+        with suppress(OSError):
+            return super().write(data)
+        return memoryview(data).nbytes
+
+
+def make_printing_safe() -> None:
+    """Make every print of this process safe from failure, even in Python modules."""
+    for name, descriptor in (("stdout", 1), ("stderr", 2)):
+        log = cast(BinaryIO, _Log(descriptor, "wb", closefd=False))
+        stream = io.TextIOWrapper(log, encoding="utf-8", errors="backslashreplace", write_through=True)
+        setattr(sys, name, stream)
+
+
+def log_line(text: str) -> None:
+    """Print a line to standard error, the log of a child process; drop it if the log is full."""
+    with suppress(OSError):
+        print(text, file=sys.stderr, flush=True)
+
+
+def exit_with(text: str, code: int = EXIT_FINAL) -> NoReturn:
+    """Print why the process ends, and exit; by default with `EXIT_FINAL`."""
+    log_line(text)
+    sys.exit(code)
+
+
+def exit_on_exhaustion(problem: Exception) -> NoReturn:
+    """Exit with one line if memory, files or disk space are exhausted; raise other errors, which are bugs."""
+    if is_out_of_memory(problem):
+        exit_with("out of memory", EXIT_FAILED)
+    if isinstance(problem, OSError):
+        exit_with(described(problem), EXIT_FAILED)
+    raise problem

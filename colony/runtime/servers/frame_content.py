@@ -1,0 +1,281 @@
+"""The content of DServer's frames: the variables that were asked for by name, and no others.
+
+The deployed program asks for the variables that its sensors are bound to; connections ask by `publish`. So
+the size of a frame depends on its readers, not on the number of variables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
+
+import msgspec
+
+from colony.ir.types import Value
+from colony.runtime.frames.publishing import Fields
+from colony.runtime.protocol.calls import RefusedError
+from colony.runtime.protocol.messages import Sample
+from colony.runtime.servers.bounds import Bound
+from colony.runtime.store.store import Journal, Key
+
+FRAME_SPACE = 1 << 16
+"""Byte limit of the names and values in a frame that the program reads."""
+
+PUBLISHED_SPACE = 1 << 15
+"""Byte limit of the names and values in a frame that only connections asked for."""
+
+MAX_LIST_LENGTH = (FRAME_SPACE - 16) // 9
+"""Length of the longest list of numbers that a frame has room for."""
+
+MAX_NAMES_PER_CONNECTION = 1_000
+"""Largest number of names that one connection may ask for in frames."""
+
+MAX_NAMES_ASKED = 10_000
+"""Largest number of names that all connections together may ask for in frames."""
+
+_READS = Key("fact", "reads")
+
+
+class FrameValue(NamedTuple):
+    """A value as shown in frames, None if it cannot be, and its size there in bytes, or 0."""
+
+    value: Value | None
+    size: int
+
+
+NO_FRAME_VALUE = FrameValue(None, 0)
+"""The frame value of anything but a number, a bool, or a list of these."""
+
+
+def frame_value(name: str, data: bytes) -> FrameValue:
+    """Return the frame value of a value in msgpack.
+
+    A list that is too long for any frame is not decoded or checked; only its size is set.
+    """
+    length = _list_length(data)
+    if length is not None and length > MAX_LIST_LENGTH:
+        return FrameValue(None, _size(name, length))
+    try:
+        value = _numbers.decode(data)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return NO_FRAME_VALUE
+    if isinstance(value, tuple):
+        return FrameValue(value, _size(name, len(value))) if value else NO_FRAME_VALUE
+    return FrameValue(value, _size(name, 1))
+
+
+class FrameContent:
+    """The content of frames. Mutable: the variables that they show, with their present values.
+
+    The variables that the program reads and those that only connections asked for have separate limits: so
+    observers take no room from the program. A value that finds no room is left out.
+    """
+
+    def __init__(self, space: int = FRAME_SPACE) -> None:
+        self.space = space
+        self._bound = Bound("numbers in frames", space, in_bytes=True)
+        self._published = Bound("numbers in frames that no program reads", PUBLISHED_SPACE, in_bytes=True)
+        self._used = self._used_besides = 0
+        self._names: set[str] = set()
+        self._read: frozenset[str] = frozenset()
+        self._samples: dict[str, Sample] = {}
+        self._sizes: dict[str, int] = {}
+        self._fields: Fields | None = None
+
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """Sentences for users about the limits reached since the server started."""
+        return (*self._bound.reached(self._used), *self._published.reached(self._used_besides))
+
+    def set_program_names(self, names: Iterable[str]) -> frozenset[str]:
+        """Set the variables that the program reads, in place of earlier ones.
+
+        Return the changed names; the caller must `put` their present values again.
+        """
+        new = frozenset(names)
+        changed = self._read ^ new
+        for name in changed:
+            self.drop(name)
+        self._read = new
+        return changed
+
+    def fields(self) -> Fields:
+        """Return the fields of a frame; they are one object, shared by frames, until something changes."""
+        if self._fields is None:
+            self._fields = self._samples.copy()
+        return self._fields
+
+    def growth(self, name: str, size: int) -> int:
+        """Return the bytes by which a value of this size enlarges the program's part of frames."""
+        return size - self._sizes.get(name, 0) if name in self._names and name in self._read else 0
+
+    def expect_room_besides(self, size: int) -> None:
+        """Check that frames have room for `size` more bytes that no program reads.
+
+        Raises:
+            RefusedError: "full".
+        """
+        if not self._published.allows(self._used_besides + size):
+            text = (
+                f"DServer's frames have no room for more than {PUBLISHED_SPACE} bytes that no program reads"
+            )
+            raise RefusedError("full", text)
+
+    def expect_room(self, growth: int) -> None:
+        """Check that the program's part of frames has room for `growth` more bytes.
+
+        Raises:
+            RefusedError: "full".
+        """
+        if growth > 0 and not self._bound.allows(self._used + growth):
+            text = f"DServer's frames have no room for more than {self._bound.limit} bytes of numbers"
+            raise RefusedError("full", text)
+
+    def show(self, name: str) -> None:
+        """Show a variable from now on; the caller must `put` its present value."""
+        self._names.add(name)
+
+    def hide(self, name: str) -> None:
+        """Stop showing a variable."""
+        self._names.discard(name)
+        self.drop(name)
+
+    def put(self, name: str, shown: FrameValue, t_ns: int) -> None:
+        """Show the new value of a variable, if it is wanted."""
+        if name not in self._names:
+            return
+        self.drop(name)
+        if shown.size and self._allows(name, shown.size) and shown.value is not None:
+            self._fields = None
+            self._samples[name] = Sample(shown.value, t_ns)
+            self._sizes[name] = shown.size
+            self._count(name, shown.size)
+
+    def drop(self, name: str) -> None:
+        """Leave out a variable, until it gets a value."""
+        if self._samples.pop(name, None) is not None:
+            self._fields = None
+            self._count(name, -self._sizes.pop(name))
+
+    def _allows(self, name: str, size: int) -> bool:
+        if name in self._read:
+            return self._bound.allows(self._used + size)
+        return self._published.allows(self._used_besides + size)
+
+    def _count(self, name: str, size: int) -> None:
+        if name in self._read:
+            self._used += size
+        else:
+            self._used_besides += size
+
+
+class FrameSubscriptions:
+    """The variables that the program and connections asked for. Mutable.
+
+    Names that the program reads go into the journal. Most methods return the names that frames show from now
+    on, or no longer.
+    """
+
+    def __init__(self, journal: Journal) -> None:
+        self._journal = journal
+        self._run: str | None = None
+        self._reads: tuple[str, ...] = ()
+        self._reading = False
+        self._asked: dict[str, dict[str, None]] = {}  # by connection
+        self._count: dict[str, int] = {}
+        self._bound = Bound("names asked for in frames", MAX_NAMES_ASKED)
+        self._total = 0
+
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """Sentences for users about the limits reached since the server started."""
+        return self._bound.reached(self._total)
+
+    def deploy(self, run: str, reads: tuple[str, ...]) -> tuple[str, ...]:
+        """Replace the program; return the names that no longer have a reader."""
+        gone = self.begin_frame(None)[1]
+        self._run, self._reads = run, tuple(dict.fromkeys(reads))
+        self._journal.put(_READS, _encode((self._run, self._reads)))
+        return gone
+
+    def begin_frame(self, run: str | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Begin a frame of a run; return the names to show from now on, and those to show no longer.
+
+        The program's names count in frames of its own run only.
+        """
+        reading = run is not None and run == self._run
+        if reading == self._reading:
+            return (), ()
+        self._reading = reading
+        if reading:
+            return tuple(self._add(self._reads)), ()
+        return (), tuple(self._take(self._reads))
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The variables that the program reads in the present frame."""
+        return self._reads if self._reading else ()
+
+    def subscribe(self, connection: str, names: Iterable[str]) -> tuple[str, ...]:
+        """Add names to those that a connection asks for; return those that had no reader before.
+
+        Raises:
+            RefusedError: "full".
+        """
+        asked = self._asked.get(connection, {})
+        new = [name for name in dict.fromkeys(names) if name not in asked]
+        if len(asked) + len(new) > MAX_NAMES_PER_CONNECTION:
+            raise RefusedError(
+                "full",
+                f"DServer: a connection asks for at most {MAX_NAMES_PER_CONNECTION} variables in frames",
+            )
+        if not self._bound.allows(self._total + len(new)):
+            raise RefusedError(
+                "full", f"DServer: connections ask for {MAX_NAMES_ASKED} variables in frames already"
+            )
+        self._asked.setdefault(connection, asked).update(dict.fromkeys(new))
+        self._total += len(new)
+        return tuple(self._add(new))
+
+    def lost(self, connection: str) -> tuple[str, ...]:
+        """Drop the names of a connection that ended; return those that no longer have a reader."""
+        gone = self._asked.pop(connection, {})
+        self._total -= len(gone)
+        return tuple(self._take(gone))
+
+    def load(self, entries: Mapping[Key, bytes]) -> None:
+        """Load the names that the program reads from the entries of a store."""
+        if _READS in entries:
+            self._run, self._reads = _reads.decode(entries[_READS])
+
+    def _add(self, names: Iterable[str]) -> Iterator[str]:
+        for name in names:
+            self._count[name] = self._count.get(name, 0) + 1
+            if self._count[name] == 1:
+                yield name
+
+    def _take(self, names: Iterable[str]) -> Iterator[str]:
+        for name in names:
+            self._count[name] -= 1
+            if not self._count[name]:
+                del self._count[name]
+                yield name
+
+
+def _list_length(data: bytes) -> int | None:
+    """Return the length of a list in msgpack, by its first bytes; None for any other value."""
+    first = data[0] if data else 0
+    if first & 0xF0 == 0x90:
+        return first & 0x0F
+    if first in (0xDC, 0xDD):
+        return int.from_bytes(data[1 : 3 if first == 0xDC else 5], "big")
+    return None
+
+
+def _size(name: str, numbers: int) -> int:
+    return len(name.encode()) + 9 * numbers + 16
+
+
+_encode = msgspec.msgpack.Encoder().encode
+_numbers = msgspec.msgpack.Decoder(float | bool | tuple[float | bool, ...])
+_reads = msgspec.msgpack.Decoder(tuple[str, tuple[str, ...]])

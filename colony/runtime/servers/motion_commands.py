@@ -1,0 +1,201 @@
+"""Translation of RServer's calls into motions of the base, within the allowed range.
+
+The functions are pure. They return the motion, and most of them the new settings: the velocity or
+acceleration of a call becomes the default of later calls (thesis section 4.6.3). Impossible requests raise
+`RefusedError` with the code "arguments".
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from colony.runtime.arbitration import motion
+from colony.runtime.arbitration.motion import FiniteMotion, Motion, Speeds
+from colony.runtime.library import robot
+from colony.runtime.protocol.calls import RefusedError
+from colony.runtime.servers.drivers import BaseLimits
+
+
+class Range(NamedTuple):
+    """The allowed speeds, lowest and highest, in mm/s and deg/s counterclockwise, and the accelerations."""
+
+    velocity: tuple[float, float]
+    turn: tuple[float, float]
+    acceleration: float
+    turn_acceleration: float
+
+    def clamp(self, speeds: Speeds) -> Speeds:
+        """Return the nearest allowed speeds."""
+        return Speeds(_clamped(speeds.velocity, self.velocity), _clamped(speeds.turn, self.turn))
+
+
+def full_range(limits: BaseLimits) -> Range:
+    """Return the full range of a base."""
+    return Range(
+        (-limits.velocity, limits.velocity),
+        (-limits.turn, limits.turn),
+        limits.acceleration,
+        limits.turn_acceleration,
+    )
+
+
+class Settings(NamedTuple):
+    """The magnitudes set by the last commands, for motion along a path and for turns on the spot."""
+
+    velocity: float
+    acceleration: float
+    turn_velocity: float
+    turn_acceleration: float
+
+
+def initial_settings(limits: BaseLimits) -> Settings:
+    """Return the initial settings, which are slow."""
+    return Settings(
+        velocity=min(200.0, limits.velocity),
+        acceleration=limits.acceleration / 2.0,
+        turn_velocity=min(30.0, limits.turn),
+        turn_acceleration=limits.turn_acceleration / 2.0,
+    )
+
+
+def drive(arguments: robot.Drive, allowed: Range) -> Motion:
+    """Return a motion at the given speeds."""
+    velocity = _in_range("velocity", arguments.velocity, allowed.velocity, "mm/s")
+    turn = _in_range("turn", arguments.turn, allowed.turn, "deg/s")
+    return motion.ConstantSpeeds(speeds=Speeds(velocity, turn))
+
+
+def go(
+    arguments: robot.Go, settings: Settings, allowed: Range, previous: Motion | None, *, integrating: bool
+) -> tuple[Motion, Settings]:
+    """Return a motion straight ahead; a repeated one holds the heading of the `previous` one."""
+    velocity = _in_range("velocity", arguments.velocity, allowed.velocity, "mm/s")
+    if velocity != 0.0:
+        settings = settings._replace(velocity=abs(velocity))
+    held = previous if isinstance(previous, motion.Go) else None
+    wanted = motion.Go(
+        velocity=velocity,
+        acceleration=settings.acceleration,
+        integrating=integrating,
+        heading=None if held is None else held.heading,
+        error=0.0 if held is None else held.error,
+    )
+    return wanted, settings
+
+
+def jog(arguments: robot.Jog, settings: Settings, allowed: Range, previous: Motion | None) -> Motion:
+    """Return a turning rate on top of the forward speed of the `previous` motion."""
+    low, high = allowed.turn
+    rate = _in_range("rate", arguments.rate, (-high, -low), "deg/s")
+    match previous:
+        case motion.Go(velocity=velocity) | motion.Jog(velocity=velocity):
+            pass
+        case motion.ConstantSpeeds(speeds=speeds):
+            velocity = speeds.velocity
+        case _:
+            velocity = 0.0
+    return motion.Jog(
+        velocity=velocity,
+        rate=rate,
+        acceleration=settings.acceleration,
+        turn_acceleration=settings.turn_acceleration,
+    )
+
+
+def halt(arguments: robot.Halt, settings: Settings) -> Motion:
+    """Return a stop, immediate or gradual."""
+    return motion.Halt(
+        gradual=arguments.mode == 0,
+        acceleration=settings.acceleration,
+        turn_acceleration=settings.turn_acceleration,
+    )
+
+
+def move(arguments: robot.Move, settings: Settings, allowed: Range) -> tuple[FiniteMotion, Settings]:
+    """Return a motion over a distance."""
+    distance = _finite("distance", arguments.distance)
+    low, high = allowed.velocity
+    settings = _path_settings(arguments, settings, allowed, high if distance > 0.0 else -low)
+    wanted = motion.Move(distance=distance, velocity=settings.velocity, acceleration=settings.acceleration)
+    return wanted, settings
+
+
+def turn(arguments: robot.Turn, settings: Settings, allowed: Range) -> tuple[FiniteMotion, Settings]:
+    """Return a turn by degrees on the spot."""
+    degrees = _finite("degrees", arguments.degrees)
+    most = -allowed.turn[0] if degrees > 0.0 else allowed.turn[1]
+    settings = settings._replace(
+        turn_velocity=_magnitude("velocity", arguments.velocity, settings.turn_velocity, most, "deg/s"),
+        turn_acceleration=_magnitude(
+            "acceleration",
+            arguments.acceleration,
+            settings.turn_acceleration,
+            allowed.turn_acceleration,
+            "deg/s^2",
+        ),
+    )
+    wanted = motion.Turn(
+        degrees=degrees,
+        velocity=settings.turn_velocity,
+        acceleration=settings.turn_acceleration,
+        braking=settings.acceleration,
+    )
+    return wanted, settings
+
+
+def continuous_turn(
+    arguments: robot.ContinuousTurn, settings: Settings, allowed: Range
+) -> tuple[FiniteMotion, Settings]:
+    """Return a turn by degrees along an arc, slow enough for the allowed turning speed."""
+    degrees, radius = _finite("degrees", arguments.degrees), _finite("radius", arguments.radius)
+    if radius <= 0.0:
+        raise RefusedError("arguments", f"radius is {radius:g} mm; expected more than 0")
+    most = -allowed.turn[0] if degrees > 0.0 else allowed.turn[1]
+    settings = _path_settings(arguments, settings, allowed, allowed.velocity[1])
+    wanted = motion.Arc(
+        degrees=degrees,
+        radius=radius,
+        velocity=min(settings.velocity, math.radians(most) * radius),
+        acceleration=settings.acceleration,
+    )
+    return wanted, settings
+
+
+def _path_settings(
+    arguments: robot.Move | robot.ContinuousTurn, settings: Settings, allowed: Range, most: float
+) -> Settings:
+    return settings._replace(
+        velocity=_magnitude("velocity", arguments.velocity, settings.velocity, most, "mm/s"),
+        acceleration=_magnitude(
+            "acceleration", arguments.acceleration, settings.acceleration, allowed.acceleration, "mm/s^2"
+        ),
+    )
+
+
+def _clamped(value: float, allowed: tuple[float, float]) -> float:
+    return min(max(value, allowed[0]), allowed[1])
+
+
+def _finite(name: str, value: float) -> float:
+    if not math.isfinite(value):
+        raise RefusedError("arguments", f"{name} is {value}; expected a finite number")
+    return value
+
+
+def _in_range(name: str, value: float, allowed: tuple[float, float], unit: str) -> float:
+    if not (math.isfinite(value) and allowed[0] <= value <= allowed[1]):
+        expected = f"expected {allowed[0]:g} to {allowed[1]:g} {unit}"
+        raise RefusedError("arguments", f"{name} is {value:g} {unit}; {expected}")
+    return value
+
+
+def _magnitude(name: str, value: float, kept: float, most: float, unit: str) -> float:
+    """Return a given magnitude or, if it is negative, the kept one."""
+    if most <= 0.0:
+        raise RefusedError("arguments", f"{name}: the program's range allows no motion in that direction")
+    if value < 0.0:
+        return min(kept, most)
+    if value == 0.0:
+        raise RefusedError("arguments", f"{name} is 0 {unit}; expected above 0, or below 0 to keep it")
+    return _in_range(name, value, (0.0, most), unit)

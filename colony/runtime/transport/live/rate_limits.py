@@ -1,0 +1,78 @@
+"""Limits on the rates at which users of other machines may send to a process.
+
+The keys of all messages from clients contain the user, and the gateway ties these keys to certificates. A
+message is therefore counted before it is decoded, at a fraction of the cost of decoding. Processes of this
+machine share one user and are not counted, because they would share one rate; the number of their waiting
+calls limits a program that calls without end (`message_queue.py`). Their messages under the right to stop are
+counted by connection, because the queue of these messages (`stop_lane.py`) has no limit per connection.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from colony.runtime.protocol.topics import user_of
+from colony.runtime.transport.live.meter import Meter, Rate
+
+CALL_RATE = Rate(per_s=2000.0, burst=1000.0)
+"""The rate of calls and signs of life of one user at one server, except under the right to stop.
+
+A program that waits for each answer stays below it.
+"""
+
+STOP_RATE = Rate(per_s=500.0, burst=100.0)
+"""The rate of calls and signs of life under the right to stop, per user or local connection.
+
+Stops beyond it would change nothing.
+"""
+
+FETCH_RATE = Rate(per_s=500.0, burst=500.0)
+"""The rate of fetches (requests for missed frames) of one user's programs."""
+
+PROGRAM_RATE = Rate(per_s=20_000.0, burst=10_000.0)
+"""The rate of messages of frames, other than fetches, from one user's clients."""
+
+REFUSAL_RATE = Rate(per_s=20.0, burst=20.0)
+"""The rate of refusals (code `flood`) of one user's excess calls; further ones are dropped silently."""
+
+
+class RateLimits:
+    """The rate limits of one server. Mutable: the tokens left. Threads may share it.
+
+    Args:
+        local_user: user of this machine's processes. Their messages are not counted, except those under the
+            right to stop.
+        monotonic: monotonic clock in nanoseconds.
+    """
+
+    def __init__(self, local_user: str, monotonic: Callable[[], int] = time.monotonic_ns) -> None:
+        self._local = local_user
+        self._now = monotonic
+        self._calls, self._stops = Meter(CALL_RATE), Meter(STOP_RATE)
+        self._fetches, self._programs = Meter(FETCH_RATE), Meter(PROGRAM_RATE)
+        self._refusals = Meter(REFUSAL_RATE)
+
+    def call(self, connection: str, size: int) -> bool:
+        """Count a call, or a sign of life, of `size` bytes; return True if it is within the rate."""
+        user = user_of(connection)
+        return user == self._local or self._calls.take(user, size, self._now())
+
+    def stop(self, connection: str, size: int) -> bool:
+        """Count a message of `size` bytes under the right to stop; return True if it is within the rate."""
+        user = user_of(connection)
+        return self._stops.take(connection if user == self._local else user, size, self._now())
+
+    def frame(self, kind: str, user: str, size: int, count: int = 1) -> bool:
+        """Count frame messages of one `kind`, such as "requests"; return True if they are within the rate.
+
+        `size` is the total of all `count` messages in bytes.
+        """
+        if user == self._local:
+            return True
+        meter = self._fetches if kind == "fetches" else self._programs
+        return meter.take(user, size, self._now(), count)
+
+    def refusal(self, connection: str) -> bool:
+        """Count a call over the rate; return True if it gets a reply, False if it is dropped."""
+        return self._refusals.take(user_of(connection), 0, self._now())

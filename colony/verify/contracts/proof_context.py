@@ -1,0 +1,49 @@
+"""The context of proofs: one encoding of a program, and the contracts proved in it so far."""
+
+from __future__ import annotations
+
+from colony.verify.contracts.candidates import Candidate, candidates
+from colony.verify.contracts.cone import cone_of, covers, key_of
+from colony.verify.contracts.houdini import invariants, unbroken
+from colony.verify.contracts.solver import Budget
+from colony.verify.contracts.walk import not_refuted
+from colony.verify.symbolic.cones import Cone
+from colony.verify.symbolic.system import Claim, System
+
+_SHARE = 0.3
+"""Additional share of a contract's budget for the search for invariants."""
+
+_MAX_GUESSES = 300
+"""Maximum number of guesses to try; the likelier ones come first."""
+
+
+class ProofContext:
+    """One encoding of a program as formulas. Mutable: the contracts proved and the invariants found in it."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.claims = {claim.name: claim for claim in system.claims}
+        self.cones = {claim.name: cone_of(system, claim) for claim in system.claims}
+        self._proved: list[Claim] = []
+        self._invariants: dict[frozenset[int], tuple[Candidate, ...]] = {}
+
+    def record_proof(self, contract: str) -> None:
+        """Record that a contract holds in every frame."""
+        self._proved.append(self.claims[contract])
+
+    def lemmas(self, cone: Cone) -> list[Claim]:
+        """Return the proved contracts that depend on nothing outside a cone."""
+        return [claim for claim in self._proved if covers(cone, self.cones[claim.name])]
+
+    def invariants(self, cone: Cone, budget: Budget) -> tuple[Candidate, ...]:
+        """Return the invariants of a cone; they are searched for once."""
+        key = key_of(cone)
+        if key not in self._invariants:
+            within = [c for c in self.system.claims if covers(cone, self.cones[c.name])]
+            proved = self.lemmas(cone)
+            open_ = [c for c in within if c not in proved]
+            part = budget.part(_SHARE)
+            guesses = not_refuted(cone, candidates(cone, tuple(within)), part)
+            found = invariants(cone, guesses[:_MAX_GUESSES], open_, [unbroken(c) for c in proved], part)
+            self._invariants[key] = found.of_memory
+        return self._invariants[key]

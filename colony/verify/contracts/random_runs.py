@@ -1,0 +1,27 @@
+"""Random runs of the reference interpreter: they find broken contracts where formulas cannot decide."""
+
+from __future__ import annotations
+
+from random import Random
+
+from colony.ir.program import Program
+from colony.verify.contracts.replay import Replay
+from colony.verify.snapshot import Snapshot, snapshot_of
+from colony.verify.testing.drawing import Choices
+from colony.verify.testing.guided import Guide
+
+_TRACES = 150
+_FRAMES = 8
+
+
+def random_counterexample(program: Program, replay: Replay) -> tuple[Snapshot, ...] | None:
+    """Return the first of a few random runs that breaks the contract, None if none does. Deterministic."""
+    guide = Guide(program, _FRAMES)
+    for number in range(replay.affordable(_TRACES)):
+        trace = guide.draw(Choices(Random(number)))
+        snapshots = tuple(snapshot_of(program, frame) for frame in trace)
+        if replay.breaks(snapshots):
+            return snapshots
+        outcomes = replay.run(snapshots)
+        guide.learn(trace, [tuple((d.by, d.fault) for d in o.decisions) for o in outcomes])
+    return None

@@ -1,0 +1,200 @@
+"""An index of formulas, to find an earlier formula that is provably equal to a new one.
+
+Candidates are found in two ways. Every node has a *fingerprint*: its value where inputs are random numbers
+modulo a prime, a conjunction is the product and `not a` is 1 - a; so conjunctions of the same parts have the
+same fingerprint, in whatever order they were joined. And it has a *signature*: its values under about a
+thousand random valuations of the inputs. z3 then proves that two candidates are equal. A formula that is not
+proved equal quickly is left as it is, which costs speed only. Replacing each formula by an equal older one
+keeps the next proofs small, since their parts are already the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from random import Random
+
+from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, History, Opaque
+from colony.verify.equivalence.solver import NEAR_LIMITS, Solver, differ
+
+CANDIDATES = 4
+"""Maximum number of formulas to try of one signature; a signature that more formulas have says too little."""
+
+_SEED = 1994
+_PRIME = 2**61 - 1
+
+
+class FormulaIndex:
+    """The formulas of a circuit, by fingerprint and signature. Mutable: it grows with the circuit.
+
+    `order` holds inputs (or their negations), first those that are likely to keep later ones from acting:
+    valuations in which only inputs from some place on are true distinguish formulas that are nearly always
+    false. `rare` holds other inputs, besides histories, that should mostly be false. `near` limits the search
+    for a proof where only the signatures are equal.
+    """
+
+    def __init__(
+        self,
+        circuit: Circuit,
+        solver: Solver,
+        order: Sequence[int] = (),
+        rare: Iterable[int] = (),
+        near: Sequence[int] = NEAR_LIMITS[:2],
+    ) -> None:
+        self.circuit = circuit
+        self.solver = solver
+        self.merged = 0
+        self._near = near
+        self._random = Random(_SEED)
+        self._width = 1024 if len(circuit) < 2_000 else 8192
+        self._mask = (1 << self._width) - 1
+        self._quarters = tuple(int("0" * i + "1" + "0" * (3 - i), 2) * (self._mask // 15) for i in range(4))
+        self._order: dict[int, tuple[int, int]] = {}  # by node: its place, and 1 if it is negated
+        for literal in order:
+            self._order.setdefault(literal >> 1, (len(self._order), literal & 1))
+        self._rare = {literal >> 1 for literal in rare}
+        self._rare |= {at >> 1 for of, at in circuit.inputs.items() if not isinstance(of, Opaque)}
+        self._rare -= self._order.keys()
+        self._signatures: list[int] = []
+        self._fingerprints: list[int] = []
+        self._old = len(circuit)
+        self._extend()
+        self._by_fingerprint: dict[int, int] = {}
+        for node, fingerprint in enumerate(self._fingerprints):
+            self._by_fingerprint.setdefault(min(fingerprint, (1 - fingerprint) % _PRIME), node)
+        self._by_signature: dict[int, list[int]] = {}
+        for node, signature in enumerate(self._signatures):
+            self._by_signature.setdefault(min(signature, signature ^ self._mask), []).append(node)
+        self._histories: dict[int, list[tuple[int, int]]] = {}
+        for of, literal in circuit.inputs.items():
+            if isinstance(of, History):
+                self._histories.setdefault(of.window_ns, []).append((of.operand, literal))
+
+    def find(self, literal: int) -> int:
+        """Return an earlier literal that is proved equal, else the literal itself."""
+        if literal >> 1 < self._old:
+            return literal
+        self._extend()
+        fingerprint = self._fingerprints[literal >> 1]
+        likely = self._by_fingerprint.get(min(fingerprint, (1 - fingerprint) % _PRIME))
+        if likely is not None:
+            old = 2 * likely + ((fingerprint != self._fingerprints[likely]) ^ (literal & 1))
+            if self.solver.refutes(differ(literal, old)):
+                self.merged += 1
+                return old
+        for old in self._alike(literal):
+            if self.solver.refutes(differ(literal, old), near=self._near):
+                self.merged += 1
+                return old
+        return literal
+
+    def _alike(self, literal: int) -> list[int]:
+        """Return the earlier literals with the same signature, or the constant; none if they are too many."""
+        value = self._value(literal)
+        if value in (0, self._mask):
+            return [TRUE if value else FALSE]
+        nodes = self._by_signature.get(min(value, value ^ self._mask), [])
+        if len(nodes) > CANDIDATES:
+            return []
+        return [2 * node + (value != self._signatures[node]) for node in nodes]
+
+    def recently(self, operand: int, window_ns: int) -> int:
+        """Return "holds or held within a window", reusing the history of a provably equal condition."""
+        if operand in (FALSE, TRUE) or window_ns <= 0:
+            return operand
+        history = self._histories_of(operand, window_ns)
+        return self.circuit.either(operand, history)
+
+    def _histories_of(self, operand: int, window_ns: int) -> int:
+        known = self._histories.setdefault(window_ns, [])
+        for old, history in known:
+            if old == operand:
+                return history
+        self._extend()
+        alike = [(old, h) for old, h in known if self._value(old) == self._value(operand)]
+        for old, history in [(FALSE, FALSE), *alike] if self._value(operand) == 0 else alike:
+            if self.solver.refutes(differ(operand, old)):
+                self.merged += 1
+                known.append((operand, history))
+                return history
+        history = self.circuit.input(History(operand, window_ns))
+        known.append((operand, history))
+        return history
+
+    # --- signatures ------------------------------------------------------------------------------
+
+    def _value(self, literal: int) -> int:
+        signature = self._signatures[literal >> 1]
+        return signature ^ self._mask if literal & 1 else signature
+
+    def _extend(self) -> None:
+        """Compute the signatures of all nodes that have none yet."""
+        signatures, fingerprints, circuit = self._signatures, self._fingerprints, self.circuit
+        for node in range(len(signatures), len(circuit)):
+            if node and not circuit.is_input(node):
+                left, right = circuit.left[node], circuit.right[node]
+                signatures.append(self._value(left) & self._value(right))
+                fingerprints.append(self._fingerprint(left) * self._fingerprint(right) % _PRIME)
+            else:
+                signatures.append(self._drawn(node) if node else 0)
+                fingerprints.append(self._random.randrange(_PRIME) if node else 0)
+
+    def _fingerprint(self, literal: int) -> int:
+        fingerprint = self._fingerprints[literal >> 1]
+        return (1 - fingerprint) % _PRIME if literal & 1 else fingerprint
+
+    def _drawn(self, node: int) -> int:
+        """Return random valuations of an input.
+
+        In the i-th of n valuations only inputs from i/n of the order on are true, but for a few others. In a
+        quarter of the valuations half of those are true, in the others fewer. So for each place of the order
+        some valuations let the input at that place through.
+        """
+        width = self._width
+        dense, sparser, sparse, quiet = self._quarters
+        if node in self._order:
+            place, negated = self._order[node]
+            until = width * (place + 1) // len(self._order) + 1
+            free = self._sparse(1) & dense | self._sparse(3) & (sparser | quiet) | self._sparse(5) & sparse
+            drawn = free & ((1 << min(width, until)) - 1) | self._few(len(self._order))
+            return drawn ^ self._mask if negated else drawn
+        if node in self._rare:
+            return self._sparse(4) & dense | self._few(len(self._rare))
+        return self._random.getrandbits(width)
+
+    def _sparse(self, halvings: int) -> int:
+        """Return each valuation with a probability of one in 2 ** halvings."""
+        drawn = self._mask
+        for _ in range(halvings):
+            drawn &= self._random.getrandbits(self._width)
+        return drawn
+
+    def _few(self, inputs: int) -> int:
+        """Return a few valuations, such that one of `inputs` inputs is true in about every second one."""
+        drawn = 0
+        for _ in range(max(1, self._width // (2 * inputs))):
+            drawn |= 1 << self._random.randrange(self._width)
+        return drawn
+
+    # --- histories of the network itself ---------------------------------------------------------
+
+    def first_alike(self, literals: Sequence[int]) -> list[int | None]:
+        """Return, for each literal, the place of the first provably equal one; None: it is provably false."""
+        groups: dict[int, list[int]] = {}
+        found: list[int | None] = []
+        for at, literal in enumerate(literals):
+            value = self._value(literal)
+            if value == 0 and self.solver.refutes([(literal,)]):
+                found.append(None)
+                continue
+            group = groups.setdefault(value, [])
+            same = (o for o in group[:CANDIDATES] if self.solver.refutes(differ(literal, literals[o])))
+            first = next((o for o in group if literals[o] == literal), None)
+            first = next(same, at) if first is None else first
+            if first == at:
+                group.append(at)
+            found.append(first)
+        return found
+
+    def remember(self, operand: int, window_ns: int, history: int) -> None:
+        """Record that `history` is true less than the window after a frame with `operand`."""
+        self._histories.setdefault(window_ns, []).append((operand, history))

@@ -1,0 +1,175 @@
+"""The network as written, in Boolean formulas: the reference for every compiled form.
+
+This is part of what a proof trusts, so it stays close to the language reference and shares nothing with the
+compiler. For every module and wire there is a formula for "puts a command on its output":
+
+    active(A suppresses[T] B) = active(A) or active(B) and not dominates
+    active(A inhibits[T] B)   = active(B) and not dominates
+    dominates                 = active(A) now, or in an earlier frame less than T ago
+
+and, from the wiring that drives an actuator down to the modules, one for "what it puts there gets through":
+
+    through(wiring of the actuator) = true
+    through(A) = through(A suppresses B)                         (of an inhibitor's dominant side, nothing)
+    through(B) = through(A suppresses B) and not dominates       (the same of an inhibitor)
+
+or, for what is used in several places, through one of them. A module wins where it is active and through. In
+every frame the nodes that are both active and through form one path from the actuator to one module, since
+exactly one of the two inputs of a node on the path is the next; so no two modules win.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from colony.ir.program import Program
+from colony.ir.wiring import joints_of
+from colony.verify.equivalence.circuit import FALSE, TRUE, Activity, Circuit, History
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joint:
+    """A suppressor or inhibitor, with references to its inputs, which come before it."""
+
+    suppresses: bool
+    dominant: int
+    inferior: int
+    window_ns: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Root:
+    """An actuator: the node that drives it, and the formulas of the nodes below.
+
+    The formulas say when each node gets through to it, and when each module wins.
+    """
+
+    node: int
+    through: Mapping[int, int]
+    wins: Mapping[str, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkFormulas:
+    """The formulas of a network.
+
+    Attributes:
+        nodes: Modules (strings), and joints after their inputs.
+        active: Formula of each node's activity.
+        dominates: Formula of each joint's dominant input dominating.
+        names: Node of each module and wire.
+        roots: Actuators that are driven.
+    """
+
+    nodes: tuple[str | Joint, ...]
+    active: tuple[int, ...]
+    dominates: tuple[int, ...]
+    names: Mapping[str, int]
+    roots: Mapping[str, Root]
+
+    def dominant(self, at: int) -> int:
+        """Return the formula of the dominant input of a joint."""
+        return self.active[_joint(self.nodes[at]).dominant]
+
+    def activity(self, name: str) -> int:
+        """Return the formula of a module's or wire's activity."""
+        return self.active[self.names[name]]
+
+
+NEVER = -1
+"""Stands for a joint whose dominant input is never active, so that it has no history."""
+
+
+def encode_network(
+    program: Program, circuit: Circuit, alike: Mapping[int, int] = MappingProxyType({})
+) -> NetworkFormulas:
+    """Encode all wires of a program as formulas.
+
+    Time constants share a history where their dominant inputs are the same formula. `alike` maps a joint to
+    another joint whose dominant input was proved equal, so that they share a history as well, or to `NEVER`
+    if its dominant input is never active.
+    """
+    wired = _Wired(program)
+    active: list[int] = []
+    dominates: list[int] = []
+    for at, node in enumerate(wired.nodes):
+        if isinstance(node, str):
+            active.append(circuit.input(Activity(node)))
+            dominates.append(FALSE)
+            continue
+        dominant, inferior = active[node.dominant], active[node.inferior]
+        same = alike.get(at, at)
+        remembered = FALSE if same == NEVER else active[_joint(wired.nodes[same]).dominant]
+        dominating = _recently(circuit, dominant, remembered, node.window_ns)
+        passing = circuit.both(inferior, dominating ^ 1)
+        active.append(circuit.either(dominant, passing) if node.suppresses else passing)
+        dominates.append(dominating)
+    roots = {
+        actuator: _root(wired.nodes, root, active, dominates, circuit)
+        for actuator, root in wired.driving.items()
+    }
+    return NetworkFormulas(
+        nodes=tuple(wired.nodes),
+        active=tuple(active),
+        dominates=tuple(dominates),
+        names=wired.names,
+        roots=roots,
+    )
+
+
+def _joint(node: str | Joint) -> Joint:
+    assert isinstance(node, Joint), "only joints have time constants"
+    return node
+
+
+def _recently(circuit: Circuit, now: int, remembered: int, window_ns: int) -> int:
+    """Return "holds `now`, or held less than the window ago"; `remembered` is the condition in the past.
+
+    A condition that never holds, or always holds, has no history.
+    """
+    if window_ns <= 0 or remembered in (FALSE, TRUE):
+        return now
+    return circuit.either(now, circuit.input(History(remembered, window_ns)))
+
+
+def _root(
+    nodes: list[str | Joint], root: int, active: list[int], dominates: list[int], circuit: Circuit
+) -> Root:
+    through = {root: TRUE}
+    wins: dict[str, int] = {}
+    for at in range(root, -1, -1):  # a node comes after its inputs, so all uses of it are known
+        node = nodes[at]
+        if at not in through:
+            continue
+        if isinstance(node, str):
+            wins[node] = circuit.both(through[at], active[at])
+            continue
+        if node.suppresses:
+            through[node.dominant] = circuit.either(through.get(node.dominant, FALSE), through[at])
+        passing = circuit.both(through[at], dominates[at] ^ 1)
+        through[node.inferior] = circuit.either(through.get(node.inferior, FALSE), passing)
+    return Root(node=root, through=through, wins=wins)
+
+
+class _Wired:
+    """The wires as one table of nodes: all modules, then each joint after its inputs."""
+
+    def __init__(self, program: Program) -> None:
+        wired = joints_of(program)
+        names = [*(module.name for module in program.modules), *(joint.name for joint in wired.joints)]
+        at = {name: i for i, name in enumerate(names)}
+        self.nodes: list[str | Joint] = [module.name for module in program.modules]
+        self.nodes += [
+            Joint(
+                suppresses=joint.relation == "suppresses",
+                dominant=at[joint.dominant],
+                inferior=at[joint.inferior],
+                window_ns=joint.window_ns,
+            )
+            for joint in wired.joints
+        ]
+        self.names = {module.name: at[module.name] for module in program.modules}
+        self.names |= {wire: at[stands_for] for wire, stands_for in wired.wires.items()}
+        self.driving = {actuator: at[root] for actuator, root in wired.roots.items()}

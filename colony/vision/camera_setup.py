@@ -1,0 +1,32 @@
+"""The setup of a level camera."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Any
+
+from colony.runtime.kit.script import Step, do
+from colony.runtime.library import camera
+from colony.vision.level_camera import LevelCamera
+from colony.vision.lights.observing import NO_ANSWER_ERRORS, ensure_period
+
+
+def prepare_camera(name: str, geometry: LevelCamera, period_s: float) -> Generator[Step, Any, bool]:
+    """Make a camera take an image at least every `period_s`; return False if it does not answer.
+
+    Repeat this if the camera was away or had no new image after a period: it may have restarted.
+
+    Raises:
+        ValueError: the size of its images is not that of `geometry`.
+    """
+    yield from ensure_period((name,), period_s)
+    try:
+        size = yield from do(name, camera.size())
+    except NO_ANSWER_ERRORS:
+        return False
+    if (size.width, size.height) != (geometry.columns, geometry.rows):
+        found = f"{name} gives images of {size.width} x {size.height} pixels"
+        raise ValueError(
+            f"{found}; expected {geometry.columns} x {geometry.rows}: pass the camera's `geometry`"
+        )
+    return True

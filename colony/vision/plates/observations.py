@@ -1,0 +1,151 @@
+"""Observations of plates in images: the place of the plate or, if that is known, of the robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from colony.nav.maps.signs import PLATE_HEIGHT_MM, Plate
+from colony.nav.maps.stickrep.model import Pose
+from colony.nav.pose.fixes import Fix, Row
+from colony.vision.detections import PlateBox, Reading
+from colony.vision.level_camera import LevelCamera
+
+DEPTH_SIGMA = 0.04
+"""Standard deviation of a distance by the height of a plate, as a part of the distance."""
+
+BEARING_SIGMA_DEG = 0.15
+"""Standard deviation of the direction of a plate: about half a pixel."""
+
+MAP_SIGMA_MM = 15.0
+"""Standard deviation of a plate's place on the map."""
+
+HEADING_SIGMA_DEG = 2.0
+"""Upper bound of the standard deviation of the heading while plates are observed."""
+
+CORRELATED_FIXES = 6
+"""Number of fixes of one plate that share its errors: the variance of shared errors is multiplied by it."""
+
+
+class PlateObservation(NamedTuple):
+    """An observation of a plate in an image.
+
+    Attributes:
+        t_ns: time of the image.
+        robot: estimated pose of the robot at that time.
+        axis_deg: heading of the optical axis, counterclockwise from north.
+        bearing_deg: bearing of the plate's middle, counterclockwise from the optical axis.
+        depth_mm: distance of the middle along the optical axis, by the plate's height in the image.
+        rise_mm: height of its middle above the camera.
+        score: score of the detection, from 0 to 1.
+        reading: its reading.
+    """
+
+    t_ns: int
+    robot: Pose
+    axis_deg: float
+    bearing_deg: float
+    depth_mm: float
+    rise_mm: float
+    score: float
+    reading: Reading
+
+    @property
+    def range_mm(self) -> float:
+        """Distance of the plate."""
+        return self.depth_mm / math.cos(math.radians(self.bearing_deg))
+
+    @property
+    def ray(self) -> tuple[float, float]:
+        """The unit vector to the plate."""
+        direction = math.radians(self.axis_deg + self.bearing_deg)
+        return -math.sin(direction), math.cos(direction)
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Place of the plate's middle, x and y in mm."""
+        x, y = self.ray
+        return self.robot.x_mm + self.range_mm * x, self.robot.y_mm + self.range_mm * y
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundPlate:
+    """A plate that the finder reports.
+
+    Attributes:
+        t_ns: time of the image that confirmed it.
+        door: its door on the map; None if unknown.
+        text, confidence: its text and the confidence; "" and 0 without a reader.
+        place: place of its middle, x and y in mm, by the robot's estimated pose.
+        robot: estimated pose of the robot at the time of that image.
+        images: number of images in which it was observed by then.
+    """
+
+    t_ns: int
+    door: str | None
+    text: str
+    confidence: float
+    place: tuple[float, float]
+    robot: Pose
+    images: int
+
+
+def observe_plate(
+    box: PlateBox, camera: LevelCamera, robot: Pose, *, t_ns: int, reading: Reading, first_row: int = 0
+) -> PlateObservation:
+    """Return the observation of a plate in an image, or in a band that begins with row `first_row`.
+
+    The middle of a plate is where the diagonals of its image cross, at any tilt.
+    """
+    (left, left_top), (right, right_top), (_, right_bottom), (_, left_bottom) = box.corners
+    near, far = left_bottom - left_top, right_bottom - right_top
+    part = near / (near + far)
+    height = near + part * (far - near)
+    row = (left_top + left_bottom) * (1.0 - part) / 2.0 + (right_top + right_bottom) * part / 2.0 + first_row
+    depth = camera.focal * PLATE_HEIGHT_MM / height
+    return PlateObservation(
+        t_ns=t_ns,
+        robot=robot,
+        axis_deg=robot.heading_deg + camera.yaw_deg,
+        bearing_deg=camera.bearing_of(left + part * (right - left)),
+        depth_mm=depth,
+        rise_mm=((camera.rows - 1) / 2.0 - row) * depth / camera.focal,
+        score=box.score,
+        reading=reading,
+    )
+
+
+def fix_of_plate(observation: PlateObservation, plate: Plate) -> Fix:
+    """Return the fix of the robot's pose by an observation of a known plate.
+
+    The measurement across the line of sight is accurate, that of the distance less so.
+    """
+    bearing = _bearing_row(observation, plate)
+    return Fix(observation.t_ns, (bearing, _depth_row(observation, plate)))
+
+
+def _bearing_row(observation: PlateObservation, plate: Plate) -> Row:
+    """Return the row of the line of sight: n (plate - robot) = 0, n across it; the heading turns it."""
+    x, y = observation.ray
+    nx, ny = y, -x
+    away = x * (plate.middle.x - observation.robot.x_mm) + y * (plate.middle.y - observation.robot.y_mm)
+    value = nx * plate.middle.x + ny * plate.middle.y - away * math.radians(observation.robot.heading_deg)
+    own = away * math.radians(BEARING_SIGMA_DEG)
+    return Row(nx, ny, -away, value, math.hypot(own, math.sqrt(CORRELATED_FIXES) * MAP_SIGMA_MM))
+
+
+def _depth_row(observation: PlateObservation, plate: Plate) -> Row:
+    """Return the row of the plate's depth: a (plate - robot) = depth, a along the optical axis.
+
+    The depth hardly depends on the heading, and not at all for a plate on the optical axis: too little to
+    resolve full turns of the heading. So the row has no coefficient for the heading; its uncertainty is added
+    to sigma.
+    """
+    axis = math.radians(observation.axis_deg)
+    ax, ay = -math.sin(axis), math.cos(axis)
+    dx, dy = plate.middle.x - observation.robot.x_mm, plate.middle.y - observation.robot.y_mm
+    turning = (ay * dx - ax * dy) * math.radians(HEADING_SIGMA_DEG)
+    value = ax * plate.middle.x + ay * plate.middle.y - observation.depth_mm
+    own = math.sqrt(CORRELATED_FIXES) * math.hypot(DEPTH_SIGMA * observation.depth_mm, MAP_SIGMA_MM)
+    return Row(ax, ay, 0.0, value, math.hypot(own, turning))
