@@ -6,7 +6,7 @@ import re
 from typing import get_args
 
 from colony.cli.experiment.main import command
-from colony.experiment.record import DiagnosticError
+from colony.experiment.record import FailureReason
 from colony.experiment.results import RUN_TABLE
 from tests.paths import ROOT
 
@@ -21,7 +21,7 @@ def test_every_column_is_explained() -> None:
 
 def test_every_failure_is_explained() -> None:
     told = re.findall(r"^\| ([a-z ]+) \| [a-z]", PAGE, re.MULTILINE)
-    assert set(get_args(DiagnosticError)) - {""} <= set(told)
+    assert set(get_args(FailureReason)) - {""} <= set(told)
 
 
 def test_every_option_that_is_shown_exists() -> None:

@@ -57,7 +57,7 @@ def test_the_programs_run(monkeypatch: pytest.MonkeyPatch) -> None:
         ("for 1 to {} s", people.LONGEST_STOP_S),
         ("pass at {} m", people._PASSING_MM / 1000),
         ("or {} m where", people._TIGHT_MM / 1000),
-        ("within {} s turns", people._PATIENCE_S),
+        ("within {} s turns", people._BLOCKED_S),
         ("nearer than {} mm", people._BERTH_MM),
     ],
 )

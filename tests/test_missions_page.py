@@ -7,7 +7,7 @@ import pytest
 from colony.nav.maps.building import load_building
 from colony.nav.missions.elevator_calls import ElevatorCall
 from colony.nav.missions.elevator_prompt import asked_for
-from colony.sim.world.operator import DELAY_S, RIDE_S, STANDS_S
+from colony.sim.world.operator import DELAY_S, RIDE_S, STANDSTILL_S
 from tests.pages import COMMANDS, typed
 from tests.paths import ROOT
 
@@ -25,7 +25,7 @@ def test_commands_print_what_the_page_says(
 def test_the_operator_is_as_slow_as_the_page_says() -> None:
     assert f"{DELAY_S[0]:g} to {DELAY_S[1]:g} s |" in PAGE
     assert f"{RIDE_S[0]:g} to {RIDE_S[1]:g} s |" in PAGE
-    assert PAGE.count(f"for {STANDS_S:g} s") == 2
+    assert PAGE.count(f"for {STANDSTILL_S:g} s") == 2
 
 
 def test_the_question_at_the_terminal_is_the_one_on_the_page() -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from colony.cli.experiment import outputs as experiment_outputs
-from colony.cli.experiment.outputs import Found
+from colony.cli.experiment.outputs import ExperimentOutcome
 from colony.experiment.auditing import AuditedRun
 from colony.experiment.record import RunKey
 from tests.cli.conftest import Colony
@@ -138,7 +138,7 @@ def test_an_audit_says_what_it_compared(colony: Colony, rounds: Path) -> None:
 
 def test_differences_are_told() -> None:
     key = RunKey("x", 1, 1, "ours")
-    found = Found(
+    found = ExperimentOutcome(
         results=(),
         audits=(
             AuditedRun(key=key, frames=3, difference=""),

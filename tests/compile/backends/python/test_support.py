@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 
-from colony.compile.backends.python.support import _bare
+from colony.compile.backends.python.support import _without_annotations
 
 ANNOTATED = """
 class Snapshot(Base, Mapping[str, object], abc.Sized):
@@ -26,4 +26,4 @@ class Snapshot(Base, Mapping, abc.Sized):
 def test_classes_are_bare_of_annotations_and_of_the_parameters_of_their_bases() -> None:
     (node,) = ast.parse(ANNOTATED).body
     assert isinstance(node, ast.ClassDef)
-    assert ast.unparse(_bare(node)) == BARE.strip()
+    assert ast.unparse(_without_annotations(node)) == BARE.strip()
