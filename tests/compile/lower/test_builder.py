@@ -43,12 +43,10 @@ def literal(builder: Builder, operator: Operator, value: float | int | bool) -> 
     return builder.time(int(value)) if operator in OF_TIMES else builder.literal(value)
 
 
-DIMENSIONLESS = [
-    operator for operator in Operator if operator not in PICKING and operator is not Operator.SELECT
-]
+PLAIN = [operator for operator in Operator if operator not in PICKING and operator is not Operator.SELECT]
 
 
-@pytest.mark.parametrize("operator", DIMENSIONLESS, ids=lambda o: o.value)
+@pytest.mark.parametrize("operator", PLAIN, ids=lambda o: o.value)
 def test_constants_are_folded(operator: Operator) -> None:
     builder, values = Builder(), arguments(operator)
     at = builder.apply(operator, *(literal(builder, operator, value) for value in values))
@@ -58,7 +56,7 @@ def test_constants_are_folded(operator: Operator) -> None:
     assert (repr(op.value), builder.kinds[at]) == (repr(expected), kind_of(operator))
 
 
-@pytest.mark.parametrize("operator", DIMENSIONLESS, ids=lambda o: o.value)
+@pytest.mark.parametrize("operator", PLAIN, ids=lambda o: o.value)
 def test_what_is_not_constant_is_computed(operator: Operator) -> None:
     builder = Builder()
     x = builder.add(FrameTime(), Kind.TIME)
