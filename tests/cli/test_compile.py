@@ -87,7 +87,7 @@ def test_a_mistake_of_the_compiler_emits_nothing(
     assert (code, out) == (1, "")
     assert not target.exists()
     assert "error[V001]: clients: drive: with " in err
-    assert "  hint: a mistake of the compiler" in err
+    assert "  hint: this is a bug in the compiler" in err
     assert colony("compile", "--format", format_, behavior, "-o", target, "--no-proof").code == 0
     assert target.exists()
 

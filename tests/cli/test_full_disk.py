@@ -105,7 +105,7 @@ def test_a_run_whose_recording_breaks_off_tells_what_it_was(
     assert run.wait() == 1
     assert f"{ROBOT}: " in run.out
     assert "broken off" in run.out
-    assert f"the recording {record} has only the first " in run.out
+    assert f"the recording {record} contains only the first " in run.out
     assert f" s: {NO_ROOM}\n" in run.out
     assert contracts_held(run.out), run.out
     if name.endswith(".mcap"):

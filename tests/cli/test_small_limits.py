@@ -99,7 +99,7 @@ def test_little_memory(run: Callable[..., Ran], command: Command, mb: int) -> No
 def test_a_run_directory_that_is_not_utf8(run: Callable[..., Ran], command: Command) -> None:
     done = run(*command, folder=b"r\xff")
     assert (done.code, done.err.count("\n")) == (2, 1)
-    assert "is not UTF-8" in done.err
+    assert "must be UTF-8" in done.err
     assert "set COLONY_RUN_DIR" in done.err
 
 
@@ -136,6 +136,6 @@ def test_another_file_is_not_taken_for_standard_output(run: Callable[..., Ran], 
     """A limit of the size of files breaks a recording off, and nobody blames standard output for it."""
     done = run(*RUN, "--record", "run.jsonl", limits={resource.RLIMIT_FSIZE: 4096})
     assert done.code == 1
-    assert "the recording run.jsonl has only the first " in done.out
+    assert "the recording run.jsonl contains only the first " in done.out
     assert "File too large: raise the limit of file sizes (`ulimit -f`)" in done.out
     assert "standard output" not in done.err

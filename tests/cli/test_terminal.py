@@ -52,8 +52,8 @@ _IN_BACKGROUND = """
 import sys
 from colony.cli.terminal import Terminal
 terminal = Terminal(sys.stdin)
-terminal.forget()
-print(terminal.listen())
+terminal.discard()
+print(terminal.poll())
 """
 
 _SHELL = """

@@ -108,6 +108,11 @@ def test_rooms_are_named_once() -> None:
 def test_runs_are_chosen_by_their_numbers() -> None:
     runs = published_list()
     assert [run.number for run in selected_runs(runs, "1-3, 22")] == [1, 2, 3, 22]
-    for text, told in (("", "names no runs"), ("x", "names no runs"), ("41", "no run 41"), ("3-1", "no run")):
+    for text, told in (
+        ("", "not a range of runs"),
+        ("x", "not a range of runs"),
+        ("41", "no run 41"),
+        ("3-1", "no run"),
+    ):
         with pytest.raises(RunListError, match=told):
             selected_runs(runs, text)

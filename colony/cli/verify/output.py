@@ -48,7 +48,7 @@ def show(verified: Verified) -> None:
 
 def _left_open(verified: Verified) -> str:
     questions = counted(verified.left_open, "question")
-    return f"{questions} about modules that can never act not decided in time; raise --timeout"
+    return f"not decided in time: {questions} about modules that can never act; raise --timeout"
 
 
 def close(done: Sequence[Verified], format_: Format, interrupted: bool = False) -> None:

@@ -133,7 +133,7 @@ def test_an_audit_says_what_it_compared(colony: Colony, rounds: Path) -> None:
     result = colony("experiment", *arguments, "--audit", "0.0001")
     assert result.code == 0
     assert "Audited: 1 runs, " in result.out
-    assert "decided alike in all of them" in result.out
+    assert "decided the same in all of them" in result.out
 
 
 def test_differences_are_told() -> None:
@@ -154,10 +154,10 @@ def test_differences_are_told() -> None:
     ("arguments", "told"),
     [
         (("rounds.csv",), "give --map MAP"),
-        (("rounds",), "no list `rounds`; expected thesis, plates, lights, sources, random"),
+        (("rounds",), "unknown list `rounds`; expected thesis, plates, lights, sources, random"),
         (
             ("rounds", "--map", MAP),
-            "no list `rounds`; expected thesis, plates, lights, sources, random",
+            "unknown list `rounds`; expected thesis, plates, lights, sources, random",
         ),
         (("none.csv", "--map", MAP), "none.csv: cannot be read"),
         (("thesis", "--map", MAP), "leave out --map"),

@@ -70,11 +70,11 @@ def test_ctrl_c_loses_no_run_that_was_finished(
 ) -> None:
     kept = tmp_path / "r.sqlite"
 
-    def interrupted(asked: object, *rest: object, tell: object) -> None:
+    def interrupted(asked: object, *rest: object, on_progress: object) -> None:
         def stop(done: int, of: int, newest: object) -> None:
             raise KeyboardInterrupt
 
-        conduct(asked, *rest, tell=stop)  # type: ignore[arg-type]
+        conduct(asked, *rest, on_progress=stop)  # type: ignore[arg-type]
 
     monkeypatch.setattr("colony.experiment.conduct.conduct", interrupted)
     result = colony("experiment", *QUICK, "-o", str(kept))

@@ -193,7 +193,7 @@ network { drive = seeks }
 
 
 BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
-    ((), "found neither --map nor --connect"),
+    ((), "no robot: give --map MAP"),
     (("--map", MAP, "--connect"), "the robot is already running"),
     (("--map", MAP, "--fsync"), "--fsync requires --processes"),
     (("--map", MAP, "--isolate"), "--isolate requires --processes or --connect"),
@@ -204,7 +204,7 @@ BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     (("--connect", "tls/x:7447"), "requires --security"),
     (("--connect", "tcp/x:7447", "--security", "f"), "is unencrypted"),
     (("--map", MAP, "--security", "f"), "--security requires --connect"),
-    (("--connect", "--realtime"), "--realtime is for a run in a building"),
+    (("--connect", "--realtime"), "--realtime is for a simulated run"),
     (
         ("--connect", "--robot", "nobody"),
         "no process of `nobody` runs on this machine (running robots: none)",

@@ -317,4 +317,4 @@ network {{ drive = {" suppresses ".join(f"m{i}" for i in range(60))} }}
     )
     code, out, _ = colony("verify", "--timeout", "0.05", str(file))
     assert code == 0
-    assert "about what can never act; --timeout gives more" in out
+    assert "about modules that can never act; raise --timeout" in out

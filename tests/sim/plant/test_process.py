@@ -167,7 +167,7 @@ def test_who_drives_keeps_the_base(plant: PlantProcess, control: PlantControl) -
         (pack(AttachControl()) + pack(AttachControl()), "AttachControl is not allowed on this connection"),
         (
             pack(AttachProximity(robot="rome")) + pack(DriveBase(velocity=1.0, turn=0.0)),
-            "DriveBase does not belong",
+            "DriveBase is not allowed",
         ),
         (
             pack(AttachBase(robot="rome")) + pack(DriveBase(velocity=float("nan"), turn=0.0)),

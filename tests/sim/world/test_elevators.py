@@ -162,7 +162,7 @@ def test_an_elevator_that_leads_nowhere_still_opens() -> None:
 def test_a_plant_lets_the_doors_slide() -> None:
     world, elevators = staged()
     clock = VirtualClock()
-    plant = Plant(world, clock, moving=(elevators.advance,))
+    plant = Plant(world, clock, step_callbacks=(elevators.advance,))
     elevators.open(NODE)
     clock.now_ns = int(SLIDE_S * 0.5e9)
     plant.catch_up()

@@ -36,7 +36,7 @@ class Hall:
         self.openings: list[float] = []
 
     def call(self, call: list[str]) -> None:
-        self.stage.report(ELEVATOR_CALL, call)
+        self.stage.tell(ELEVATOR_CALL, call)
 
     def wait(self, seconds: float) -> None:
         self.stage.run(seconds, self._frame)
