@@ -39,7 +39,7 @@ def drive_north(seed: int) -> list[Reading]:
     floor = load_map(MSU)
     northward = [track for track in premises_of(floor).tracks if track.heading_deg == 0.0]
     track = max(northward, key=lambda t: t.length_mm)
-    start = track.at(1000.0)
+    start = track.point_at(1000.0)
     world = World(
         walls=draw(Hazards().only(Hazard.COMPASS), floor, seed), poses=[(*start, 0.0)], config=IDEAL
     )

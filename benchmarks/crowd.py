@@ -14,7 +14,7 @@ from colony.runtime.assembly.processes.shutdown import Shutdown, on_parent_exit,
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Effect, Message, Ready, Request, Send, Tick
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.place import Local
+from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.run_directory import RobotDirectory
 
 ACTUATOR = "drive"
@@ -70,9 +70,9 @@ def main() -> None:
     shutdown = Shutdown()
     on_parent_exit(shutdown)
     crowd = Crowd(run, *map(int, numbers))
-    place = Local(RobotDirectory(Path(folder), robot))
-    with on_signals(shutdown), Host.open(place, [crowd]) as host:
-        shutdown.then(host.stop)
+    robot_address = Local(RobotDirectory(Path(folder), robot))
+    with on_signals(shutdown), Host.open(robot_address, [crowd]) as host:
+        shutdown.on_request(host.stop)
         host.run()
 
 

@@ -31,7 +31,7 @@ from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import data
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.place import Local, local
+from colony.runtime.transport.live.robot_address import Local, local
 
 Row = dict[str, object]
 

@@ -32,7 +32,7 @@ from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.jobs import CLIENTS as CLIENTS_WAVE
 from colony.runtime.assembly.processes.jobs import client_jobs, fresh_folder, server_jobs, server_parts
-from colony.runtime.assembly.processes.run import LedRun
+from colony.runtime.assembly.processes.run import SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.spec import Device
 from colony.runtime.assembly.processes.window import Window
@@ -44,7 +44,7 @@ from colony.runtime.protocol.fields import DSERVER, RSERVER
 from colony.runtime.protocol.messages import Effect, Message, Verdict
 from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.place import Local
+from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.run_directory import RunDirectory
 
 Row = dict[str, object]
@@ -120,14 +120,14 @@ def robot_of(clients: int, frames: int, *sinks: Sink, lockstep: bool) -> Iterato
         program = program_of(clients, folder)
         compiled = compile_program(program).compiled
         bindings = bind(compiled.robot)
-        place = Local(RunDirectory(folder / "r").robot("bench"))
+        robot_address = Local(RunDirectory(folder / "r").robot("bench"))
         deployed = deployment(compiled, bindings, run="bench", seed=1, lockstep=lockstep)
         status_tracker = RunStatusTracker(deployed, file="bench.colony")
         window = Window(
             frames * deployed.frame_ns, frame_ns=deployed.frame_ns, sinks=(*sinks, status_tracker)
         )
-        with LedRun(
-            place,
+        with SupervisedRun(
+            robot_address,
             deployed,
             (CLOCK, RSERVER.name, DSERVER.name),
             observer=build_observer(compiled, bindings, (window,), "bench"),
@@ -135,17 +135,17 @@ def robot_of(clients: int, frames: int, *sinks: Sink, lockstep: bool) -> Iterato
             status_tracker=status_tracker,
             report=lambda text: None,
         ) as led:
-            run = fresh_folder(place.directory.path / "run")
+            run = fresh_folder(robot_address.directory.path / "run")
             parts = server_parts(run, Device(plant=""))
-            led.start(server_jobs(place, parts, run, hardware="benchmarks.scripted_servers"))
-            yield Bench(led, place, deployed, compiled, bindings, run)
+            led.start(server_jobs(robot_address, parts, run, hardware="benchmarks.scripted_servers"))
+            yield Bench(led, robot_address, deployed, compiled, bindings, run)
 
 
 class Bench(NamedTuple):
     """A run, and what its clients need to know."""
 
-    led: LedRun
-    place: Local
+    led: SupervisedRun
+    robot_address: Local
     deployed: Deployment
     compiled: Compiled
     bindings: Bindings
@@ -158,7 +158,7 @@ def frames_in_lockstep(*, isolate: bool) -> Times:
     times = Times()
     with robot_of(CLIENTS, WARM_UP + FRAMES, times, lockstep=True) as bench:
         jobs = client_jobs(
-            bench.place, bench.deployed, bench.compiled, bench.bindings, bench.folder, isolate=isolate
+            bench.robot_address, bench.deployed, bench.compiled, bench.bindings, bench.folder, isolate=isolate
         )
         bench.led.start(jobs)
         bench.led.follow(lambda: False)
@@ -197,7 +197,7 @@ def crowd_at_one_server() -> Decided:
         for first in range(0, CROWD, size):
             numbers = map(str, (first, first + size, CROWD))
             bench.led.start([_crowd_job(bench, f"crowd-{first}", *numbers)])
-        host = Host.open(bench.place, [decided])
+        host = Host.open(bench.robot_address, [decided])
         thread = Thread(target=host.run)
         thread.start()
         try:
@@ -213,7 +213,12 @@ def _crowd_job(bench: Bench, name: str, *numbers: str) -> Job:
     return Job(
         name=name,
         module="benchmarks.crowd",
-        arguments=(str(bench.place.directory.path), bench.place.robot, bench.deployed.run, *numbers),
+        arguments=(
+            str(bench.robot_address.directory.path),
+            bench.robot_address.robot,
+            bench.deployed.run,
+            *numbers,
+        ),
         log=bench.folder / f"{name}.log",
         wave=CLIENTS_WAVE,
         essential=True,

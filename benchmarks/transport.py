@@ -30,7 +30,7 @@ from colony.runtime.protocol.calls import CallDispatcher, method
 from colony.runtime.protocol.messages import Effect, Message
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.robot_address import local
 
 ROUNDS = 5
 CALLS = 1500

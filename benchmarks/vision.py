@@ -82,13 +82,17 @@ class Views:
 
     def passage(self, sign: Sign) -> list[Image]:
         """A plate while the robot passes it in the middle of a corridor."""
-        return [self.of(sign, 1200.0, -700.0 + 1400.0 * look / PERSON_STYLES, look) for look in
-        range(PERSON_STYLES)]
+        return [
+            self.of(sign, 1200.0, -700.0 + 1400.0 * look / PERSON_STYLES, look)
+            for look in range(PERSON_STYLES)
+        ]
 
     def approach(self, sign: Sign) -> list[Image]:
         """A marker while the robot drives up to it."""
-        return [self.of(sign, 3000.0 - 1800.0 * look / PERSON_STYLES, 100.0, look) for look in
-        range(PERSON_STYLES)]
+        return [
+            self.of(sign, 3000.0 - 1800.0 * look / PERSON_STYLES, 100.0, look)
+            for look in range(PERSON_STYLES)
+        ]
 
 
 def _read(image: Image) -> None:

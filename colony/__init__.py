@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from colony.library import recorded as recorded
     from colony.text.diagnostics import DiagnosticError as DiagnosticError
 
-_HOMES = {
+_NAMES_BY_MODULE = {
     "colony.text.diagnostics": ("DiagnosticError",),
     "colony.ir.frame": ("Decision", "Frame", "Outcome"),
     "colony.library": (
@@ -49,18 +49,18 @@ _HOMES = {
         *("audit", "build", "compare", "load", "loads", "prove", "read", "recorded"),
     ),
 }
-_HOME = {name: home for home, names in _HOMES.items() for name in names}
+_MODULE_OF = {name: module for module, names in _NAMES_BY_MODULE.items() for name in names}
 
-__all__ = [*_HOME, "__version__"]
+__all__ = [*_MODULE_OF, "__version__"]
 
 
 def __getattr__(name: str) -> object:
-    if name not in _HOME:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module 'colony' has no attribute {name!r}")
-    found: object = getattr(import_module(_HOME[name]), name)
-    globals()[name] = found
-    return found
+    value: object = getattr(import_module(_MODULE_OF[name]), name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOME})
+    return sorted({*globals(), *_MODULE_OF})

@@ -12,7 +12,7 @@ def gc_paused() -> Iterator[None]:
     """Pause the collection of cycles inside the `with`.
 
     Compiler stages create many objects and no cycles. The collector, which scans all of them repeatedly,
-    would take a third of the time of a large network.
+    would take a third of the compile time of a large network.
     """
     running = gc.isenabled()
     gc.disable()
@@ -24,7 +24,7 @@ def gc_paused() -> Iterator[None]:
 
 
 @contextmanager
-def collector_past_startup() -> Iterator[None]:
+def gc_frozen() -> Iterator[None]:
     """Exclude all objects created so far from garbage collection inside the `with`.
 
     In a long-running process the collector scans modules and tables repeatedly, and finds nothing.

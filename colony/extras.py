@@ -46,7 +46,7 @@ def expect_extras(*extras: str) -> None:
 
 @contextmanager
 def naming_missing_extras() -> Iterator[None]:
-    """Turn the error for a missing module into one that names its extra.
+    """Replace the error for a missing module by one that names its extra.
 
     Raises:
         MissingExtraError: in place of a ModuleNotFoundError for a module of an extra.
@@ -64,7 +64,7 @@ def naming_missing_extras() -> Iterator[None]:
 
 
 def _missing(modules: list[str], extras: list[str]) -> MissingExtraError:
-    what = f"extra{'' if len(extras) == 1 else 's'} {listed(extras)}"
+    subject = f"extra{'' if len(extras) == 1 else 's'} {listed(extras)}"
     return MissingExtraError(
-        f"{what} not installed (no {modules[0]}); run: {to_install(*extras)}", name=modules[0]
+        f"{subject} not installed (no {modules[0]}); run: {to_install(*extras)}", name=modules[0]
     )

@@ -1,8 +1,8 @@
 """Files from outside, opened without blocking and read within a limit.
 
 A name can refer to a pipe without a writer, an endless device, or a file that grows while it is read.
-Therefore only regular files are opened, and each is read up to the limit of its kind. Devices are not even
-opened, because opening some of them has an effect.
+Therefore only regular files are opened, and each is read up to a limit that the caller gives. Devices are not
+even opened, because opening some of them has side effects.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _SAFE_FLAGS = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
 
 
 class UnsuitableFileError(OSError):
-    """A file that must not be read: not a regular file, too large, or with a line that is too long."""
+    """A file is not a regular file, is too large, or has a line that is too long."""
 
 
 def open_descriptor(path: StrPath, flags: int = os.O_RDONLY) -> int:
@@ -55,48 +55,48 @@ def open_regular(path: StrPath) -> BinaryIO:
     """Open a regular file for reading.
 
     Raises:
-        OSError: as `open_descriptor`.
+        OSError: see `open_descriptor`.
     """
     return open(open_descriptor(path), "rb")
 
 
-def read_file(path: StrPath, most: int) -> bytes:
-    """Return the content of a regular file of at most `most` bytes.
+def read_file(path: StrPath, max_bytes: int) -> bytes:
+    """Return the content of a regular file of at most `max_bytes` bytes.
 
     Raises:
-        OSError: as `open_descriptor`, or the file is larger or grows beyond the limit while it is read.
+        OSError: see `open_descriptor`; or the file is larger or grows beyond the limit while it is read.
     """
     with open_regular(path) as file:
-        return read_all(file, most, path)
+        return read_all(file, max_bytes, path)
 
 
-def read_all(file: BinaryIO, most: int, path: StrPath) -> bytes:
-    """Return the rest of an open file, at most `most` bytes; `path` is for messages.
+def read_all(file: BinaryIO, max_bytes: int, path: StrPath) -> bytes:
+    """Return the rest of an open file, at most `max_bytes` bytes; `path` is for messages.
 
     Raises:
         OSError: the file cannot be read, or has more bytes.
     """
-    if os.fstat(file.fileno()).st_size > most:
-        raise UnsuitableFileError(errno.EFBIG, f"it is larger than {size_text(most)}", path)
-    found = bytearray()
-    while chunk := file.read(min(_CHUNK, most + 1 - len(found))):
-        found += chunk
-        if len(found) > most:
-            raise UnsuitableFileError(errno.EFBIG, f"it is larger than {size_text(most)}", path)
-    return bytes(found)
+    if os.fstat(file.fileno()).st_size > max_bytes:
+        raise UnsuitableFileError(errno.EFBIG, f"it is larger than {size_text(max_bytes)}", path)
+    data = bytearray()
+    while chunk := file.read(min(_CHUNK, max_bytes + 1 - len(data))):
+        data += chunk
+        if len(data) > max_bytes:
+            raise UnsuitableFileError(errno.EFBIG, f"it is larger than {size_text(max_bytes)}", path)
+    return bytes(data)
 
 
-def bounded_lines(file: BinaryIO, most: int) -> Iterator[bytes]:
+def bounded_lines(file: BinaryIO, max_bytes: int) -> Iterator[bytes]:
     """Yield the lines of a file as they arrive, each with its line break.
 
     Raises:
-        OSError: it cannot be read, or a line has more than `most` bytes (`UnsuitableFileError`).
+        OSError: it cannot be read, or a line has more than `max_bytes` bytes (`UnsuitableFileError`).
     """
     number = 0
-    while line := file.readline(most + 1):
+    while line := file.readline(max_bytes + 1):
         number += 1
-        if len(line) > most:
-            raise UnsuitableFileError(errno.EFBIG, f"line {number} is longer than {size_text(most)}")
+        if len(line) > max_bytes:
+            raise UnsuitableFileError(errno.EFBIG, f"line {number} is longer than {size_text(max_bytes)}")
         yield line
 
 
@@ -114,7 +114,7 @@ def reason(problem: Exception) -> str:
 
 
 def sync_folder(path: Path) -> None:
-    """Wait until the names in a folder are on the disk.
+    """Wait until the entries of a folder are on the disk.
 
     Raises:
         OSError: the folder cannot be synchronized.
@@ -126,10 +126,10 @@ def sync_folder(path: Path) -> None:
         os.close(descriptor)
 
 
-def _check(found: os.stat_result, path: StrPath) -> None:
-    if stat.S_ISDIR(found.st_mode):
+def _check(status: os.stat_result, path: StrPath) -> None:
+    if stat.S_ISDIR(status.st_mode):
         raise UnsuitableFileError(errno.EISDIR, os.strerror(errno.EISDIR), path)
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         raise UnsuitableFileError(errno.EINVAL, "it is not a regular file", path)
 
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf
 from os import PathLike
-from reprlib import repr as short
+from reprlib import repr as short_repr
 from typing import TYPE_CHECKING
 
 from colony.extras import installed, naming_missing_extras, to_install
@@ -35,7 +35,7 @@ def load(path: str | PathLike[str]) -> Program:
     `path` may also be the name of a behavior that comes with colony: `wander`.
 
     Raises:
-        DiagnosticError: with all diagnostics, if there is an error among them.
+        DiagnosticError: there are errors; it has all diagnostics, warnings included.
     """
     from colony.dsl.load import load_file
 
@@ -47,7 +47,7 @@ def loads(text: str, name: str = "<text>", directory: str | PathLike[str] = ".")
     """Check a text and return its program; messages call it `name`, imports are relative to `directory`.
 
     Raises:
-        DiagnosticError: with all diagnostics, if there is an error among them.
+        DiagnosticError: there are errors; it has all diagnostics, warnings included.
     """
     from colony.dsl.load import load_text
 
@@ -106,8 +106,8 @@ def read(path: str | PathLike[str]) -> CompiledProgram:
     """Read a compiled program that `Build.save` or `colony compile -o NAME.colonyc` wrote.
 
     Raises:
-        DiagnosticError: C001, the file cannot be read, is damaged, or was compiled with Python modules other
-            than those found now.
+        DiagnosticError: C001, the file cannot be read, is damaged, or the Python modules found now differ
+            from those at compile time.
     """
     from colony.robots.compiled_program import read_compiled
 
@@ -117,12 +117,12 @@ def read(path: str | PathLike[str]) -> CompiledProgram:
 
 @dataclass(frozen=True, slots=True)
 class CompiledProgram:
-    """A compiled program without its source network. `compiled` is everything that executes it."""
+    """A compiled program without its source network. `compiled` is its executable form."""
 
     compiled: Compiled
 
     def to_python(self) -> str:
-        """Return a module with a class `Program` that does not depend on colony.
+        """Return the source of a Python module with a class `Program`, which does not depend on colony.
 
         `Program().step(t_ns, readings, taken_ns)` decides a frame, as `executor().step` does.
         """
@@ -161,7 +161,7 @@ class Build:
         return to_json(self.compilation.clients)
 
     def to_python(self) -> str:
-        """Return a module with a class `Program`; see `CompiledProgram.to_python`."""
+        """Return the source of a Python module; see `CompiledProgram.to_python`."""
         return CompiledProgram(self.compilation.compiled).to_python()
 
     def graph(self) -> str:
@@ -202,7 +202,7 @@ def prove(program: Program, *, seconds: float = 10.0, depth: int = 4) -> tuple[C
     Args:
         program: the result of `load` or `loads`.
         seconds: approximate time limit for each contract.
-        depth: the greatest k of k-induction.
+        depth: the maximum k of k-induction.
 
     Returns:
         A `Proved`, `Refuted` or `Unknown` (of `colony.verify.contracts.results`) for each contract, in the
@@ -216,7 +216,7 @@ def prove(program: Program, *, seconds: float = 10.0, depth: int = 4) -> tuple[C
 
     expect_program(program)
     _expect_number("seconds", seconds)
-    _expect(depth, int, "the greatest k of k-induction, a whole number")
+    _expect(depth, int, "the maximum k of k-induction, a whole number")
     return prove_contracts(program, Options.within(seconds, depth=depth))
 
 
@@ -253,12 +253,12 @@ def recorded(path: str | PathLike[str], program: Program) -> Iterator[RecordedFr
 
 
 def _recorded(path: str | PathLike[str], program: Program) -> Iterator[RecordedFrame]:
-    with _opened(path) as reader:
+    with _open_reader(path) as reader:
         yield from reader.frames(program)
 
 
 def audit(path: str | PathLike[str], program: Program) -> AuditReport:
-    """Decide every frame of a recording again with the reference interpreter.
+    """Decide every frame of a recording again with the reference interpreter, and report the differences.
 
     Raises:
         DiagnosticError: codes A and F, the file is not a recording, or is one of another program.
@@ -268,24 +268,24 @@ def audit(path: str | PathLike[str], program: Program) -> AuditReport:
 
     _expect_path(path)
     expect_program(program)
-    with _opened(path) as reader:
+    with _open_reader(path) as reader:
         return audit_recording(program, reader)
 
 
 @contextmanager
-def _opened(path: str | PathLike[str]) -> Iterator[RecordingReader]:
+def _open_reader(path: str | PathLike[str]) -> Iterator[RecordingReader]:
     from colony.runtime.recordings.opening import open_recording, read_recording
 
     with open_recording(str(path)) as file:
         yield read_recording(file, str(path))
 
 
-# --- arguments -----------------------------------------------------------------------------------
+# --- checks of arguments -----------------------------------------------------------------------------------
 
 
 def _expect(given: object, kind: type | tuple[type, ...], expected: str) -> None:
     if not isinstance(given, kind):
-        raise TypeError(f"found {short(given)}; expected {expected}")
+        raise TypeError(f"found {short_repr(given)}; expected {expected}")
 
 
 def _expect_path(given: object) -> None:

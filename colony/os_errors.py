@@ -24,7 +24,7 @@ _OUT_OF_MEMORY_TEXTS = ("failed to map segment", "annot allocate memory", "can't
 
 @contextmanager
 def naming(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Set the file name of an OSError that has none, as errors of reading, writing and closing do."""
+    """Set the file name of an OSError that lacks one, such as an error of reading, writing or closing."""
     try:
         yield
     except OSError as problem:
@@ -33,16 +33,16 @@ def naming(path: str | os.PathLike[str]) -> Iterator[None]:
         raise
 
 
-def described(problem: OSError) -> str:
-    """Return one line with the error, its file, and advice about a limit."""
+def describe(problem: OSError) -> str:
+    """Return the error in one line, with its file and with advice if it is due to a limit."""
     what = f"{os.fsdecode(problem.filename)}: " if isinstance(problem.filename, (str, bytes)) else ""
     advice = limit_advice(problem)
     return f"{what}{problem.strerror or problem}{'' if advice is None else f': {advice}'}"
 
 
 def limit_advice(problem: OSError) -> str | None:
-    """Return advice about a limit of the process, or None if another error occurred."""
-    # the limits of an UnsuitableFileError are this program's own
+    """Return advice if an error is due to a limit of the process, else None."""
+    # An UnsuitableFileError is due to a limit of this program, not of the process.
     if problem.errno is None or isinstance(problem, UnsuitableFileError):
         return None
     return _ADVICE.get(problem.errno)

@@ -1,7 +1,7 @@
 """Frozen, slotted dataclasses that are quick to declare.
 
 The typed program and the syntax tree are more than a hundred small classes, and every command imports them.
-`dataclasses.dataclass` compiles six methods for each frozen class, which would be a third of the time of
+`dataclasses.dataclass` compiles six methods for each frozen class, which would take a third of the time of
 `colony check`. A `record` compiles only `__init__`, when its first instance is created, and inherits the
 rest; it is a dataclass to `dataclasses.fields`, `dataclasses.replace`, pattern matching and type checkers.
 """
@@ -17,7 +17,7 @@ _Class = TypeVar("_Class")
 
 
 class Record:
-    """The base of all records: equality and hash over the compared fields, and no assignment."""
+    """The base class of all records: equality and hash by the compared fields, and no assignment."""
 
     __slots__ = ()
     _compared: ClassVar[Any] = staticmethod(lambda self: ())
@@ -61,10 +61,10 @@ def record(cls: type[_Class]) -> type[_Class]:
 
     Defaults must be immutable values; `field(default=..., compare=..., repr=...)` is supported.
     """
-    made: Any = dataclass(init=False, repr=False, eq=False, kw_only=True)(cls)
-    declared = fields(made)
+    class_: Any = dataclass(init=False, repr=False, eq=False, kw_only=True)(cls)
+    declared = fields(class_)
     own = inspect.get_annotations(cls)
-    body = {k: v for k, v in made.__dict__.items() if k not in own and k not in ("__dict__", "__weakref__")}
+    body = {k: v for k, v in class_.__dict__.items() if k not in own and k not in ("__dict__", "__weakref__")}
     body["__slots__"] = tuple(f.name for f in declared if f.name in own and f.name not in _inherited(cls))
     slotted: Any = type(cls.__name__, cls.__bases__, body)
     slotted.__qualname__ = cls.__qualname__
@@ -72,11 +72,11 @@ def record(cls: type[_Class]) -> type[_Class]:
     if names:
         slotted._compared = staticmethod(attrgetter(*names))
 
-    def first(self: Any, **values: Any) -> None:
+    def initialize_first(self: Any, **values: Any) -> None:
         slotted.__init__ = _initializer(slotted, declared)  # compiled only for classes with instances
         slotted.__init__(self, **values)
 
-    slotted.__init__ = first
+    slotted.__init__ = initialize_first
     result: type[_Class] = slotted
     return result
 

@@ -44,15 +44,15 @@ def check(program: Program, trace: Iterable[Frame]) -> Iterator[tuple[Frame, Out
     All other executors are compared with it first.
 
     Raises:
-        AssertionError: another executor decides differently, which is a bug in colony; or a contract of the
-            program is broken.
+        AssertionError: an executor differs from the reference interpreter, which is a bug in colony; or a
+            contract of the program is broken.
         TypeError, ValueError: the trace is invalid: it has no frames, or its times do not increase.
     """
     expect_program(program)
     frames = checked_trace(trace)
     outcomes = agreement.reference(program, frames)
-    found = agreement.disagreement(program, frames, expected=outcomes)
-    assert found is None, str(found)
+    difference = agreement.disagreement(program, frames, expected=outcomes)
+    assert difference is None, str(difference)
     for frame, outcome in zip(frames, outcomes, strict=True):
         broken = ", ".join(outcome.breaches)
         assert not broken, f"broken at {frame.t_ns / 1e9:g} s: {broken}"

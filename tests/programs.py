@@ -10,7 +10,7 @@ from colony.dsl.load import load_text
 from colony.execute.code import Code
 from colony.execute.compiled import Compiled
 from colony.execute.executor import ClientMemory, ClientsExecutor, ClientStep
-from colony.execute.views import whole
+from colony.execute.views import whole_view
 from colony.ir.frame import Answer, Frame
 from colony.ir.program import Program
 
@@ -42,7 +42,7 @@ def compilation(of: str | Program) -> Compilation:
 
 def lowered(of: str | Program) -> Code:
     """Return the code of all clients of a whole text."""
-    return whole(compilation(of).compiled.code)
+    return whole_view(compilation(of).compiled.code)
 
 
 def generated(of: str | Program) -> str:

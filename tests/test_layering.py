@@ -158,10 +158,10 @@ from colony.runtime.assembly.processes import child
 sys.argv = ["child", sys.argv[1]]
 from contextlib import ExitStack
 from colony.runtime.assembly.processes.parts import nodes_of
-from colony.runtime.assembly.processes.spec import place_of, read_spec
+from colony.runtime.assembly.processes.spec import address_of, read_spec
 spec = read_spec(Path(sys.argv[1]))
 with ExitStack() as holds:
-    first, *_ = nodes_of(spec.part, place_of(spec.place), None, holds)
+    first, *_ = nodes_of(spec.part, address_of(spec.robot_address), None, holds)
 print(first.address, *sys.modules)
 """
 
@@ -172,14 +172,16 @@ def test_a_client_process_loads_neither_the_front_end_nor_the_compiler(tmp_path:
     from colony.runtime.assembly.processes.jobs import client_jobs
     from colony.runtime.protocol.bindings import bind
     from colony.runtime.protocol.deployment import deployment
-    from colony.runtime.transport.live.place import Local
+    from colony.runtime.transport.live.robot_address import Local
     from colony.runtime.transport.live.run_directory import RobotDirectory
     from tests.runtime.programs import roam
 
     compiled = compile_program(roam()).compiled
     bindings = bind(compiled.robot)
-    place = Local(RobotDirectory(tmp_path, "rome"))
-    job = client_jobs(place, deployment(compiled, bindings, run="r", seed=1), compiled, bindings, tmp_path)[0]
+    robot_address = Local(RobotDirectory(tmp_path, "rome"))
+    job = client_jobs(
+        robot_address, deployment(compiled, bindings, run="r", seed=1), compiled, bindings, tmp_path
+    )[0]
     done = subprocess.run(
         [sys.executable, "-c", CLIENT, *job.arguments], capture_output=True, text=True, check=True
     )

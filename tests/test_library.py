@@ -199,7 +199,7 @@ def test_a_build_is_saved_with_all_sources_and_read(
     program = colony.load(whole) if how == "load" else colony.loads(WHOLE, "whole.colony", tmp_path)
     colony.build(program).save(tmp_path / "whole.colonyc")
     read = colony.read(tmp_path / "whole.colonyc")
-    assert [source.place for source in read.compiled.sources] == [
+    assert [source.path for source in read.compiled.sources] == [
         "parts/toy.colony",
         "whole.colony",
         "goes.py",
@@ -260,7 +260,7 @@ WRONG: dict[str, Callable[[], Any]] = {
     "found 'z.colony'; expected a program": lambda: colony.recorded("run.mcap", "z.colony"),  # type: ignore[arg-type]
     "found 7; expected the path": lambda: colony.audit(7, PROGRAM),  # type: ignore[arg-type]
     "found 'long'; expected seconds": lambda: colony.prove(PROGRAM, seconds="long"),  # type: ignore[arg-type]
-    "found 'deep'; expected the greatest k": lambda: colony.prove(PROGRAM, depth="deep"),  # type: ignore[arg-type]
+    "found 'deep'; expected the maximum k": lambda: colony.prove(PROGRAM, depth="deep"),  # type: ignore[arg-type]
     "found 'traces'; expected a program": lambda: testing.traces("traces"),  # type: ignore[arg-type]
     "found 'frames'; expected a program": lambda: testing.frames("frames"),  # type: ignore[arg-type]
     "found 'check'; expected a program": lambda: list(testing.check("check", [])),  # type: ignore[arg-type]

@@ -13,7 +13,7 @@ from colony.nav.maps.stickrep import fields
 from colony.nav.maps.stickrep.fields import Problems
 from colony.nav.maps.stickrep.file import MAX_BYTES
 from colony.nav.maps.stickrep.header import Header
-from colony.nav.maps.stickrep.joints import MAX_ACROSS_MM, MAX_ASIDE_MM, linked_rings
+from colony.nav.maps.stickrep.connections import MAX_ACROSS_MM, MAX_ASIDE_MM, linked_rings
 from colony.nav.maps.stickrep.model import DEFAULT_TOLERANCE_MM, EdgeKind
 from colony.nav.maps.stickrep.reader import MAX_LINES, load_map, read_map
 from colony.nav.maps.stickrep.writer import write_map

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.os_errors import described, is_out_of_memory, naming
+from colony.os_errors import describe, is_out_of_memory, naming
 
 
 def test_an_error_gets_the_name_of_its_file(tmp_path: Path) -> None:
@@ -21,19 +21,19 @@ def test_an_error_gets_the_name_of_its_file(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="Bad file descriptor") as failed, naming(path):
         os.write(file, b"x")
     os.close(file)
-    assert described(failed.value) == f"{path}: Bad file descriptor"
+    assert describe(failed.value) == f"{path}: Bad file descriptor"
 
 
 def test_a_name_that_is_there_stays() -> None:
     with pytest.raises(FileNotFoundError) as failed, naming("other"):
         os.stat("/nowhere")
-    assert described(failed.value) == "/nowhere: No such file or directory"
+    assert describe(failed.value) == "/nowhere: No such file or directory"
 
 
 def test_what_is_said_of_errors_without_a_file() -> None:
-    assert described(OSError("no number")) == "no number"
+    assert describe(OSError("no number")) == "no number"
     many = OSError(errno.EMFILE, os.strerror(errno.EMFILE), b"/a\xff")
-    assert described(many) == "/a\udcff: Too many open files: raise the limit of open files (`ulimit -n`)"
+    assert describe(many) == "/a\udcff: Too many open files: raise the limit of open files (`ulimit -n`)"
 
 
 def test_lack_of_memory() -> None:

@@ -36,7 +36,7 @@ from colony.runtime.servers import (
 )
 from colony.runtime.store import reserve
 from colony.runtime.transport.live import message_queue, meter, names, network, rate_limits
-from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.robot_address import local
 from colony.verify.testing.examples import run_examples
 from tests.cli.machine import contracts_held
 from tests.examples.stage import ROOT, Machine, machine
@@ -138,7 +138,7 @@ def test_the_behavior_is_right() -> None:
         ),
         ("| prefixes of them | 50 |", watching.MAX_PREFIXES_PER_CONNECTION == 50),
         ("| variables that a connection publishes | 1000 |", frame_content.MAX_NAMES_PER_CONNECTION == 1000),
-        ("| variables that all connections publish | 10000 |", frame_content.MAX_NAMES_ASKED == 10_000),
+        ("| variables that all connections publish | 10000 |", frame_content.MAX_NAMES_REQUESTED == 10_000),
         ("| names in the arguments of one call | 256 KiB |", data_methods.MAX_NAMES_BYTES == 256 << 10),
         ("| names in one reply | 5000 |", data_methods.MAX_NAMES_PER_REPLY == 5000),
         ("| names and prefixes that a connection watches | 2000 |", watching.MAX_WATCHED == 2000),

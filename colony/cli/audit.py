@@ -25,12 +25,13 @@ if TYPE_CHECKING:
 @click.argument("file", metavar="[FILE]", required=False, type=BEHAVIOR)
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(recording: str, file: str | None, format_: str) -> None:
-    """Decide every frame of a recording again, and show the first frame with another decision.
+    """Decide every frame of a recording again, and show the first frame decided differently.
 
-    The program is taken from the recording. A recording as JSON lines does not contain its program; give it
-    as FILE. If a client was late or lost, the idle command is accepted as well. Frames in which a connection
-    from outside the network commanded, or in which the emergency stop or a lock was on, are counted but not
-    compared. A truncated recording is audited up to its end, a damaged one before and after the damage.
+    The program is taken from the recording. A recording as JSON lines does not contain its program: give
+    the program as FILE. If a client was late or lost, the idle command is accepted as well. Frames in
+    which a connection from outside the network commanded, or in which the emergency stop or a lock was
+    on, are counted but not compared. A truncated recording is audited up to its end, a damaged one before
+    and after the damage.
 
     Modules in Python are not run: the recording contains their answers.
 
@@ -115,7 +116,7 @@ def _print_json(
 
 
 class _Progress:
-    """A progress report for each tenth of a file, if reading it takes long. Mutable: the last report."""
+    """Reports each tenth of a file that is read, if reading takes long. Stateful."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file

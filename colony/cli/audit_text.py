@@ -28,11 +28,11 @@ def render(
     cut: str | None,
 ) -> str:
     """Return the result for the recording `name`, audited by `program`, which comes from `file`."""
-    what = f"{run.program or program.robot.name}, seed {run.seed}" if run else program.robot.name
-    named = f"{what}, run {run.run}" if run and run.run else what
+    subject = f"{run.program or program.robot.name}, seed {run.seed}" if run else program.robot.name
+    title = f"{subject}, run {run.run}" if run and run.run else subject
     by = f", by {file}" if file else ""
     lines = [
-        f"{name}: {named}{by}, {counted(report.frames, 'frame')}"
+        f"{name}: {title}{by}, {counted(report.frames, 'frame')}"
         f" from {_seconds(report.first_ns)} to {_seconds(report.last_ns)}",
         *_indented(_counts(report)),
         *_indented(_contracts(report, program)),
@@ -41,8 +41,8 @@ def render(
     ]
     if report.first is None:
         compared = "compared " if report.unknown or report.damaged else ""
-        whole = ", as far as the recording is not damaged" if report.damaged else ""
-        return "\n".join([*lines, f"agrees: every decision {compared}is the interpreter's{whole}"])
+        where = ", as far as the recording is not damaged" if report.damaged else ""
+        return "\n".join([*lines, f"agrees: every decision {compared}is the interpreter's{where}"])
     differing = counted(report.differing, "frame")
     return "\n".join(
         [*lines, f"DIFFERS in {differing}, first {_where(report.first)}", *_first(report, program)]
@@ -90,9 +90,9 @@ def _damage(report: AuditReport) -> Iterator[str]:
 
 
 def _contracts(report: AuditReport, program: Program) -> Iterator[str]:
-    kept = len(program.contracts) - len(report.contracts)
-    if kept:
-        yield f"{counted(kept, 'contract')} held in every frame"
+    held = len(program.contracts) - len(report.contracts)
+    if held:
+        yield f"{counted(held, 'contract')} held in every frame"
     for c in report.contracts:
         span = f"first at {_seconds(c.first_ns)}, last at {_seconds(c.last_ns)}"
         yield f"contract {c.contract}: BROKEN in {counted(c.frames, 'frame')}, {span}"

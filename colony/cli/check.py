@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def command(files: tuple[str, ...], format_: str) -> None:
     """Check behavior files and everything that they import: syntax, names, types, units, wiring.
 
-    All errors and warnings are reported, each with its place and a hint.
+    All errors and warnings are reported, each with its location and a hint.
 
     Exit code: 0 without errors (warnings are allowed), 1 with errors, 2 if a file cannot be read.
 
@@ -37,33 +37,33 @@ def command(files: tuple[str, ...], format_: str) -> None:
         from colony.dsl.load import check_file
         from colony.text.diagnostics import has_errors
 
-        found: list[Diagnostic] = []
+        diagnostics: list[Diagnostic] = []
         unreadable = False
         for file in files:
             checked = check_file(file)
-            found += checked.diagnostics
-            missing = is_unreadable(checked.diagnostics)
-            unreadable = unreadable or missing
+            diagnostics += checked.diagnostics
+            is_missing = is_unreadable(checked.diagnostics)
+            unreadable = unreadable or is_missing
             if format_ == "text":
-                if missing:
+                if is_missing:
                     say(one_line(checked.diagnostics[0]))
                 else:
                     report(checked.diagnostics)
                 if checked.program is not None:
                     click.echo(f"{file}: ok")
     if format_ != "text":
-        click.echo(_formatted(found, cast(Format, format_)))
+        click.echo(_formatted(diagnostics, cast(Format, format_)))
     if unreadable:
         raise click.exceptions.Exit(EXIT_MISUSE)
-    if has_errors(found):
+    if has_errors(diagnostics):
         raise click.exceptions.Exit(EXIT_ERRORS)
 
 
-def _formatted(found: Sequence[Diagnostic], format_: Format) -> str:
+def _formatted(diagnostics: Sequence[Diagnostic], format_: Format) -> str:
     if format_ == "sarif":
         from colony.cli.sarif import sarif
 
-        return sarif(found, directory=Path.cwd())
+        return sarif(diagnostics, directory=Path.cwd())
     from colony.text.diagnostics import to_json
 
-    return to_json(found)
+    return to_json(diagnostics)

@@ -61,7 +61,7 @@ CLIENTS_BYTES = 64 * 1024 * 1024
 )
 @click.option(
     "--proof-timeout",
-    type=ProverSeconds(none=True),
+    type=ProverSeconds(allow_zero=True),
     default=60.0,
     show_default=True,
     metavar="SECONDS",
@@ -116,13 +116,13 @@ def command(
     if existing is not None:
         with reliable_interrupts():
             result = _proof_of(existing, program, compilation, timeout_ms)
-        _report_proof(result, program, of=existing)
+        _report_proof(result, program, clients_file=existing)
         return
     text = _text(compilation, format_, explain)
     if not no_proof:
         with reliable_interrupts():
             result = _proof(compilation, format_, text, timeout_ms)
-        _report_proof(result, program, of=None)
+        _report_proof(result, program, clients_file=None)
     if not text.endswith("\n"):
         text += "\n"
     if output is None:
@@ -148,7 +148,7 @@ def _text(compilation: Compilation, format_: str, explain: bool) -> str:
 
 
 def _proof(compilation: Compilation, format_: str, text: str, timeout_ms: int) -> Result:
-    """Prove the clients, and their form in `text`; for a table, the form that is executed and sent."""
+    """Prove the clients, and their form in `text`; for a table, prove the compiled form that is executed."""
     from colony.verify.equivalence.prove import prove
 
     program = compilation.program
@@ -165,7 +165,7 @@ def _proof(compilation: Compilation, format_: str, text: str, timeout_ms: int) -
 
 
 def _proof_of(existing: Path, program: Program, compilation: Compilation, timeout_ms: int) -> Result:
-    """Return the proof of existing clients."""
+    """Prove existing clients."""
     from colony.verify.equivalence import prove
     from colony.verify.equivalence.results import Malformed, Proved
 
@@ -186,13 +186,13 @@ def _proof_of(existing: Path, program: Program, compilation: Compilation, timeou
     return prove.prove_python(program, compilation.clients, text, form=str(existing), timeout_ms=timeout_ms)
 
 
-def _report_proof(result: Result, program: Program, of: Path | None) -> None:
-    """Report the result of the proof; end the command unless it is proved."""
+def _report_proof(result: Result, program: Program, clients_file: Path | None) -> None:
+    """Report the result of the proof; exit with 1 if it failed."""
     from colony.text.diagnostics import error
     from colony.text.source import NOWHERE, Source, Span
     from colony.verify.equivalence import results
 
-    place = NOWHERE if of is None else Span(Source(str(of), ""), 0, 0)
+    span = NOWHERE if clients_file is None else Span(Source(str(clients_file), ""), 0, 0)
     spans = {wire.actuator: wire.span for wire in program.wires if wire.actuator is not None}
     match result:
         case results.Proved():
@@ -200,20 +200,20 @@ def _report_proof(result: Result, program: Program, of: Path | None) -> None:
             return
         case results.Undecided(subjects=((_, subject), *_)) if installed("z3"):
             hint = "give z3 more time with --proof-timeout SECONDS"
-            if of is None:
+            if clients_file is None:
                 hint += ", or skip the proof with --no-proof"
-            found = error("V002", spans.get(subject, place), results.undecided_text(result), hint)
+            diagnostic = error("V002", spans.get(subject, span), results.undecided_text(result), hint)
         case results.Undecided():
             say(f"{results.undecided_text(result)}; run: {to_install('verify')}")
             return
         case results.WrongWinner() | results.WrongActivity() | results.Malformed():
             subject = result.actuator if isinstance(result, results.WrongWinner) else ""
             hint = "these clients are not those of the behavior: compile it again"
-            if of is None:
+            if clients_file is None:
                 hint = "this is a bug in the compiler: please report it with the behavior"
             text = results.counterexample_text(result)
-            found = error("V001", spans.get(subject, place), text, hint)
+            diagnostic = error("V001", spans.get(subject, span), text, hint)
         case _:
             assert_never(result)
-    report([found])
+    report([diagnostic])
     raise click.exceptions.Exit(EXIT_ERRORS)

@@ -11,15 +11,15 @@ import click
 import msgspec
 
 from colony.cli.exit_codes import EXIT_ERRORS
-from colony.cli.places import (
+from colony.cli.reporting import printable, say
+from colony.cli.robot_options import (
     connect_option,
     expect_robot_with_endpoint,
-    place_of,
     reporting_connection_errors,
+    robot_address_of,
     robot_option,
     security_option,
 )
-from colony.cli.reporting import printable, say
 from colony.robots.discovery import running_robots, session_with
 
 if TYPE_CHECKING:
@@ -50,14 +50,14 @@ def command() -> None:
     """
 
 
-def _place_options(function: F) -> F:
+def _robot_options(function: F) -> F:
     robot = robot_option("The robot; required if several run on this machine.")
     return robot(connect_option()(security_option()(function)))
 
 
 @command.command(name="list", short_help="list the names of variables")
 @click.argument("prefix", default="")
-@_place_options
+@_robot_options
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def list_names(
     prefix: str, robot: str | None, connect: str | None, security: Path | None, format_: str
@@ -81,7 +81,7 @@ def list_names(
 
 @command.command(short_help="show the value of a variable")
 @click.argument("name")
-@_place_options
+@_robot_options
 def get(name: str, robot: str | None, connect: str | None, security: Path | None) -> None:
     """Show the value of the variable NAME as JSON: bytes in base64, infinities and NaN as null.
 
@@ -103,7 +103,7 @@ def get(name: str, robot: str | None, connect: str | None, security: Path | None
 @command.command(name="set", short_help="set a variable", context_settings={"ignore_unknown_options": True})
 @click.argument("name")
 @click.argument("value")
-@_place_options
+@_robot_options
 def set_value(name: str, value: str, robot: str | None, connect: str | None, security: Path | None) -> None:
     """Set the variable NAME to VALUE, which is JSON: quote text, and quote it again for the shell.
 
@@ -119,14 +119,14 @@ def set_value(name: str, value: str, robot: str | None, connect: str | None, sec
     try:
         ask = data.set(name, msgspec.json.decode(value))
     except (msgspec.DecodeError, UnicodeError, OverflowError, RecursionError) as problem:
-        raise click.UsageError(f"VALUE is not valid JSON: {problem}; text goes in quotes") from None
+        raise click.UsageError(f"VALUE is not valid JSON: {problem}; put text in quotes") from None
     with _dserver(robot, connect, security) as server:
         server.do(ask)
 
 
 @command.command(short_help="delete variables")
 @click.argument("names", metavar="NAME...", nargs=-1, required=True)
-@_place_options
+@_robot_options
 def delete(names: tuple[str, ...], robot: str | None, connect: str | None, security: Path | None) -> None:
     """Delete variables and their histories. This works even when DServer is full.
 
@@ -170,12 +170,12 @@ def _dserver(robot: str | None, connect: str | None, security: Path | None) -> I
     name = _robot(robot, connect)
     with (
         reporting_connection_errors(),
-        session_with(place_of(name, connect, security)) as session,
+        session_with(robot_address_of(name, connect, security)) as session,
         session.connect(SERVER, name="colony data") as server,
     ):
         try:
-            for sentence in server.do(STATUS).full:
-                say(f"colony: warning: {SERVER}: {printable(sentence)}")
+            for warning in server.do(STATUS).full:
+                say(f"colony: warning: {SERVER}: {printable(warning)}")
             yield server
         except CallRefusedError as problem:
             say(f"colony: error: {problem.message}")
@@ -190,7 +190,9 @@ def _robot(robot: str | None, connect: str | None) -> str:
     if not names:
         raise click.ClickException(f"no robot with a {SERVER} runs on this machine")
     if len(names) > 1:
-        raise click.UsageError(f"several robots run here: give --robot NAME; found {', '.join(names)}")
+        raise click.UsageError(
+            f"several robots run on this machine: give --robot NAME; found {', '.join(names)}"
+        )
     return names[0]
 
 

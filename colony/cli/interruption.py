@@ -1,4 +1,4 @@
-"""Ctrl-C in a run: the first one ends it gracefully, the next one immediately."""
+"""Ctrl-C in a run: the first ends the run gracefully, the second immediately."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ def termination_signals() -> tuple[signal.Signals, ...]:
 
 
 @contextmanager
-def interruptible(ending: str = "stopping after this frame") -> Iterator[Callable[[], bool]]:
+def interruptible(message: str = "stopping after this frame") -> Iterator[Callable[[], bool]]:
     """Catch the first Ctrl-C, so that a run can end between two frames.
 
-    SIGTERM and the end of the terminal count as well. The next one raises KeyboardInterrupt immediately. The
-    context's value is a function that returns True after the first one. `ending` is the message for a slow
-    shutdown.
+    SIGTERM and the closing of the terminal count as well. The second one raises KeyboardInterrupt
+    immediately. The context's value is a function that returns True after the first. `message` is shown
+    if the shutdown takes long.
     """
     signaled: list[int] = []
-    reminder = threading.Timer(PROGRESS_DELAY_S, say, (f"{ending}; press Ctrl-C again to stop immediately",))
+    reminder = threading.Timer(PROGRESS_DELAY_S, say, (f"{message}; press Ctrl-C again to stop immediately",))
     reminder.daemon = True
     if threading.current_thread() is not threading.main_thread():
         yield lambda: bool(signaled)
@@ -37,10 +37,10 @@ def interruptible(ending: str = "stopping after this frame") -> Iterator[Callabl
         signaled.append(number)
         reminder.start()
 
-    before = {number: signal.signal(number, on_signal) for number in termination_signals()}
+    previous_handlers = {number: signal.signal(number, on_signal) for number in termination_signals()}
     try:
         yield lambda: bool(signaled)
     finally:
         reminder.cancel()
-        for number, handler in before.items():
+        for number, handler in previous_handlers.items():
             signal.signal(number, handler)

@@ -48,7 +48,7 @@ COMMANDS = {
 
 
 class _StandardOutput(FileIO):
-    """A standard output whose errors name it if it cannot be written."""
+    """A standard output whose errors say that it is the standard output."""
 
     def write(self, data: ReadableBuffer, /) -> int:
         try:
@@ -116,17 +116,17 @@ def _prepare_streams() -> None:
     Characters that an encoding lacks become escapes. If a stream is closed, output fails and messages are
     dropped.
     """
-    for descriptor in range(3):  # else the next file to be opened would take its place
+    for descriptor in range(3):  # otherwise the next opened file would get the descriptor
         if not _is_open(descriptor):
             os.open(os.devnull, os.O_WRONLY if descriptor == 2 else os.O_RDONLY)
-    own = sys.__stdout__
-    if sys.stdout is own:  # unless the caller of `main` has replaced it
+    original = sys.__stdout__
+    if sys.stdout is original:  # unless the caller of `main` has replaced it
         sys.stdout = TextIOWrapper(
             BufferedWriter(_StandardOutput(1, "wb", closefd=False)),
-            encoding="utf-8" if own is None else own.encoding,
-            errors="strict" if own is None else own.errors,
-            line_buffering=own is not None and own.line_buffering,
-            write_through=own is not None and own.write_through,
+            encoding="utf-8" if original is None else original.encoding,
+            errors="strict" if original is None else original.errors,
+            line_buffering=original is not None and original.line_buffering,
+            write_through=original is not None and original.write_through,
         )
     if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="backslashreplace")
@@ -162,14 +162,14 @@ def _say(text: str) -> None:
 
 
 def _report_failure(problem: Exception) -> int:
-    """Report diagnostics, or an operating system error in one line; return the exit code.
+    """Report the diagnostics, or an error of the operating system in one line; return the exit code.
 
     Raises:
         Exception: any other error, which is a bug.
     """
     from colony.cli.reporting import report
     from colony.extras import MissingExtraError
-    from colony.os_errors import described, is_out_of_memory
+    from colony.os_errors import describe, is_out_of_memory
     from colony.text.diagnostics import DiagnosticError
 
     if is_out_of_memory(problem):
@@ -177,7 +177,7 @@ def _report_failure(problem: Exception) -> int:
         _discard_output()
         return EXIT_ERRORS
     if isinstance(problem, OSError):
-        _say(f"colony: error: {described(problem)}")
+        _say(f"colony: error: {describe(problem)}")
         _discard_output()
         return EXIT_MISUSE
     if isinstance(problem, MissingExtraError):
@@ -192,7 +192,7 @@ def _report_failure(problem: Exception) -> int:
 def _run() -> int:
     """Run the command, and return the exit code.
 
-    `colony.main` would exit on its own when the reader of a pipe goes away.
+    `colony.main` would exit on its own when the reader of a pipe closes it.
     """
     try:
         with colony.make_context("colony", sys.argv[1:]) as context, naming_missing_extras():
@@ -210,7 +210,7 @@ def _run() -> int:
     except (click.Abort, KeyboardInterrupt):
         _say("colony: interrupted")
         return EXIT_INTERRUPTED
-    except SystemExit as problem:  # click raises none here, so it comes from a Python module
+    except SystemExit as problem:  # click does not raise it here, so a Python module did
         _say(f"colony: error: a module in Python ended the process: SystemExit: {problem.code}")
         return EXIT_ERRORS
     except BrokenPipeError:  # the reader of the output has closed it

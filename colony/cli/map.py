@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 def command(path: str, output: Path | None, no_picture: bool, format_: str) -> None:
     """Check the StickRep map MAP, describe it, and draw it.
 
-    The maps that its elevators lead to are checked as well. All errors are reported, each with its place and
-    a hint.
+    The maps that its elevators lead to are checked as well. All errors are reported, each with its location
+    and a hint.
 
     Exit code: 0 for a valid map, 2 for one that is invalid or cannot be read.
 
@@ -77,7 +77,7 @@ def _draw(loaded: Map, target: Path) -> None:
 
 
 def _summary(building: Building) -> dict[str, object]:
-    from colony.nav.maps.stickrep.joints import linked_rings
+    from colony.nav.maps.stickrep.connections import linked_rings
     from colony.nav.maps.stickrep.model import EdgeKind
     from colony.nav.maps.walls import lights_of, walls_of
 
@@ -123,8 +123,8 @@ def _text(summary: dict[str, Any]) -> str:
         for ring in summary["rings"]
     ]
     if len(summary["rings"]) > 1:
-        apart = [" and ".join(group) for group in summary["linked_rings"]]
-        where = "may lead over all rings" if len(apart) == 1 else f"stays on {', or on '.join(apart)}"
+        groups = [" and ".join(group) for group in summary["linked_rings"]]
+        where = "may lead over all rings" if len(groups) == 1 else f"stays on {', or on '.join(groups)}"
         lines.append(f"  links: {summary['links']}; a path {where}")
     if summary["travel"] == "wall-on-left":
         lines.append("  paths keep the wall on the left")

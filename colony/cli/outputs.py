@@ -15,7 +15,7 @@ from colony.cli.reporting import say
 from colony.files import reason
 
 DESCRIPTORS = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
-"""Folders of devices and of this process's open files. Other pipes may never get a reader."""
+"""Folders of devices and of this process's open files. Pipes elsewhere may never get a reader."""
 
 SOURCES = (".colony", ".stickrep")
 """Suffixes of source files, which no command overwrites."""
@@ -30,14 +30,14 @@ def cannot_write(path: str | Path, why: str) -> NoReturn:
 def check_output(path: str | Path, inputs: Iterable[str | Path] = ()) -> None:
     """Refuse an output that cannot or must not be written, before the work begins; exit with 2."""
     try:
-        why = _objection(Path(path), inputs)
+        why = _reason_to_refuse(Path(path), inputs)
     except (OSError, RuntimeError, ValueError) as problem:
         why = reason(problem)
     if why is not None:
         cannot_write(path, why)
 
 
-def _objection(path: Path, inputs: Iterable[str | Path]) -> str | None:
+def _reason_to_refuse(path: Path, inputs: Iterable[str | Path]) -> str | None:
     if path.is_dir():
         return "Is a directory"
     if any(_same(path, Path(source)) for source in inputs):
@@ -87,12 +87,12 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 def _replace(target: Path, data: bytes) -> None:
-    beside = target.with_name(f".colony-{os.getpid()}.part")
+    temporary = target.with_name(f".colony-{os.getpid()}.part")
     try:
-        beside.write_bytes(data)
+        temporary.write_bytes(data)
         if target.exists():
-            shutil.copymode(target, beside)
-        beside.replace(target)
+            shutil.copymode(target, temporary)
+        temporary.replace(target)
     except BaseException:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise

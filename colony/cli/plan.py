@@ -16,7 +16,7 @@ from colony.extras import expect_extras
 if TYPE_CHECKING:
     from colony.nav.maps.building import Building
     from colony.nav.maps.stickrep.model import Travel
-    from colony.nav.plan.plan import Place, Plan, Segment
+    from colony.nav.plan.plan import FloorPoint, Plan, Segment
 
 
 @click.command("plan", short_help="plan a path from room to room")
@@ -42,7 +42,7 @@ def command(
     """Plan the shortest path in the StickRep map MAP from one node to another.
 
     FROM and TO are door jambs (376L), or doors (376), which stand for the nearer of their jambs. A room on
-    another floor that elevators lead to is `2:250` or `msu_engineering_2:250`.
+    another floor that elevators lead to is written `2:250` or `msu_engineering_2:250`.
 
     The modes are: L along ceiling lights, E into a turning space, C out of it, D to the goal, V through an
     elevator. The confidence is estimated from the published runs of the thesis (section 6.3).
@@ -89,8 +89,8 @@ def _draw(building: Building, planned: Plan, target: Path) -> None:
     from colony.view.map_picture import encode_picture, picture_format
     from colony.view.plan_picture import draw_plan
 
-    drawn = building.map_named(planned.segments[0].start.floor)
-    write_whole(target, encode_picture(draw_plan(drawn, planned), picture_format(target)))
+    floor = building.map_named(planned.segments[0].start.floor)
+    write_whole(target, encode_picture(draw_plan(floor, planned), picture_format(target)))
 
 
 _SEED = 1994
@@ -98,7 +98,7 @@ _SEED = 1994
 
 
 def _confidence(planned: Plan) -> tuple[float, float, float] | None:
-    """Return the published automaton's confidence and its interval; None for a path that it lacks."""
+    """Return the published automaton's confidence and its interval; None if it has no such path."""
     from colony.nav.confidence.automaton import PUBLISHED_ARCS
     from colony.nav.confidence.estimate import PUBLISHED, PUBLISHED_COUNTS, string_interval
 
@@ -135,7 +135,7 @@ def _segment(segment: Segment) -> dict[str, object]:
     }
 
 
-def _place(place: Place) -> dict[str, object]:
+def _place(place: FloorPoint) -> dict[str, object]:
     return {"x_mm": round(place.x_mm, 1), "y_mm": round(place.y_mm, 1), "floor": place.floor}
 
 
@@ -144,16 +144,16 @@ def _text(planned: Plan) -> str:
 
     floors = len({place.floor for s in planned.segments for place in (s.start, s.end)}) > 1
     confidence = _confidence(planned)
-    known = "unknown: the thesis has no such path"
+    confidence_text = "unknown: the thesis has no such path"
     if confidence is not None:
-        known = "{:.4f} (95 % interval: {:.2f} to {:.2f})".format(*confidence)
+        confidence_text = "{:.4f} (95 % interval: {:.2f} to {:.2f})".format(*confidence)
         if RIDE in planned.modes:
-            known += ", without elevator rides"
+            confidence_text += ", without elevator rides"
     goal = f"{planned.goal} of {planned.segments[-1].end.floor}" if floors else planned.goal
     lines = [
         f"{planned.origin} to {goal}: {planned.distance_mm / 1000:.3f} m, "
         f"{planned.travel_mm / 1000:.1f} m to travel",
-        f"modes: {planned.modes}; confidence: {known}",
+        f"modes: {planned.modes}; confidence: {confidence_text}",
         "",
         "mode  heading           from (m)             to (m)   length  lights",
     ]

@@ -15,7 +15,7 @@ from colony.text.diagnostics import DiagnosticError
 
 
 def load_compiled(path: str) -> Compiled:
-    """Return the compiled program of a file, with its sources; Python modules are found beside it.
+    """Return the compiled program of a file, with its sources; Python modules are searched for beside it.
 
     Exits with 2 if the file cannot be read or is damaged, with 1 if it has errors.
     """
@@ -29,5 +29,5 @@ def load_compiled(path: str) -> Compiled:
 
 
 def compile_file(path: str) -> Compilation:
-    """Compile a behavior with its sources. Exits as `load_compiled`."""
+    """Compile a behavior with its sources. Exits like `load_compiled`."""
     return compiled_with_sources(load_program(path), say)

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
-from colony.cli.places import (
+from colony.cli.reporting import printable
+from colony.cli.robot_options import (
     HERE,
     connect_option,
     expect_robot_with_endpoint,
-    place_of,
     reporting_connection_errors,
+    robot_address_of,
     robot_option,
     security_option,
 )
-from colony.cli.reporting import printable
 from colony.robots.discovery import running_robots, session_with
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 @security_option()
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def command(robot: str | None, connect: str | None, security: Path | None, format_: str) -> None:
-    """Show the robots that run on this machine: the state of their servers, the limits that these have
-    reached, connections and their priorities, an emergency stop, and the clients of the run.
+    """Show the robots that run on this machine: the state of their servers, the limits that the servers
+    have reached, connections and their priorities, an emergency stop, and the clients of the run.
 
     A client is alive, late (its request for the newest frame missed the deadline) or lost (it sent nothing
     for the length of its lease). The table counts the frames in which a client was on time, late or lost, and
@@ -71,9 +71,9 @@ def _states(robot: str | None, connect: str | None, security: Path | None) -> li
         names = [name for name in names if name in running_robots()]
     states = []
     for name in names:
-        place = place_of(name, connect, security)
-        with session_with(place) as session:
-            states.append(state_of(session, place))
+        robot_address = robot_address_of(name, connect, security)
+        with session_with(robot_address) as session:
+            states.append(state_of(session, robot_address))
     return states
 
 
@@ -96,7 +96,7 @@ def _lines(state: RobotState) -> Iterator[str]:
     connections = [(s.server, c) for s in state.servers for c in s.connections]
     if connections:
         yield "  connections"
-        rows = [("to", "who", "priority", "calls", "refused", "connection")]
+        rows = [("server", "client", "priority", "calls", "refused", "connection")]
         rows += [
             (server, c.name, str(c.priority), str(c.calls), str(c.problems), c.connection)
             for server, c in connections
@@ -117,7 +117,7 @@ def _server(server: ServerState) -> str:
 
 
 def _emergency(state: RobotState) -> Iterator[str]:
-    stops = [found.stopped for found in (state.participants, state.arbitration) if found is not None]
+    stops = [part.stopped for part in (state.participants, state.arbitration) if part is not None]
     if stopped := next((stop for stop in stops if stop is not None), None):
         yield f"EMERGENCY STOP, by {stopped.by}; release it with `colony stop --release`"
     if state.participants is not None and state.participants.trouble is not None:
@@ -125,18 +125,18 @@ def _emergency(state: RobotState) -> Iterator[str]:
 
 
 def _arbitration(state: RobotState) -> Iterator[str]:
-    found = state.arbitration
-    assert found is not None
-    if found.lock_holder is not None:
-        yield f"locked by {found.lock_holder}"
-    yield f"the base is commanded by {found.acting or 'no client'}"
+    arbitration = state.arbitration
+    assert arbitration is not None
+    if arbitration.lock_holder is not None:
+        yield f"locked by {arbitration.lock_holder}"
+    yield f"the base is commanded by {arbitration.acting or 'no client'}"
 
 
 def _priorities(state: RobotState) -> dict[str, int]:
-    found = state.arbitration
-    if found is None:
+    arbitration = state.arbitration
+    if arbitration is None:
         return {}
-    return {f"{a.name}/{c.name}": c.priority for a in found.actuators for c in a.clients}
+    return {f"{a.name}/{c.name}": c.priority for a in arbitration.actuators for c in a.clients}
 
 
 def _run(run: RunStatus, priorities: dict[str, int]) -> Iterator[str]:

@@ -44,7 +44,7 @@ def say(text: str) -> None:
 
     If standard error cannot be written, the command continues.
     """
-    _echo(_CONTROL.sub(lambda found: printable(found[0]), text))
+    _echo(_CONTROL.sub(lambda match: printable(match[0]), text))
 
 
 def _echo(text: str) -> None:
@@ -55,7 +55,7 @@ def _echo(text: str) -> None:
 
 
 def printable(text: str) -> str:
-    """Return a text from elsewhere without terminal control characters."""
+    """Return an untrusted text with its unprintable characters escaped."""
     return "".join(
         c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in text
     )
@@ -79,13 +79,13 @@ def one_line(diagnostic: Diagnostic) -> str:
 
 
 def refuse(diagnostics: Sequence[Diagnostic]) -> NoReturn:
-    """Print the first diagnostic of bad input on one line, and exit with 2."""
+    """Print the first diagnostic of an invalid input on one line, and exit with 2."""
     say(one_line(diagnostics[0]))
     raise click.exceptions.Exit(EXIT_MISUSE)
 
 
 def is_unreadable(diagnostics: Sequence[Diagnostic]) -> bool:
-    """Return True if the named file could not be read at all: misuse rather than an error in it."""
+    """Return True if the file itself could not be read, which is misuse rather than an error in the file."""
     return len(diagnostics) == 1 and diagnostics[0].code in ("E001", "E003")
 
 

@@ -28,7 +28,7 @@ from colony.text.wording import counted
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 _UNREADABLE = "E001"
 _BASE = "%SRCROOT%"
-"""The base of relative file addresses: the folder that the command ran in."""
+"""The base of relative file URIs: the folder in which the command ran."""
 
 Object = dict[str, object]
 
@@ -36,7 +36,8 @@ Object = dict[str, object]
 class TraceStep(NamedTuple):
     """A frame of a trace that shows a finding.
 
-    It has the place in the text, the event, and the values by name, in readable form (`{"bumper": "true"}`).
+    It has the location in the text, the event, and the values by name, in readable form (`{"bumper":
+    "true"}`).
     """
 
     span: Span
@@ -52,17 +53,19 @@ def sarif(
     traces: Mapping[Diagnostic, Sequence[TraceStep]] | None = None,
     bugs: Sequence[str] = (),
 ) -> str:
-    """Return a SARIF 2.1.0 log of a command's findings, each once, however many files import its file.
+    """Return a SARIF 2.1.0 log of a command's findings, each once even if several files import its file.
 
-    Files within `directory` have relative addresses, others absolute ones. Lines and columns count from 1,
+    Files within `directory` have relative URIs, others absolute ones. Lines and columns count from 1,
     columns and offsets in Unicode code points. `traces` are the frames that lead to a finding, `bugs` are
     bugs of colony itself that the command found.
     """
     traces = traces or {}
-    found = in_order({(d.span.source.name, d.span.start, d.code, d.message): d for d in diagnostics}.values())
+    findings = in_order(
+        {(d.span.source.name, d.span.start, d.code, d.message): d for d in diagnostics}.values()
+    )
     root = os.path.abspath(directory)
-    unreadable = [d for d in found if d.code == _UNREADABLE]
-    rules = _rules(d.code for d in found)
+    unreadable = [d for d in findings if d.code == _UNREADABLE]
+    rules = _rules(d.code for d in findings)
     indices = {code: i for i, code in enumerate(rules)}
     run: Object = {
         "tool": {
@@ -75,7 +78,7 @@ def sarif(
             }
         },
         "automationDetails": {"id": f"colony/{command}/"},
-        "originalUriBaseIds": {_BASE: {"uri": _address(root) + ("" if root.endswith("/") else "/")}},
+        "originalUriBaseIds": {_BASE: {"uri": _file_uri(root) + ("" if root.endswith("/") else "/")}},
         "columnKind": "unicodeCodePoints",
         "invocations": [
             {
@@ -87,7 +90,7 @@ def sarif(
             }
         ],
         "results": [
-            _result(d, indices[d.code], traces.get(d, ()), root) for d in found if d.code != _UNREADABLE
+            _result(d, indices[d.code], traces.get(d, ()), root) for d in findings if d.code != _UNREADABLE
         ],
     }
     return json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=2)
@@ -104,11 +107,11 @@ def _rules(used: Iterable[str]) -> dict[str, str]:
     return rules
 
 
-def _descriptor(code: str, about: str) -> Object:
+def _descriptor(code: str, description: str) -> Object:
     level = "warning" if code.startswith("W") else "error"
     return {
         "id": code,
-        "shortDescription": {"text": _message(about)},
+        "shortDescription": {"text": _message(description)},
         "help": {"text": f"docs/errors.md explains when {code} occurs, and how to fix it."},
         "defaultConfiguration": {"level": level},
     }
@@ -127,14 +130,14 @@ def _result(diagnostic: Diagnostic, rule: int, trace: Sequence[TraceStep], root:
     }
     if diagnostic.labels:
         result["relatedLocations"] = [
-            {"message": {"text": _message(label.text)}} | place
+            {"message": {"text": _message(label.text)}} | location
             for label in diagnostic.labels
-            for place in _locations(label.span, root)
+            for location in _locations(label.span, root)
         ]
     if trace:
         steps = [_step(i, step, root) for i, step in enumerate(trace)]
-        about = f"{counted(len(steps), 'frame')} that lead to it"
-        result["codeFlows"] = [{"message": {"text": about}, "threadFlows": [{"locations": steps}]}]
+        description = f"{counted(len(steps), 'frame')} that lead to it"
+        result["codeFlows"] = [{"message": {"text": description}, "threadFlows": [{"locations": steps}]}]
     return result
 
 
@@ -149,12 +152,12 @@ def _notification(diagnostic: Diagnostic, root: str) -> Object:
 
 def _step(number: int, step: TraceStep, root: str) -> Object:
     location: Object = {"message": {"text": _message(step.message)}}
-    for place in _locations(step.span, root):
-        location |= place
-    shown: Object = {"location": location, "executionOrder": number}
+    for part in _locations(step.span, root):
+        location |= part
+    result: Object = {"location": location, "executionOrder": number}
     if step.values:
-        shown["state"] = {name: {"text": _message(value)} for name, value in step.values.items()}
-    return shown
+        result["state"] = {name: {"text": _message(value)} for name, value in step.values.items()}
+    return result
 
 
 def _with_hint(diagnostic: Diagnostic) -> str:
@@ -169,11 +172,11 @@ def _message(text: str) -> str:
     return _LINK.sub(r"\\[\1\\](", text.replace("{", "{{").replace("}", "}}"))
 
 
-# --- places ----------------------------------------------------------------------------------------
+# --- locations ----------------------------------------------------------------------------------------
 
 
 def _locations(span: Span, root: str) -> list[Object]:
-    """Return the location of a span: one place, or none for a span outside any text."""
+    """Return the location of a span, or no location for a span outside any text."""
     if span.source is NOWHERE.source:
         return []
     line, column = span.source.position(span.start)
@@ -194,9 +197,9 @@ def _artifact(span: Span, root: str) -> Object:
     inside = os.path.join(root, "")
     if path.startswith(inside):
         return {"uri": quote(os.fsencode(path.removeprefix(inside))), "uriBaseId": _BASE}
-    return {"uri": _address(path)}
+    return {"uri": _file_uri(path)}
 
 
-def _address(path: str) -> str:
+def _file_uri(path: str) -> str:
     """Return the file URI of an absolute path with any bytes."""
     return "file://" + quote(os.fsencode(path))

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.cli.places import reporting_connection_errors, robot_option
 from colony.cli.reporting import refuse, say
+from colony.cli.robot_options import reporting_connection_errors, robot_option
 from colony.cli.shipped_files import map_option
 from colony.extras import expect_extras
 
@@ -76,7 +76,8 @@ def command(server: str, **given: Any) -> None:
 
     SERVER is Clock (the frames), RServer (the base), PServer (sonars and infrared detectors), DServer
     (variables and semaphores), CServer (a camera), Simulator (in place of the hardware), Gateway (connections
-    from other machines), or `all`: then each server is a process, and a process that dies is restarted.
+    from other machines), or `all`. With `all` each server is a process of its own, and a process that dies is
+    restarted.
 
     A server stops its hardware when it ends. A server that already runs under the same name is not started.
 
@@ -91,7 +92,7 @@ def command(server: str, **given: Any) -> None:
     from colony.cli.run.options import OptionError, cameras
     from colony.robots.request import MisuseError, RunAbortedError
     from colony.robots.serving import Settings, serve_all, serve_one
-    from colony.runtime.transport.live.place import local
+    from colony.runtime.transport.live.robot_address import local
     from colony.text.diagnostics import DiagnosticError
 
     robot, texts = given.pop("robot"), given.pop("camera_texts")
@@ -109,12 +110,12 @@ def command(server: str, **given: Any) -> None:
         expect_extras("sim")
     try:
         with reporting_connection_errors():
-            place = local(robot, os.environ)
-            place.directory.prepare()
+            robot_address = local(robot, os.environ)
+            robot_address.directory.prepare()
             if server == ALL:
-                serve_all(place, settings, say, interruptible("ending the servers"))
+                serve_all(robot_address, settings, say, interruptible("ending the servers"))
             else:
-                serve_one(server, place, settings, say)
+                serve_one(server, robot_address, settings, say)
     except MisuseError as misuse:
         say(str(misuse))
         raise click.exceptions.Exit(EXIT_MISUSE) from None
@@ -126,7 +127,7 @@ def command(server: str, **given: Any) -> None:
 
 
 def objection(server: str, settings: Settings) -> str | None:
-    """Return what is missing or invalid for this server, None if nothing is."""
+    """Return the reason why the settings do not fit this server; None if they do."""
     if server in ("Simulator", ALL) and settings.map_path is None:
         return f"{server} requires --map MAP, the building of the robot"
     if server not in ("Simulator", ALL) and settings.hazards is not None:

@@ -13,9 +13,9 @@ from colony.shipped import Shipped
 class ShippedFile(click.ParamType):  # type: ignore[type-arg]
     """A parameter type for a file's path; `description` describes it in help texts."""
 
-    def __init__(self, kind: Shipped, what: str) -> None:
+    def __init__(self, kind: Shipped, noun: str) -> None:
         self.name = kind.name.lower()
-        self.description = f"{what}, or the name of one that comes with colony"
+        self.description = f"{noun}, or the name of one that comes with colony"
         self._kind = kind
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.cli.places import (
+from colony.cli.reporting import say
+from colony.cli.robot_options import (
     connect_option,
     expect_robot_with_endpoint,
-    place_of,
     reporting_connection_errors,
+    robot_address_of,
     robot_option,
     security_option,
 )
-from colony.cli.reporting import say
 from colony.robots.discovery import running_robots, session_with
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 BASE_SERVERS = frozenset({"RServer", "Clock", "Leader", "Simulator", "Supervisor"})
 """Servers whose presence means that there is a base to stop, even while RServer itself is down.
 
-A "robot" with none of them is a data server that several robots share.
+A robot's name without any of them belongs to a data server that several robots share.
 """
 
 
@@ -44,7 +44,7 @@ def command(robot: str | None, release: bool, connect: str | None, security: Pat
 
     Exit code: 0 if the Clock has saved the stop and every running server that moves hardware has acknowledged
     it; 1 if not (the robot may have stopped anyway); 2 if the robot does not exist or cannot be reached. With
-    --release: 0 if the Clock has released the stop, else 1 or 2.
+    --release: 0 if the Clock has released the stop, otherwise 1 or 2.
 
     \b
     Example:
@@ -71,8 +71,8 @@ def _robots(robot: str | None, connect: str | None) -> list[str]:
     running = running_robots()
     names = [name for name, servers in running.items() if not BASE_SERVERS.isdisjoint(servers)]
     if not names:
-        beside = f" that has a base; found {', '.join(running)}" if running else ""
-        raise click.ClickException(f"no robot runs on this machine{beside}")
+        details = f" that has a base; found {', '.join(running)}" if running else ""
+        raise click.ClickException(f"no robot runs on this machine{details}")
     return names
 
 
@@ -82,7 +82,7 @@ def _command(name: str, release: bool, connect: str | None, security: Path | Non
     from colony.runtime.transport.live.errors import LiveError
 
     try:
-        session = session_with(place_of(name, connect, security))
+        session = session_with(robot_address_of(name, connect, security))
     except (LiveError, RobotConnectionError) as problem:
         say(f"colony: error: {problem}")
         return EXIT_MISUSE
@@ -119,7 +119,7 @@ def _release(name: str, session: Session) -> bool:
 
 
 def _print_line(text: str) -> None:
-    """Print a line; a failed output must not keep the other robots from being stopped."""
+    """Print a line; failing to print it must not keep the other robots from being stopped."""
     try:
         click.echo(text)
     except OSError as problem:
@@ -127,7 +127,7 @@ def _print_line(text: str) -> None:
 
 
 def _circumstances(session: Session) -> tuple[str, str]:
-    """Return phrases for the user who stopped the robot first and for its run, empty if unknown."""
+    """Return phrases that name the user who stopped the robot first, and its run; empty if unknown."""
     from colony.runtime.kit.errors import RobotConnectionError
     from colony.runtime.library.clock import participants
     from colony.runtime.protocol.topics import CLOCK
@@ -136,8 +136,8 @@ def _circumstances(session: Session) -> tuple[str, str]:
         return "", ""
     try:
         with session.connect(CLOCK, name="colony stop") as clock:
-            found = clock.do(participants())
+            status = clock.do(participants())
     except RobotConnectionError:
         return "", ""
-    by = "" if found.stopped is None else f" by {found.stopped.by}"
-    return by, f"; the run {found.run} continues" if found.run else ""
+    by = "" if status.stopped is None else f" by {status.stopped.by}"
+    return by, f"; the run {status.run} continues" if status.run else ""

@@ -12,11 +12,10 @@ from colony.nav.missions.elevator_prompt import PollResult
 
 
 class Terminal:
-    """A `LineInput` at a stream, such as the standard input: a terminal or a pipe. Mutable: its unread
-    input.
+    """A `LineInput` that reads from a stream: a terminal or a pipe. Stateful: buffers unread input.
 
-    All lines of a pipe count; of a terminal only those that were typed after the question, while this process
-    runs in the foreground.
+    From a pipe all lines count. From a terminal only those lines count that are typed after the question,
+    while this process runs in the foreground.
     """
 
     def __init__(self, stream: TextIO | None) -> None:
@@ -24,22 +23,22 @@ class Terminal:
             self._file = None if stream is None else stream.fileno()
         except (OSError, ValueError):
             self._file = None
-        self._read = b""
+        self._buffer = b""
 
     def discard(self) -> None:
         """Discard the input typed so far."""
-        if self._file is None or not os.isatty(self._file) or self._is_behind():
+        if self._file is None or not os.isatty(self._file) or self._is_in_background():
             return
-        with suppress(termios.error):  # the terminal has hung up
+        with suppress(termios.error):  # the terminal was closed
             termios.tcflush(self._file, termios.TCIFLUSH)
-        self._read = b""
+        self._buffer = b""
 
     def poll(self) -> PollResult:
         """Return "line" if there is another line, "end" at the end of input, else "nothing"."""
-        while b"\n" not in self._read:
+        while b"\n" not in self._buffer:
             if self._file is None:
                 return "end"
-            if self._is_behind() or not select.select([self._file], [], [], 0.0)[0]:
+            if self._is_in_background() or not select.select([self._file], [], [], 0.0)[0]:
                 return "nothing"
             try:
                 chunk = os.read(self._file, 4096)
@@ -47,11 +46,11 @@ class Terminal:
                 chunk = b""
             if not chunk:
                 self._file = None
-            self._read += chunk
-        self._read = self._read.partition(b"\n")[2]
+            self._buffer += chunk
+        self._buffer = self._buffer.partition(b"\n")[2]
         return "line"
 
-    def _is_behind(self) -> bool:
+    def _is_in_background(self) -> bool:
         """Return True if the process is in the background of its terminal, where access would suspend it."""
         try:
             return self._file is not None and os.tcgetpgrp(self._file) != os.getpgrp()

@@ -42,36 +42,36 @@ def command(files: tuple[str, ...], format_: str, only: tuple[str, ...]) -> None
 
     passed = failed = 0
     unreadable = False
-    found: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     for file in files:
         tested = _test(file, only)
         passed, failed = passed + tested.passed, failed + tested.failed
-        unreadable = unreadable or is_unreadable(tested.found)
-        found += tested.found
+        unreadable = unreadable or is_unreadable(tested.diagnostics)
+        diagnostics += tested.diagnostics
         if format_ == "text":
             for line in tested.lines:
                 click.echo(line)
-            if is_unreadable(tested.found):
-                say(one_line(tested.found[0]))
+            if is_unreadable(tested.diagnostics):
+                say(one_line(tested.diagnostics[0]))
             else:
-                report(tested.found)
+                report(tested.diagnostics)
     if format_ == "json":
-        click.echo(to_json(found))
-    elif passed or failed or not (found or only):
+        click.echo(to_json(diagnostics))
+    elif passed or failed or not (diagnostics or only):
         click.echo(f"{passed} passed, {failed} failed" + ("" if passed or failed else ": no tests found"))
-    if only and not (passed or failed or found):
-        named = " or ".join(f"`{name}`" for name in only)
-        raise click.UsageError(f"no test has {named} in its name", click.get_current_context())
+    if only and not (passed or failed or diagnostics):
+        names = " or ".join(f"`{name}`" for name in only)
+        raise click.UsageError(f"no test has {names} in its name", click.get_current_context())
     if unreadable:
         raise click.exceptions.Exit(EXIT_MISUSE)
-    if found:
+    if diagnostics:
         raise click.exceptions.Exit(EXIT_ERRORS)
 
 
 class _Tested(NamedTuple):
     """The results of one file's tests: a line per test, and the diagnostics."""
 
-    found: Sequence[Diagnostic]
+    diagnostics: Sequence[Diagnostic]
     lines: Sequence[str] = ()
     passed: int = 0
     failed: int = 0
@@ -91,8 +91,8 @@ def _test(file: str, only: tuple[str, ...]) -> _Tested:
         return _Tested(failure.diagnostics)
     lines = []
     for result in results:
-        mark = "passed" if result.passed else "FAILED"
+        verdict = "passed" if result.passed else "FAILED"
         frames = counted(result.frames, "frame")
-        lines.append(f"{file}: {mark}: {result.name} ({frames})")
+        lines.append(f"{file}: {verdict}: {result.name} ({frames})")
     passed = sum(result.passed for result in results)
     return _Tested(failures_as_diagnostics(results), lines, passed, len(results) - passed)

@@ -43,8 +43,8 @@ def command(file: str, input_: str, backend: Backend, output: Path | None) -> No
     """Run a behavior over recorded frames and print its decisions, one line per frame.
 
     A frame is a JSON object on one line: "t" in seconds, and sensors in declared units; an absent sensor is
-    missing. Recordings of `colony run --record`, as JSON lines or MCAP, are valid input. For an invalid line
-    an error is reported, nothing is printed, and the exit code is 2.
+    missing. Recordings of `colony run --record`, as JSON lines or MCAP, are valid input. If a line is
+    invalid, an error is reported, nothing is printed, and the exit code is 2.
 
     In a damaged recording the undamaged frames are decided, the damaged time span is reported, and the exit
     code is 1. After the damage the backend `network` continues from the recorded memory, the others from the

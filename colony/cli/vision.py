@@ -41,8 +41,8 @@ def command(files: tuple[str, ...], chosen: tuple[str, ...], output: str | None,
     """Detect door plates, elevator markers and ceiling lights in pictures, and draw the detections.
 
     Pictures are PNG, JPEG, BMP, WebP or TIFF of any size, gray or in color. The detectors of plates and
-    markers expect a level camera mounted as high as the signs hang, so that these are near the middle row;
-    the detector of lights expects a camera that looks straight up at the ceiling. Both cameras have a
+    markers expect a level camera mounted as high as the signs hang, so that the signs are near the middle
+    row; the detector of lights expects a camera that looks straight up at the ceiling. Both cameras have a
     horizontal field of view of 60 degrees. Coordinates are in pixels; (0, 0) is the upper left corner.
 
     A FILE.seen.png beside FILE is an older drawing, and is skipped.
@@ -73,17 +73,17 @@ def command(files: tuple[str, ...], chosen: tuple[str, ...], output: str | None,
 
 
 class _Report(NamedTuple):
-    """The result for a file: its looks, or the error that prevented them."""
+    """The result for a file: the detector runs, or the error that prevented them."""
 
     file: str
     size: tuple[int, int]
-    looks: tuple[DetectorRun, ...]
+    runs: tuple[DetectorRun, ...]
     picture: Path
     error: str | None = None
 
 
 def _pictures(files: Sequence[str], output: str | None) -> list[Path]:
-    """Return the picture to draw for each file; refuse two files with the same one."""
+    """Return the path of each file's drawing; refuse two files with the same path."""
     context = click.get_current_context()
     if output is not None:
         if Path(output).suffix.lower() != ".png":
@@ -108,7 +108,7 @@ def _drawn(file: str) -> Path:
 
 
 def _detect(file: str, picture: Path, chosen: Sequence[str], files: Sequence[str]) -> _Report:
-    """Read a file, run the detectors and draw; report an error of the file."""
+    """Read a file, run the detectors, and draw the detections; report a file that cannot be read."""
     from colony.vision.annotate import annotate, encode_png
     from colony.vision.detectors import Detector, run_detectors
     from colony.vision.gray_images import gray_image
@@ -121,14 +121,14 @@ def _detect(file: str, picture: Path, chosen: Sequence[str], files: Sequence[str
         say(f"{file}: error: {why}")
         return _Report(file, (0, 0), (), picture, why)
     check_output(picture, files)
-    looks = tuple(run_detectors(gray_image(image), frozenset(map(Detector, chosen))))
-    found = [(look.detector, detection) for look in looks for detection in look.found]
+    runs = tuple(run_detectors(gray_image(image), frozenset(map(Detector, chosen))))
+    found = [(run.detector, detection) for run in runs for detection in run.found]
     write_whole(picture, encode_png(annotate(image, found)))
-    return _Report(file, (image.shape[1], image.shape[0]), looks, picture)
+    return _Report(file, (image.shape[1], image.shape[0]), runs, picture)
 
 
 def _box(detection: Detection) -> tuple[float, float, float, float]:
-    """Return the column and row of a detection's middle, its width and its height, in pixels."""
+    """Return the column and row of a detection's center, its width and its height, in pixels."""
     columns, rows = zip(*detection.corners, strict=True)
     width, height = max(columns) - min(columns), max(rows) - min(rows)
     return min(columns) + width / 2.0, min(rows) + height / 2.0, width, height
@@ -139,23 +139,25 @@ def _text(report: _Report) -> str:
         f"{report.file}: {report.size[0]} x {report.size[1]} pixels, drawn in {report.picture}",
         "detector  found       column     row   width  height  confidence       ms",
     ]
-    for look in report.looks:
-        rows = [_row(detection) for detection in look.found] or [f"{'nothing':<46}"]
+    for run in report.runs:
+        rows = [_row(detection) for detection in run.found] or [f"{'nothing':<46}"]
         for i, row in enumerate(rows):
-            spent = f"{look.milliseconds:8.1f}" if i == 0 else ""
-            lines.append(f"{look.detector.value if i == 0 else '':8}  {row:<58}{spent}".rstrip())
+            time_text = f"{run.milliseconds:8.1f}" if i == 0 else ""
+            lines.append(f"{run.detector.value if i == 0 else '':8}  {row:<58}{time_text}".rstrip())
     return "\n".join(lines)
 
 
 def _row(detection: Detection) -> str:
     column, row, width, height = _box(detection)
-    sure = (
+    confidence = (
         detection.label_confidence
         if detection.label and detection.label_confidence is not None
         else detection.confidence
     )
-    confidence = "" if sure is None else f"{sure:.2f}"
-    return f"{detection.label or '-':8}  {column:8.1f}{row:8.1f}{width:8.1f}{height:8.1f}{confidence:>12}"
+    confidence_text = "" if confidence is None else f"{confidence:.2f}"
+    return (
+        f"{detection.label or '-':8}  {column:8.1f}{row:8.1f}{width:8.1f}{height:8.1f}{confidence_text:>12}"
+    )
 
 
 def _summary(report: _Report) -> dict[str, object]:
@@ -168,11 +170,11 @@ def _summary(report: _Report) -> dict[str, object]:
         "picture": str(report.picture),
         "detectors": [
             {
-                "detector": look.detector.value,
-                "milliseconds": round(look.milliseconds, 3),
-                "found": [_found(detection) for detection in look.found],
+                "detector": run.detector.value,
+                "milliseconds": round(run.milliseconds, 3),
+                "found": [_found(detection) for detection in run.found],
             }
-            for look in report.looks
+            for run in report.runs
         ],
     }
 

@@ -1,7 +1,7 @@
-"""The compiled form: prioritized clients, one for each module and actuator (thesis section 4.8.2).
+"""The compiled form: prioritized clients, one per module and actuator (thesis section 4.8.2).
 
-The meaning of one actuator's clients is "the first whose guard holds", and, equally, "the one whose
-exclusive guard holds": in no frame do two exclusive guards of one actuator hold.
+An actuator's winner is the first client whose guard holds and, equivalently, the only one whose exclusive
+guard holds: in no frame do two exclusive guards of one actuator hold.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from colony.compile.guards import Guard
 class Client:
     """A module as a client of its actuator's server.
 
-    `guard` and `exclusive` refer to the table of the client list; both include the module's own activity.
-    `guard` is that of the thesis, to be combined with priorities; `exclusive` holds only where the network
-    lets the module through. A module with several paths to the actuator has the exclusive guard as both.
+    `guard` and `exclusive` are indices into the guards of the client list; both include the module's own
+    activity. `guard` is that of the thesis, to be combined with priorities; `exclusive` holds only where the
+    network lets the module through. With several paths to the actuator, both are the exclusive guard.
     """
 
     module: str
     priority: int
     guard: int
     exclusive: int
-    several_ways: bool = field(default=False, compare=False)
+    has_several_paths: bool = field(default=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,9 +39,9 @@ class ActuatorClients:
 class ClientList:
     """All clients of a program over one table of guards.
 
-    `observed` gives the activity of the wires and modules that contracts and tests name. `windows` gives the
-    guards of time constants, by their names in `ir.memory`; it is empty after simplification, which merges
-    and drops some of them.
+    `observed` gives the guard for the activity of each wire or module that contracts and tests read.
+    `windows` gives the guards of time constants, by their names in `ir.memory`; it is empty after
+    simplification, which merges and drops some of them.
     """
 
     guards: tuple[Guard, ...]

@@ -1,6 +1,6 @@
 """Guards: one table of hash-consed Boolean nodes over the activity of modules.
 
-A guard is a reference (an index) into the table, so that parts that clients have in common are stored once
+A guard is a reference (an index) into the table, so that parts shared by clients are stored once
 and the output stays near-linear in the network, in memory and in JSON. Operands always come before the node
 that uses them: a table is evaluated in one pass, without recursion.
 """
@@ -50,9 +50,9 @@ class Or:
 
 @dataclass(frozen=True, slots=True)
 class Recently:
-    """True from a frame in which the operand is, until, and not including, `window_ns` after the last one.
+    """True from a frame in which the operand is true until `window_ns` after the last one, exclusive.
 
-    It has memory, which moves on in every frame.
+    It has memory, which is updated in every frame.
     """
 
     operand: int
@@ -65,17 +65,17 @@ Guard = Always | Never | ModuleActive | Not | And | Or | Recently
 def operands(guard: Guard) -> tuple[int, ...]:
     """Return the operands of a guard, in order."""
     match guard:
-        case And(operands=several) | Or(operands=several):
-            return several
-        case Not(operand=one) | Recently(operand=one):
-            return (one,)
+        case And(operands=parts) | Or(operands=parts):
+            return parts
+        case Not(operand=operand) | Recently(operand=operand):
+            return (operand,)
         case Always() | Never() | ModuleActive():
             return ()
 
 
 @dataclass(slots=True)
 class GuardTable:
-    """A growing table that gives equal nodes one reference. Mutable: a builder, frozen by `freeze`."""
+    """A mutable table in which equal nodes have one reference; `freeze` returns its nodes."""
 
     nodes: list[Guard]
     _index: dict[Guard, int]
@@ -88,20 +88,20 @@ class GuardTable:
 
     def add(self, node: Guard) -> int:
         """Return the reference of `node`, added if it is new; its operands must be in the table."""
-        at = self._index.get(node)
-        if at is None:
-            at = self._index[node] = len(self.nodes)
+        reference = self._index.get(node)
+        if reference is None:
+            reference = self._index[node] = len(self.nodes)
             self.nodes.append(node)
             if isinstance(node, Always):
-                self._always = at
-        return at
+                self._always = reference
+        return reference
 
     def negation(self, operand: int) -> int:
         """Return `not operand`."""
         return self.add(Not(operand))
 
     def conjunction(self, parts: tuple[int, ...]) -> int:
-        """Return the conjunction of `parts`, without those that are `Always`."""
+        """Return the conjunction of `parts`; parts that are `Always` are dropped."""
         always = self._always
         kept = tuple([part for part in parts if part != always])
         if len(kept) > 1:
@@ -119,5 +119,5 @@ class GuardTable:
         return self.add(Recently(operand, window_ns)) if window_ns > 0 else operand
 
     def freeze(self) -> tuple[Guard, ...]:
-        """Return the guards of the table so far."""
+        """Return the nodes of the table so far."""
         return tuple(self.nodes)

@@ -12,34 +12,36 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModuleLeaf:
-    """A module's output. A network has one leaf for each module in it, however often it is used."""
+    """A module's output. A network has one leaf per module, however often it is used."""
 
     module: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Suppressor:
-    """The dominant's output where that is active, else the inferior's (thesis section 3.2.2).
+    """The dominant input where it is active, otherwise the inferior one (thesis section 3.2.2).
 
-    With a time constant the dominant dominates until, and not including, `window_ns` after the last frame
-    in which it was active; until then the inferior does not get through. `place` is the name of the time
-    constant in `ir.memory`.
+    With a time constant, the dominant input dominates until, but not including, `window_ns` after the last
+    frame in which it was active. `memory_name` is the name of the time constant in `ir.memory`.
     """
 
     dominant: int
     inferior: int
     window_ns: int = 0
-    place: str = field(default="", compare=False)
+    memory_name: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inhibitor:
-    """A gate: no output where the dominant is active, else the inferior's. `window_ns` as in `Suppressor`."""
+    """A gate: no output where the dominant input is active, otherwise the inferior input.
+
+    `window_ns` and `memory_name` are as in `Suppressor`.
+    """
 
     dominant: int
     inferior: int
     window_ns: int = 0
-    place: str = field(default="", compare=False)
+    memory_name: str = field(default="", compare=False)
 
 
 NetworkNode = ModuleLeaf | Suppressor | Inhibitor
@@ -47,11 +49,11 @@ NetworkNode = ModuleLeaf | Suppressor | Inhibitor
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Network:
-    """Nodes, each after its inputs, and their names.
+    """The nodes, each after its inputs, and their names.
 
-    `outputs` gives the node that drives each wired actuator, in the order in which the robot declares them.
-    `wires` gives the node of each named wire, in the order of the program. `observed` gives the nodes whose
-    activity contracts and examples ask for, by the name that they use (a wire or a module).
+    `outputs` gives the node that drives each wired actuator, in the order of their declarations.
+    `wires` gives the node of each named wire, in the order of the program. `observed` gives the node
+    of each wire or module whose activity contracts or tests read.
     """
 
     nodes: tuple[NetworkNode, ...]

@@ -25,7 +25,7 @@ PASSES: tuple[Callable[[Any], Any], ...] = (
     forward_traversal,  # SuppressionNetwork -> ClientList     definitions 4.1, 4.2, Table 4.2
     simplify,  # ClientList -> ClientList
 )
-"""The passes in order: each takes the result of the one before it. Then `lower` makes the code."""
+"""The passes in order: each takes the result of the one before it. `lower` then generates the code."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +35,7 @@ class Compilation:
     Attributes:
         program: the program.
         network: its network.
-        suppression: the same without inhibitors.
+        suppression: the network without inhibitors.
         traversal: its clients before simplification.
         clients: its clients.
         python: the files of its modules in Python, for the artifact.
@@ -50,12 +50,12 @@ class Compilation:
 
     @cached_property
     def compiled(self) -> Compiled:
-        """The compiled program, which is executed, saved and sent; lowered once, on first access."""
+        """The compiled program, to be executed, saved and sent; lowered on first access."""
         with gc_paused():
             lowered = lower(self.program, self.clients, self.traversal)
         files = self.program.files
         texts = [
-            SourceFile(kind="behavior", place=place, data=source.text.encode("utf-8", "replace"))
+            SourceFile(kind="behavior", path=place, data=source.text.encode("utf-8", "replace"))
             for place, source in files
         ]
         return replace(lowered, sources=(*texts, *self.python), root=files[-1][0] if files else "")
@@ -65,8 +65,8 @@ def compile_program(program: Program, python: tuple[SourceFile, ...] = ()) -> Co
     """Run all passes over a typed program. Near-linear in the size of its network."""
     with gc_paused():
         results: list[Any] = [program]
-        for one in PASSES:
-            results.append(one(results[-1]))
+        for compiler_pass in PASSES:
+            results.append(compiler_pass(results[-1]))
     _, network, suppression, traversal, clients = results
     return Compilation(
         program=program,

@@ -1,8 +1,8 @@
 """The network after inhibition elimination: suppressors only, on links that carry gates.
 
 The thesis's Lemma 4.1 turns `A inhibits B` into a module with the guard `not P_A and P_B`. For a network B
-that is shared, this would require a copy. So the guard is put on the link to B as its *gate*, and B stays
-shared: a link passes its node's command on in the frames in which its gate holds.
+that is shared, this would require a copy. Instead, the guard becomes the *gate* of the link to B, and B stays
+shared: a link passes its node's command on only in frames in which its gate holds.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from colony.compile.network import ModuleLeaf
 class Link:
     """The use of a node, through a gate.
 
-    `gate` and `active` refer to the table of guards: when the link is open, and when it carries a command
-    (it is open and its node is active).
+    `gate` and `active` are indices into the guards: the link is open; the link carries a command (it is open
+    and its node is active).
     """
 
     node: int
@@ -28,7 +28,7 @@ class Link:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GatedSuppressor:
-    """A memoryless suppressor: the dominant link's output if there is one, else the inferior's."""
+    """A memoryless suppressor: the dominant link's command if there is one, otherwise the inferior's."""
 
     dominant: Link
     inferior: Link
@@ -41,9 +41,9 @@ SuppressionNode = ModuleLeaf | GatedSuppressor
 class SuppressionNetwork:
     """A pure suppression network N(M, S, L_d, L_i, sigma) for each output, over shared nodes and guards.
 
-    Nodes come after those that they use. Nodes that no output reaches only inhibit, or drive nothing. `wires`
-    and `observed` give the activity of the wires of those names, `windows` the guards of time constants, by
-    their names in `ir.memory`.
+    Each node comes after those that it uses. Nodes without a path to an output inhibit, or have no effect.
+    `wires` and `observed` give guards of activity by name; `windows` gives those of time constants, by their
+    names in `ir.memory`.
     """
 
     nodes: tuple[SuppressionNode, ...]

@@ -1,4 +1,4 @@
-"""The syntax tree, as written: names unresolved, units as text, parentheses gone.
+"""The syntax tree, as written: names are unresolved, units are text, and parentheses are gone.
 
 `start` and `end` are character offsets in the file. They are not compared, so two texts that differ only in
 layout have equal trees. `depth` is the nesting depth of an expression: the checker rejects expressions that
@@ -15,7 +15,7 @@ from colony.record import Record, record
 
 @record
 class SyntaxNode(Record):
-    """A piece of text."""
+    """A node for a piece of text."""
 
     start: int = field(default=0, compare=False, repr=False)
     end: int = field(default=0, compare=False, repr=False)
@@ -30,7 +30,7 @@ class Name(SyntaxNode):
 
 @record
 class Named(SyntaxNode):
-    """A declaration with a name: its first identifier, or the one after its keyword."""
+    """A declaration with a name, which is its first identifier or the one after its keyword."""
 
     name: Name
 
@@ -40,14 +40,14 @@ class Named(SyntaxNode):
 
 @record
 class ExpressionNode(SyntaxNode):
-    """Any expression; a leaf nests 1 deep."""
+    """Any expression; a leaf has depth 1."""
 
     depth: int = field(default=1, compare=False, repr=False)
 
 
 @record
 class Number(ExpressionNode):
-    """A number as written, and the unit that belongs to it."""
+    """A number as written, with its unit, if any."""
 
     digits: str
     unit: str | None
@@ -62,7 +62,7 @@ class Boolean(ExpressionNode):
 
 @record
 class Reference(ExpressionNode):
-    """`name`, `name.name` ...; the checker resolves it."""
+    """`name`, `name.name`, ...; the checker resolves it."""
 
     path: tuple[str, ...]
 
@@ -82,7 +82,7 @@ class Prefix(ExpressionNode):
 
 @record
 class Infix(ExpressionNode):
-    """Two operands and an arithmetic, relational or Boolean operator, by its spelling."""
+    """Two operands and an arithmetic, relational or Boolean operator, as written."""
 
     operator: str
     left: Expression
@@ -390,7 +390,7 @@ class PythonModuleDecl(SyntaxNode):
 
 @record
 class Link(SyntaxNode):
-    """The relation between an operand of a chain and what follows it, with its time constant."""
+    """The relation between an operand of a chain and the rest of the chain, with its time constant."""
 
     relation: Literal["suppresses", "inhibits"]
     window: Expression | None
@@ -398,7 +398,7 @@ class Link(SyntaxNode):
 
 @record
 class Chain(SyntaxNode):
-    """`operands[0] links[0] operands[1] links[1] ...`, as written; kept flat however long it is."""
+    """`operands[0] links[0] operands[1] links[1] ...`, as written: flat, whatever its length."""
 
     operands: tuple[Wiring, ...]
     links: tuple[Link, ...]
@@ -444,12 +444,12 @@ class ContractDecl(Named):
 
 @record
 class Missing(SyntaxNode):
-    """`missing`, as a given value."""
+    """`missing`, as a value after `given`."""
 
 
 @record
 class Elements(SyntaxNode):
-    """`[v, v, ...]`, as a given value."""
+    """`[value, value, ...]`, as a value after `given`."""
 
     values: tuple[Expression, ...]
 
@@ -465,7 +465,7 @@ class GivenDecl(SyntaxNode):
 
 @record
 class StepDecl(SyntaxNode):
-    """`at first`, or `from first to last every period`."""
+    """`at <first>`, or `from <first> to <last> every <period>`."""
 
     first: Expression
     last: Expression | None

@@ -18,7 +18,7 @@ from colony.text.source import Source, Span
 MAX_BYTES = 4 * 1024 * 1024
 MAX_FILES = 1000
 SHIPPED = "colony.shipped"
-"""The folder next to a recorded program with the files that are shipped with colony."""
+"""The directory, next to a recorded program, for the files shipped with colony."""
 _MAX_CYCLE_FILES = 6
 
 
@@ -39,7 +39,7 @@ class Import(Record):
 
 @record
 class ParsedFile(Record):
-    """A file of a program, in which the file's names begin with `prefix` (such as `brooks.`, or nothing)."""
+    """A file of a program; in the program, its names begin with `prefix` (such as `brooks.`, or nothing)."""
 
     key: str
     source: Source
@@ -51,7 +51,7 @@ class ParsedFile(Record):
 
     @property
     def stem(self) -> str:
-        """Return the file's name without directory and suffix."""
+        """Return the file name without directory and suffix."""
         return Path(self.source.name).stem
 
 
@@ -64,18 +64,18 @@ class SourceTree(Record):
 
 
 class UnreadableFileError(Exception):
-    """A file that cannot be read, with the parts of a diagnostic.
+    """A file cannot be read; holds the contents of a diagnostic.
 
-    `span` is the place in the file itself, if one of its bytes is invalid.
+    `span` is the invalid byte, if the file has one.
     """
 
     def __init__(self, code: str, message: str, hint: str | None = None, span: Span | None = None) -> None:
         super().__init__(message)
         self.code, self.message, self.hint, self.span = code, message, hint, span
 
-    def diagnostic(self, at: Span) -> Diagnostic:
-        """Return the diagnostic to report; `at` is the place that asked for the file."""
-        return error(self.code, self.span or at, self.message, self.hint)
+    def diagnostic(self, requested_by: Span) -> Diagnostic:
+        """Return the diagnostic to report; `requested_by` is the span that named the file."""
+        return error(self.code, self.span or requested_by, self.message, self.hint)
 
 
 def read_source(path: Path, name: str) -> Source:
@@ -90,8 +90,10 @@ def read_source(path: Path, name: str) -> Source:
         if problem.errno == errno.EFBIG:
             raise UnreadableFileError("E003", f"`{name}` is larger than {size_text(MAX_BYTES)}") from problem
         if problem.errno == errno.EISDIR:
-            named = "name a file that ends in .colony"
-            raise UnreadableFileError("E001", f"cannot read `{name}`: it is a directory", named) from problem
+            behavior_hint = "name a file that ends in .colony"
+            raise UnreadableFileError(
+                "E001", f"cannot read `{name}`: it is a directory", behavior_hint
+            ) from problem
         hint = Shipped.BEHAVIOR.hint(name) if problem.errno == errno.ENOENT else None
         raise UnreadableFileError("E001", f"cannot read `{name}`: {reason(problem)}", hint) from problem
     if data.startswith(COMPILED):
@@ -106,23 +108,25 @@ def decode(data: bytes, name: str) -> Source:
     """Return the source of these bytes.
 
     Raises:
-        UnreadableFileError: they are not UTF-8 text; its span is the first byte that is none.
+        UnreadableFileError: they are not UTF-8 text; its span is the first invalid byte.
     """
     try:
         text = data.decode("utf-8-sig")
-        bad, what = text.find("\0"), "a NUL byte"
+        invalid, what = text.find("\0"), "a NUL byte"
     except UnicodeDecodeError as problem:
         text, what = data.decode("utf-8-sig", errors="replace"), "a byte that is not UTF-8"
-        bad = len(problem.object[: problem.start].decode())
+        invalid = len(problem.object[: problem.start].decode())
     source = Source(name, text)
-    if bad >= 0:
+    if invalid >= 0:
         hint = "save the file as UTF-8 text"
-        raise UnreadableFileError("E002", f"found {what}, expected text", hint, Span(source, bad, bad + 1))
+        raise UnreadableFileError(
+            "E002", f"found {what}, expected text", hint, Span(source, invalid, invalid + 1)
+        )
     return source
 
 
 def real_path(path: Path) -> str:
-    """Return the absolute name of a file with links resolved; an invalid name is returned as it is."""
+    """Return the absolute path of a file with links resolved; an invalid path is returned unchanged."""
     try:
         return os.path.realpath(path)
     except (OSError, ValueError):
@@ -140,8 +144,8 @@ def load_tree(path: Path, name: str, text: str | None = None, *, shipped: Path |
     try:
         source = read_source(path, name) if text is None else Source(name, text)
     except UnreadableFileError as problem:
-        at = Span(Source(name, ""), 0, 0)
-        return SourceTree(files=(), diagnostics=(problem.diagnostic(at),))
+        span = Span(Source(name, ""), 0, 0)
+        return SourceTree(files=(), diagnostics=(problem.diagnostic(span),))
     loader.load(key, path, source)
     return SourceTree(files=loader.in_order(key), diagnostics=tuple(loader.diagnostics))
 
@@ -149,25 +153,25 @@ def load_tree(path: Path, name: str, text: str | None = None, *, shipped: Path |
 def relative_sources(tree: SourceTree, path: Path) -> tuple[tuple[str, Source], ...]:
     """Return the texts of a tree with their relative paths (see `Program.files`); the main file is at `path`.
 
-    Paths are relative to the folder that contains all files. They are those by which imports find the files,
-    even if these are symbolic links.
+    Paths are relative to the common directory of all files. Symbolic links are not resolved: imports find the
+    files by these paths.
     """
-    places: dict[str, str] = {}
+    paths: dict[str, str] = {}
     shipped = os.path.join(os.path.dirname(os.path.abspath(path)), SHIPPED)
     for file in reversed(tree.files):  # importers before what they import
-        place = places.setdefault(file.key, os.path.abspath(path))
-        for one in file.imports:
-            found = os.path.join(os.path.dirname(place), one.path) if one.path is not None else None
-            target = found or os.path.join(shipped, os.path.basename(one.target))
-            places.setdefault(one.target, os.path.normpath(target))
-    base = os.path.commonpath([os.path.dirname(places[file.key]) for file in tree.files])
+        file_path = paths.setdefault(file.key, os.path.abspath(path))
+        for import_ in file.imports:
+            own = os.path.join(os.path.dirname(file_path), import_.path) if import_.path is not None else None
+            target = own or os.path.join(shipped, os.path.basename(import_.target))
+            paths.setdefault(import_.target, os.path.normpath(target))
+    base = os.path.commonpath([os.path.dirname(paths[file.key]) for file in tree.files])
     return tuple(
-        (Path(os.path.relpath(places[file.key], base)).as_posix(), file.source) for file in tree.files
+        (Path(os.path.relpath(paths[file.key], base)).as_posix(), file.source) for file in tree.files
     )
 
 
 class _Loader:
-    """A loader of files. Mutable: the files so far. Iterative, so that import chains do not recurse."""
+    """Loads files, iteratively, so that import chains do not recurse. Mutable."""
 
     def __init__(self, shipped: Path | None) -> None:
         self.shipped = shipped
@@ -175,26 +179,26 @@ class _Loader:
         self.diagnostics: list[Diagnostic] = []
 
     def load(self, key: str, path: Path, source: Source) -> None:
-        waiting = [(key, path, source)]
+        queue = [(key, path, source)]
         seen = {key}
-        while waiting:
-            key, path, source = waiting.pop()
+        while queue:
+            key, path, source = queue.pop()
             parsed = parse(source)
             self.diagnostics += parsed.diagnostics
             imports = []
             for declaration in parsed.file.declarations:
                 if not isinstance(declaration, ast.ImportDecl):
                     continue
-                target, relative = self._find(path, declaration.path)
+                target, relative_path = self._find(path, declaration.path)
                 target_key = real_path(target)
-                imports.append(Import(declaration=declaration, target=target_key, path=relative))
+                imports.append(Import(declaration=declaration, target=target_key, path=relative_path))
                 if target_key in seen:
                     continue
                 seen.add(target_key)
-                shown = target if relative is None else Path(source.name).parent / relative
+                shown = target if relative_path is None else Path(source.name).parent / relative_path
                 found = self._read(source, target, os.path.normpath(shown), declaration, len(seen))
                 if found is not None:
-                    waiting.append((target_key, Path(target_key), found))
+                    queue.append((target_key, Path(target_key), found))
             self.files[key] = ParsedFile(
                 key=key,
                 source=source,
@@ -204,16 +208,16 @@ class _Loader:
             )
 
     def _find(self, importer: Path, name: str) -> tuple[Path, str | None]:
-        """Return the location of an imported file, and its path as in `Import`."""
-        given = os.path.join(importer.parent, name)
-        own = Shipped.BEHAVIOR.own(given)
+        """Return the path of an imported file, and its relative path as in `Import`."""
+        own_path = os.path.join(importer.parent, name)
+        own = Shipped.BEHAVIOR.user_file(own_path)
         if own is not None and real_path(Path(own)) == real_path(importer):
             own = None  # a file may extend the shipped file of the same name
-        named = Shipped.BEHAVIOR.named(name, self.shipped) if own is None else None
-        if named is not None:
-            return named, None
-        relative = name + (own or given).removeprefix(given)
-        return importer.parent / relative, relative
+        shipped_path = Shipped.BEHAVIOR.file_named(name, self.shipped) if own is None else None
+        if shipped_path is not None:
+            return shipped_path, None
+        relative_path = name + (own or own_path).removeprefix(own_path)
+        return importer.parent / relative_path, relative_path
 
     def _read(
         self, source: Source, path: Path, shown: str, declaration: ast.ImportDecl, count: int
@@ -233,29 +237,29 @@ class _Loader:
             return None
 
     def in_order(self, root: str) -> tuple[ParsedFile, ...]:
-        """Return the files depth first, imports before importers; report and cut cycles where they close."""
+        """Return the files depth first, imports before importers; report imports that close a cycle."""
         order: list[str] = []
         done: set[str] = set()
-        trail: dict[str, None] = {root: None}
+        path_to_file: dict[str, None] = {root: None}
         stack = [(root, iter(self.files[root].imports))]
         while stack:
             key, imports = stack[-1]
-            one = next(imports, None)
-            if one is None:
+            import_ = next(imports, None)
+            if import_ is None:
                 stack.pop()
-                trail.pop(key)
+                path_to_file.pop(key)
                 done.add(key)
                 order.append(key)
-            elif one.target in trail:
-                self._report_cycle(key, one, list(trail))
-            elif one.target in self.files and one.target not in done:
-                trail[one.target] = None
-                stack.append((one.target, iter(self.files[one.target].imports)))
+            elif import_.target in path_to_file:
+                self._report_cycle(key, import_, list(path_to_file))
+            elif import_.target in self.files and import_.target not in done:
+                path_to_file[import_.target] = None
+                stack.append((import_.target, iter(self.files[import_.target].imports)))
         prefixes = self._prefixes(root)
         return tuple(replace(self.files[key], prefix=prefixes[key], is_root=key == root) for key in order)
 
-    def _report_cycle(self, key: str, closing: Import, trail: list[str]) -> None:
-        cycle = [Path(k).name for k in trail[trail.index(closing.target) :]]
+    def _report_cycle(self, key: str, closing: Import, path_to_file: list[str]) -> None:
+        cycle = [Path(k).name for k in path_to_file[path_to_file.index(closing.target) :]]
         left_out = [] if len(cycle) <= _MAX_CYCLE_FILES else [f"... {len(cycle) - _MAX_CYCLE_FILES} more ..."]
         shown = [f"`{name}`" for name in cycle[:_MAX_CYCLE_FILES]]
         names = " imports ".join([*shown, *left_out, f"`{cycle[0]}`"])
@@ -264,26 +268,26 @@ class _Loader:
         self.diagnostics.append(error("E104", span, f"files import each other in a cycle: {names}", hint))
 
     def _prefixes(self, root: str) -> dict[str, str]:
-        """Return the prefix of each file's names: the path with the fewest aliases, the first of equals."""
+        """Return the prefix of each file's names: that of the first path with the fewest aliases."""
         prefixes = {root: ""}
         layer = [root]
         while layer:
-            later: list[str] = []
-            for key in layer:  # grows while it runs: plain imports stay on this layer
-                for one in self.files[key].imports:
-                    if one.target in prefixes or one.target not in self.files:
+            next_layer_importers: list[str] = []
+            for key in layer:  # it grows in the loop: plain imports stay in this layer
+                for import_ in self.files[key].imports:
+                    if import_.target in prefixes or import_.target not in self.files:
                         continue
-                    alias = one.declaration.alias
+                    alias = import_.declaration.alias
                     if alias is None:
-                        prefixes[one.target] = prefixes[key]
-                        layer.append(one.target)
+                        prefixes[import_.target] = prefixes[key]
+                        layer.append(import_.target)
                     else:
-                        later.append(key)
+                        next_layer_importers.append(key)
             layer = []
-            for key in later:
-                for one in self.files[key].imports:
-                    alias = one.declaration.alias
-                    if alias is not None and one.target in self.files and one.target not in prefixes:
-                        prefixes[one.target] = f"{prefixes[key]}{alias.text}."
-                        layer.append(one.target)
+            for key in next_layer_importers:
+                for import_ in self.files[key].imports:
+                    alias = import_.declaration.alias
+                    if alias is not None and import_.target in self.files and import_.target not in prefixes:
+                        prefixes[import_.target] = f"{prefixes[key]}{alias.text}."
+                        layer.append(import_.target)
         return prefixes

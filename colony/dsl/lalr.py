@@ -2,7 +2,7 @@
 
 lark builds the tables from the grammar (`colony.dsl.tables`); only this module reads them, so that no command
 has to import lark. It behaves like lark with its contextual lexer: a terminal is recognized only where the
-grammar allows it, words before signs before patterns, and absent optional parts are None.
+grammar allows it, words before punctuation before patterns, and absent optional parts are None.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ _BLANKS = re.compile(r"(?:[ \t\r\n\f]+|#[^\r\n]*)*")
 _WORD = re.compile(r"\w+")
 
 Rule: TypeAlias = tuple[str, int, "Callable[[list[Any]], Any] | None", "list[list[int]] | None"]
-"""Nonterminal, number of symbols, builder of its value, and layout if children are not just the symbols."""
+"""Nonterminal, number of symbols, builder method, and layout (see `_arrange`) if it is needed."""
 
 
 class Token:
-    """A terminal of a text, at `text[start:end]`."""
+    """An occurrence of a terminal, at `text[start:end]`."""
 
     __slots__ = ("end", "start", "text", "type")
 
@@ -34,10 +34,10 @@ class UnexpectedInputError(Exception):
     """The first unexpected input in a text.
 
     Attributes:
-        offset: its start; at the end of the text, the end of the last token.
+        offset: the start of the input; at the end of the text, the end of the last token.
         at_end: True if the text ends too early.
         accepted: the terminals that are allowed there.
-        values: the parser's stack of values read before it.
+        values: the parser's stack of values at that point.
     """
 
     def __init__(self, *, offset: int, at_end: bool, accepted: frozenset[str], values: list[Any]) -> None:
@@ -46,16 +46,16 @@ class UnexpectedInputError(Exception):
 
 
 class Parser:
-    """A parser of one grammar, whose `builder` has a method for each rule, named after it.
+    """A parser of one grammar.
 
     Args:
-        tables: the result of `colony.dsl.tables.build`.
-        builder: an object whose methods take the children of a rule and return its value.
+        tables: the tables from `colony.dsl.tables.load`.
+        builder: an object with a method for each rule, named after it, from the rule's children to its value.
     """
 
     def __init__(self, tables: dict[str, Any], builder: object) -> None:
         self._words: dict[str, str] = tables["words"]
-        self._signs: dict[str, str] = tables["signs"]
+        self._punctuation: dict[str, str] = tables["signs"]
         self._patterns = [(name, re.compile(pattern)) for name, pattern in tables["patterns"]]
         self._rows: list[dict[str, int]] = tables["rows"]
         self._start: int = tables["start"]
@@ -66,7 +66,7 @@ class Parser:
         ]
 
     def parse(self, text: str, start: int = 0) -> Any:
-        """Read a text from `start` to its end, and return the value of the whole.
+        """Parse a text from `start` to its end, and return its value.
 
         Raises:
             UnexpectedInputError: the text does not follow the grammar.
@@ -87,7 +87,7 @@ class Parser:
             start = token.end
 
     def _token(self, text: str, start: int, row: dict[str, int]) -> Token | None:
-        """Return the next token, of a terminal in this row of the table; None if there is none."""
+        """Return the next token if its terminal is in this row of the table, otherwise None."""
         at = _skip_blanks(text, start)
         if at == len(text):
             return Token(END, "", start, start)
@@ -97,10 +97,10 @@ class Parser:
             if type_ in row:
                 return Token(type_, word[0], at, word.end())
         else:
-            for sign in (text[at : at + 2], text[at]):
-                type_ = self._signs.get(sign)
+            for mark in (text[at : at + 2], text[at]):
+                type_ = self._punctuation.get(mark)
                 if type_ in row:
-                    return Token(type_, sign, at, at + len(sign))
+                    return Token(type_, mark, at, at + len(mark))
         for type_, pattern in self._patterns:
             if type_ in row and (match := pattern.match(text, at)):
                 return Token(type_, match[0], at, match.end())
@@ -109,17 +109,15 @@ class Parser:
     def _feed(self, token: Token, states: list[int], values: list[Any]) -> bool:
         """Reduce until the token can be shifted, and shift it.
 
-        Returns: False if the token is not allowed here; the states are then unchanged.
+        Return False, with `states` unchanged, if the token is not allowed here.
         """
         type_, rows = token.type, self._rows
-        taken: list[
-            list[int]
-        ] = []  # states removed by each reduction, to undo them if the token is refused after some
+        removed: list[list[int]] = []  # states removed by each reduction, to undo them for a refused token
         while True:
             action = rows[states[-1]].get(type_)
             if action is None:
-                for of_one in reversed(taken):
-                    states[-1:] = of_one
+                for removed_states in reversed(removed):
+                    states[-1:] = removed_states
                 return False
             if action >= 0:
                 states.append(action)
@@ -128,17 +126,17 @@ class Parser:
             origin, size, build, layout = self._rules[~action]
             first = len(values) - size
             children = values[first:]
-            taken.append(states[first + 1 :])
+            removed.append(states[first + 1 :])
             del states[first + 1 :], values[first:]
             if layout is not None:
-                children = _laid_out(children, layout)
+                children = _arrange(children, layout)
             values.append(build(children) if build else children[0] if origin[0] != "_" else children)
             states.append(rows[states[-1]][origin])
             if type_ == END and states[-1] == self._final:
                 return True
 
     def _can_follow(self, symbol: str, before: list[int]) -> bool:
-        """Return True if the symbol is a terminal that can be shifted, after reductions, in these states."""
+        """Return True if the symbol is a terminal that can be shifted, perhaps after reductions."""
         states = before.copy()
         while (action := self._rows[states[-1]].get(symbol)) is not None and symbol.isupper():
             if action >= 0 or states[-1] == self._final:
@@ -156,20 +154,20 @@ def _skip_blanks(text: str, start: int) -> int:
     return start if match is None else match.end()
 
 
-def _laid_out(children: list[Any], layout: list[list[int]]) -> list[Any]:
+def _arrange(children: list[Any], layout: list[list[int]]) -> list[Any]:
     """Return the children with None for each absent part, and with the lists of helper rules flattened.
 
-    `layout` has two numbers for each symbol (the number of absent parts before it, and 1 if it is a list),
-    and two for the end.
+    `layout` has a pair for each symbol (the number of absent parts before it, and 1 if it is a list), and one
+    for the end.
     """
-    found: list[Any] = []
+    arranged: list[Any] = []
     for child, (absent, is_list) in zip(children, layout, strict=False):
-        found += [None] * absent
+        arranged += [None] * absent
         if not is_list:
-            found.append(child)
-        elif found:
-            found += child
+            arranged.append(child)
+        elif arranged:
+            arranged += child
         else:  # reuse the list instead of copying it: it may be as long as the file
-            found = child
-    found += [None] * layout[-1][0]
-    return found
+            arranged = child
+    arranged += [None] * layout[-1][0]
+    return arranged

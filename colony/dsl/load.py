@@ -1,4 +1,4 @@
-"""The entry points of the front end: from a file or a text to a typed program."""
+"""The entry points of the front end, from a file or text to a typed program."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Checked(NamedTuple):
     tree: SourceTree
 
 
-def _checked(tree: SourceTree, path: Path) -> Checked:
+def _check_tree(tree: SourceTree, path: Path) -> Checked:
     program, diagnostics = check_program(tree)
     if program is not None:
         program = replace(program, files=relative_sources(tree, path))
@@ -28,21 +28,21 @@ def _checked(tree: SourceTree, path: Path) -> Checked:
 
 
 def check_file(path: str | Path) -> Checked:
-    """Check the file at `path` with all its imports; errors in it are diagnostics, never exceptions."""
-    return _checked(load_tree(Path(path), str(path)), Path(path))
+    """Check the file at `path` with all its imports; errors become diagnostics, never exceptions."""
+    return _check_tree(load_tree(Path(path), str(path)), Path(path))
 
 
 def check_text(text: str, name: str = "<text>", directory: str | Path = ".") -> Checked:
     """Check a text; imports are relative to `directory`."""
     path = Path(directory) / (Path(name).name or "<text>")
-    return _checked(load_tree(path, name, text), path)
+    return _check_tree(load_tree(path, name, text), path)
 
 
 def load_file(path: str | Path) -> Program:
     """Return the program of a file.
 
     Raises:
-        DiagnosticError: with all errors and warnings, when there is an error.
+        DiagnosticError: there is an error; it holds all errors and warnings.
     """
     return _program(check_file(path))
 
@@ -51,7 +51,7 @@ def load_text(text: str, name: str = "<text>", directory: str | Path = ".") -> P
     """Return the program of a text; imports are relative to `directory`.
 
     Raises:
-        DiagnosticError: with all errors and warnings, when there is an error.
+        DiagnosticError: there is an error; it holds all errors and warnings.
     """
     return _program(check_text(text, name, directory))
 

@@ -1,8 +1,8 @@
 """Parsing of a text to its syntax tree, with all syntax errors of a file in one run.
 
-Panic-mode recovery: after an error the parser restarts at the next line that begins a declaration and is
-indented no deeper than the one that failed. What was read before the error is kept. The names that the
-skipped text declares are recorded, so that they are not reported as unknown.
+Panic-mode recovery: after an error the parser restarts at the next line that begins a declaration and is not
+indented deeper than the failed one. Declarations before the error are kept. The names that the skipped text
+seems to declare are recorded, so that they are not reported as unknown.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ class Parsed(Record):
 
 
 def parse(source: Source) -> Parsed:
-    """Parse a whole file; never raises for bad text."""
-    too_deep = _too_deep(source)
-    if too_deep:
+    """Parse a whole file; invalid text raises no exception."""
+    depth_error = _check_depth(source)
+    if depth_error:
         from colony.dsl import recovery
 
         lost_names = frozenset(recovery.lost_names(source.text))
-        return Parsed(file=ast.File(declarations=()), diagnostics=(too_deep,), lost_names=lost_names)
+        return Parsed(file=ast.File(declarations=()), diagnostics=(depth_error,), lost_names=lost_names)
     text, start = source.text, 0
     declarations: list[ast.Declaration] = []
     diagnostics: list[Diagnostic] = []
@@ -47,22 +47,24 @@ def parse(source: Source) -> Parsed:
     while True:
         try:
             file: ast.File = _parser().parse(text, start)
-        except UnexpectedInputError as problem:
+        except UnexpectedInputError as unexpected:
             from colony.dsl import recovery
             from colony.dsl.syntax_errors import describe
 
-            kept = recovery.complete_declarations(problem)
-            declarations += kept
-            failed = kept[-1].end if kept else start
-            diagnostics.append(describe(source, problem, failed))
-            start = recovery.next_declaration(text, failed, diagnostics[-1].span.start)
-            lost |= recovery.lost_names(text[failed:start])
+            complete = recovery.complete_declarations(unexpected)
+            declarations += complete
+            declaration_start = complete[-1].end if complete else start
+            diagnostics.append(describe(source, unexpected, declaration_start))
+            start = recovery.next_declaration(text, declaration_start, diagnostics[-1].span.start)
+            lost |= recovery.lost_names(text[declaration_start:start])
             if start >= len(text):
                 break
             if len(diagnostics) == MAX_SYNTAX_ERRORS:
                 span = Span(source, start, start + 1)
                 diagnostics.append(
-                    error("E007", span, f"{MAX_SYNTAX_ERRORS} syntax errors; the rest is not read")
+                    error(
+                        "E007", span, f"{MAX_SYNTAX_ERRORS} syntax errors; the rest of the file is not read"
+                    )
                 )
                 lost |= recovery.lost_names(text[start:])
                 break
@@ -81,7 +83,7 @@ def _parser() -> Parser:
     return Parser(tables.load(), Builder())
 
 
-def _too_deep(source: Source) -> Diagnostic | None:
+def _check_depth(source: Source) -> Diagnostic | None:
     depth = 0
     for match in _BRACKETS.finditer(source.text):
         bracket = match[0]
@@ -92,7 +94,7 @@ def _too_deep(source: Source) -> Diagnostic | None:
                 return error(
                     "E004",
                     span,
-                    f"brackets nest deeper than {NESTING_LIMIT}",
+                    f"brackets nest more than {NESTING_LIMIT} levels deep",
                     "name parts of the expression with `let`, or parts of the network with wires",
                 )
         elif bracket in ")]}":

@@ -1,6 +1,6 @@
-"""Syntax tree to text. `parse(print(tree))` is the tree again: a property test holds it to that.
+"""Syntax tree to text. `parse(print(tree))` is the same tree, as a property test checks.
 
-The layout is fixed: one declaration a paragraph, one clause a line, two spaces of indentation. Comments are
+The layout is fixed: one declaration per paragraph, one clause per line, indented by two spaces. Comments are
 not part of the tree and are lost.
 """
 
@@ -220,7 +220,7 @@ def _python_clause(node: ast.PythonClause) -> str:
 
 
 def _wiring(node: ast.Wiring) -> str:
-    """Return the text of wiring. Only parentheses nest, and the parser limits those."""
+    """Return the text of a wiring. Only parentheses recurse, and the parser limits their nesting."""
     if isinstance(node, ast.Reference):
         return node.text
     parts = [_operand(node.operands[0])]

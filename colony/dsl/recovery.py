@@ -1,6 +1,6 @@
-"""Recovery from a syntax error: what was read before it, the names lost in it, and where to resume.
+"""Recovery from a syntax error: the declarations before it, the names lost in it, and where to resume.
 
-Imported only after an error: compiling its patterns would add to the start-up time of every command.
+Imported only after an error, since compiling its patterns would add to the start-up time of every command.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _DECLARED = re.compile(
 )
 
 
-WORDS = frozenset(
+CONTEXTUAL_KEYWORDS = frozenset(
     "ROBOT FRAME SENSOR ACTUATOR RANGE DEFAULT WITHIN FROM TO IDLE ON_LOSS STOP DEGRADE ENUM "
     "IMPORT AS PARAM LET STATE NEXT MACHINE START WHEN MODULE DO PYTHON READS COMMANDS RATE "
     "NETWORK LIMIT CONTRACT TEST AT EVERY GIVEN EXPECT FOR ACTIVE COMMANDED".split()
 )
-"""The words that are keywords in their context only (except `any`, which stands for phases)."""
+"""Contextual keywords (except `any`, which is used where phase names are)."""
 
 
 def lost_names(text: str) -> set[str]:
@@ -36,28 +36,28 @@ def lost_names(text: str) -> set[str]:
     return {a or b for a, b in _DECLARED.findall(text)}
 
 
-def expected(problem: UnexpectedInputError) -> frozenset[str]:
-    """Return the terminals allowed at the error, without words that would be names there."""
-    found = problem.accepted
-    return found - WORDS if {"NAME", *WORDS} <= found else found
+def expected_terminals(problem: UnexpectedInputError) -> frozenset[str]:
+    """Return the terminals allowed at the error, without contextual keywords where any name is allowed."""
+    accepted = problem.accepted
+    return accepted - CONTEXTUAL_KEYWORDS if {"NAME", *CONTEXTUAL_KEYWORDS} <= accepted else accepted
 
 
 def complete_declarations(problem: UnexpectedInputError) -> list[ast.Declaration]:
     """Return the declarations that were read before the error, from the parser's stack."""
-    first: object = problem.values[0] if problem.values else None
-    if isinstance(first, list):
-        return first
-    return [cast("ast.Declaration", first)] if isinstance(first, DECLARATIONS) else []
+    value: object = problem.values[0] if problem.values else None
+    if isinstance(value, list):
+        return value
+    return [cast("ast.Declaration", value)] if isinstance(value, DECLARATIONS) else []
 
 
 DECLARATIONS: tuple[type, ...] = ast.Declaration.__args__
 
 
-def next_declaration(text: str, failed: int, at: int) -> int:
-    """Return the offset at which to resume: a line, at or after the error, that begins a declaration."""
-    begin, indent = _begin_and_indent(text, failed)
-    line = text.rfind("\n", 0, at) + 1
-    search_from = line if line > begin else text.find("\n", max(at, begin))
+def next_declaration(text: str, declaration_start: int, error_offset: int) -> int:
+    """Return the offset at which to resume: a declaration that begins a line at or after the error."""
+    begin, indent = _begin_and_indent(text, declaration_start)
+    line = text.rfind("\n", 0, error_offset) + 1
+    search_from = line if line > begin else text.find("\n", max(error_offset, begin))
     while search_from >= 0:
         match = _DECLARATION.search(text, search_from)
         if match is None:
@@ -68,18 +68,18 @@ def next_declaration(text: str, failed: int, at: int) -> int:
     return len(text)
 
 
-def declaration_begun(text: str, failed: int, at: int) -> int | None:
+def new_declaration(text: str, declaration_start: int, error_offset: int) -> int | None:
     """Return the offset, in the line of the error, at which a new declaration seems to begin, if any."""
-    begin, indent = _begin_and_indent(text, failed)
-    line = text.rfind("\n", 0, at) + 1
+    begin, indent = _begin_and_indent(text, declaration_start)
+    line = text.rfind("\n", 0, error_offset) + 1
     match = _DECLARATION.match(text, line)
-    if match is None or line <= begin or len(match[1]) > indent or match.end(1) > at:
+    if match is None or line <= begin or len(match[1]) > indent or match.end(1) > error_offset:
         return None
     return match.end(1)
 
 
-def _begin_and_indent(text: str, failed: int) -> tuple[int, int]:
+def _begin_and_indent(text: str, declaration_start: int) -> tuple[int, int]:
     """Return the offset of the word that begins the declaration, and the declaration's indentation."""
-    blanks = re.compile(r"(?:[ \t\r\n\f]|#[^\r\n]*)*").match(text, failed)
-    begin = blanks.end() if blanks else failed
+    blanks = re.compile(r"(?:[ \t\r\n\f]|#[^\r\n]*)*").match(text, declaration_start)
+    begin = blanks.end() if blanks else declaration_start
     return begin, begin - (text.rfind("\n", 0, begin) + 1)

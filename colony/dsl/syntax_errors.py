@@ -1,11 +1,11 @@
-"""Messages of syntax errors: what was found, what was expected, and the likely mistake."""
+"""Messages for syntax errors: what was found, what was expected, and the likely mistake."""
 
 from __future__ import annotations
 
 import re
 
 from colony.dsl.lalr import UnexpectedInputError
-from colony.dsl.recovery import declaration_begun, expected
+from colony.dsl.recovery import expected_terminals, new_declaration
 from colony.dsl.syntax_hints import DECLARATION_STARTS, hint_for, misspelled_node
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Source, Span
@@ -49,47 +49,47 @@ _SPELLED = {
 _WORD = re.compile(
     r'"[^"\r\n]*"|[A-Za-z_]\w*|\d[\w.]*|==|<=|>=|!=|=>|->|\.\.|&&|\|\||//|/\*|\*\*|\+=|-=|.', re.DOTALL
 )
-_SPLIT = ("==", "**", "=>", "->", "..", "<=", ">=", "//", "/*")
-"""Signs whose first character may have been read as a sign of its own before the error was seen."""
+_SPLITTABLE = ("==", "**", "=>", "->", "..", "<=", ">=", "//", "/*")
+"""Punctuation whose first character may have been read as a token before the error was detected."""
 
 
-def describe(source: Source, problem: UnexpectedInputError, declaration: int) -> Diagnostic:
+def describe(source: Source, problem: UnexpectedInputError, declaration_start: int) -> Diagnostic:
     """Return the diagnostic of a syntax error; `declaration` is the start of the failed declaration."""
-    text, at, at_end = source.text, problem.offset, problem.at_end
-    accepted = expected(problem)
-    if text[max(at - 1, 0) : at + 1] in _SPLIT and not at_end:
-        at, accepted = at - 1, _before_sign(text[at - 1], accepted)
-    found = "" if at_end else _found(text, at)
-    span = Span(source, max(at - 1, 0), at) if at_end else Span(source, at, at + len(found))
-    begun = None if at_end else declaration_begun(text, declaration, at)
-    bracket = _open_bracket(text, declaration, at if begun is None else begun)
-    if bracket is not None and (at_end or begun is not None or _closes_another(text[bracket], found)):
-        return _unclosed(source, span, bracket, found, begun)
-    if begun is not None and begun < at:
-        word = _found(text, begun)
+    text, offset, at_end = source.text, problem.offset, problem.at_end
+    accepted = expected_terminals(problem)
+    if text[max(offset - 1, 0) : offset + 1] in _SPLITTABLE and not at_end:
+        offset, accepted = offset - 1, _accepted_before(text[offset - 1], accepted)
+    found = "" if at_end else _word_at(text, offset)
+    span = Span(source, max(offset - 1, 0), offset) if at_end else Span(source, offset, offset + len(found))
+    new_start = None if at_end else new_declaration(text, declaration_start, offset)
+    bracket = _open_bracket(text, declaration_start, offset if new_start is None else new_start)
+    if bracket is not None and (at_end or new_start is not None or _closes_another(text[bracket], found)):
+        return _unclosed(source, span, bracket, found, new_start)
+    if new_start is not None and new_start < offset:
+        word = _word_at(text, new_start)
         message = f"`{word}` begins a declaration, and the one before it is not complete"
-        return error("E005", Span(source, begun, begun + len(word)), message)
+        return error("E005", Span(source, new_start, new_start + len(word)), message)
     if found == '"':
         hint = 'add the missing `"`; a text ends on the line on which it begins'
         return error("E006", span, "the text that begins here is not closed on its line", hint)
-    node = misspelled_node(text, at, accepted)
+    node = misspelled_node(text, offset, accepted)
     if node is not None:
         start, word, hint = node
         message = f"found `{word}`, expected `suppresses` or `inhibits`"
         return error("E005", Span(source, start, start + len(word)), message, hint)
     shown = "the end of the file" if at_end else _shown(found)
     message = f"found {shown}, expected {_expected(accepted)}"
-    return error("E005", span, message, hint_for(text, at, found, accepted))
+    return error("E005", span, message, hint_for(text, offset, found, accepted))
 
 
-def _before_sign(read: str, accepted: frozenset[str]) -> frozenset[str]:
-    """Return the tokens that may stand before the character `read`, which was taken for an operator."""
-    signs = {"=": {"ASSIGN"}, "*": _OPERATORS, "/": _OPERATORS, "<": _OPERATORS, ">": _OPERATORS}
-    return frozenset(signs.get(read, accepted))
+def _accepted_before(read: str, accepted: frozenset[str]) -> frozenset[str]:
+    """Return the terminals accepted before the character `read`, which was taken for an operator."""
+    accepted_before = {"=": {"ASSIGN"}, "*": _OPERATORS, "/": _OPERATORS, "<": _OPERATORS, ">": _OPERATORS}
+    return frozenset(accepted_before.get(read, accepted))
 
 
-def _found(text: str, at: int) -> str:
-    match = _WORD.match(text, at)
+def _word_at(text: str, offset: int) -> str:
+    match = _WORD.match(text, offset)
     return match[0][:60] if match else ""
 
 
@@ -113,13 +113,13 @@ def _expected(accepted: frozenset[str]) -> str:
     if len(names & DECLARATION_STARTS) > 6:
         parts.append("a declaration (`robot`, `module`, `network`, ...)")
         names -= DECLARATION_STARTS | {"$END"}
-    parts += sorted({_spelled(name) for name in names if not name.startswith("__IGNORE")})
+    parts += sorted({_spell(name) for name in names if not name.startswith("__IGNORE")})
     if not parts:
         return "something else"
     return listed(parts, "or")
 
 
-def _spelled(terminal: str) -> str:
+def _spell(terminal: str) -> str:
     if terminal in _SPELLED:
         return _SPELLED[terminal]
     return f"`{terminal.lower()}`"
@@ -129,7 +129,7 @@ _BRACKET = re.compile(r'"[^"\r\n]*"|#[^\r\n]*|[(){}\[\]]')
 
 
 def _open_bracket(text: str, start: int, end: int) -> int | None:
-    """Return the innermost bracket opened in `text[start:end]` and not closed there."""
+    """Return the offset of the innermost bracket opened in `text[start:end]` and not closed there."""
     opened: list[int] = []
     for match in _BRACKET.finditer(text, start, end):
         if match[0] in "([{":
@@ -146,13 +146,13 @@ def _closes_another(bracket: str, found: str) -> bool:
     return found in ")]}" and found != "" and _CLOSING[bracket] != found
 
 
-def _unclosed(source: Source, span: Span, bracket: int, found: str, begun: int | None) -> Diagnostic:
-    """Report a bracket still open where the file ends, another closes, or a declaration has `begun`."""
+def _unclosed(source: Source, span: Span, bracket: int, found: str, new_start: int | None) -> Diagnostic:
+    """Report a bracket that is open where the file ends, another closes, or a declaration begins."""
     closing = _CLOSING[source.text[bracket]]
-    where = f"`{found}` stands" if found else "the file ends"
-    if begun is not None:
-        word = _found(source.text, begun)
-        span, where = Span(source, begun, begun + len(word)), f"`{word}` begins a declaration"
-    message = f"{where} before the `{source.text[bracket]}` is closed"
+    event = f"found `{found}`" if found else "the file ends"
+    if new_start is not None:
+        word = _word_at(source.text, new_start)
+        span, event = Span(source, new_start, new_start + len(word)), f"`{word}` begins a declaration"
+    message = f"{event} before the `{source.text[bracket]}` is closed"
     opened = Label(Span(source, bracket, bracket + 1), "opened here")
     return error("E006", span, message, f"add the missing `{closing}`", opened)

@@ -1,4 +1,4 @@
-"""Hints for syntax errors: the common mistake behind what was found instead of what was expected."""
+"""Hints for syntax errors: the common mistakes that lead to them."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ _SLIP_HINTS = {
     "||": "write `or`",
     "!": "write `not`",
     ";": "clauses have no terminator: leave the `;` out",
-    "'": "texts are written in double quotes",
+    "'": "strings are written in double quotes",
     "//": "comments begin with `#`",
     "/*": "comments begin with `#`",
     "**": "powers of numbers are written as products",
     "%": "write `mod(x, y)`",
     "?": "write `if CONDITION then A else B`",
-    "“": "texts are written in straight double quotes",
-    "”": "texts are written in straight double quotes",
+    "“": "strings are written in straight double quotes",
+    "”": "strings are written in straight double quotes",
     "=>": "write `implies` between bools, `>=` between numbers",
     "xor": "write `a != b`",
-    "^": "powers are allowed only in units, without blanks: `m/s^2`",
+    "^": "powers are allowed only in units, without spaces: `m/s^2`",
     "elif": "write `else if`",
     "elseif": "write `else if`",
     "None": "write `missing`",
@@ -50,7 +50,7 @@ _SLIP_HINTS = {
 }
 
 
-_PLACE_HINTS = {
+_CONTEXT_HINTS = {
     **dict.fromkeys(("sensor", "actuator", "frame"), "it belongs inside `robot NAME { ... }`"),
     **dict.fromkeys(("when", "do"), "it belongs inside `module NAME { ... }`"),
     **dict.fromkeys(("reads", "commands", "rate"), "it belongs inside a Python module"),
@@ -58,17 +58,17 @@ _PLACE_HINTS = {
 }
 
 
-def hint_for(text: str, at: int, found: str, accepted: frozenset[str]) -> str | None:
-    """Return a hint at what the author probably meant to write, or None."""
-    before = text[max(at - 40, 0) : at]
-    if found == "%" and re.search(r"\d[ \t]*$", before) and not re.match(r"[ \t]*[\w(]", text[at + 1 :]):
+def hint_for(text: str, offset: int, found: str, accepted: frozenset[str]) -> str | None:
+    """Return a hint about what the author probably meant to write, or None."""
+    before = text[max(offset - 40, 0) : offset]
+    if found == "%" and re.search(r"\d[ \t]*$", before) and not re.match(r"[ \t]*[\w(]", text[offset + 1 :]):
         return "there are no percentages: write `0.2` for 20 %"
     return (
         _did_you_mean(found, accepted)
-        or _about_numbers(before, found, text[at + len(found) : at + len(found) + 40], accepted)
-        or _about_signs(text, at, found, accepted)
+        or _about_numbers(before, found, text[offset + len(found) : offset + len(found) + 40], accepted)
+        or _about_punctuation(text, offset, found, accepted)
         or _about_words(before, found, accepted)
-        or (_PLACE_HINTS.get(found) if "MODULE" in accepted else None)
+        or (_CONTEXT_HINTS.get(found) if "MODULE" in accepted else None)
         or _SLIP_HINTS.get(found)
         or _about_names(found, accepted)
     )
@@ -79,12 +79,10 @@ _AFTER_NUMBER = re.compile(r"(?<![\w.])\d[\d.]*([ \t]*)$")
 
 def _about_numbers(before: str, found: str, after: str, accepted: frozenset[str]) -> str | None:
     number = _AFTER_NUMBER.search(before)
-    begins_more = re.match(r"\s*(=|:|->)", after) or found in RESERVED | _KEYWORDS
-    if number and re.match(r"[A-Za-z_]", found) and not begins_more:
+    begins_next = re.match(r"\s*(=|:|->)", after) or found in RESERVED | _KEYWORDS
+    if number and re.match(r"[A-Za-z_]", found) and not begins_next:
         if re.match(r"[xXoObB][0-9a-fA-F]|_\d|[eE]$", found) and not number[1]:
-            return (
-                "numbers are decimal: digits, perhaps a point and digits, perhaps an exponent such as `e-3`"
-            )
+            return "numbers are decimal: digits, optionally with a fraction (`.5`) and an exponent (`e-3`)"
         return f"`{found}` is not a unit; the units are {', '.join(BASE_UNITS)} and their products"
     if number and found == "." and not number[1]:
         return "a number needs a digit after the point: `5.0`"
@@ -93,7 +91,7 @@ def _about_numbers(before: str, found: str, after: str, accepted: frozenset[str]
     return None
 
 
-def _about_signs(text: str, at: int, found: str, accepted: frozenset[str]) -> str | None:
+def _about_punctuation(text: str, offset: int, found: str, accepted: frozenset[str]) -> str | None:
     if found == "=" and "EQUAL" in accepted:
         return "compare with `==`"
     if found == "=>" and "ARROW" in accepted:
@@ -105,11 +103,11 @@ def _about_signs(text: str, at: int, found: str, accepted: frozenset[str]) -> st
     if (
         found in "*/"
         and "UNIT" not in accepted
-        and re.search(r":[ \t]*[A-Za-z]+[ \t]+$", text[max(at - 40, 0) : at])
+        and re.search(r":[ \t]*[A-Za-z]+[ \t]+$", text[max(offset - 40, 0) : offset])
     ):
-        return "a unit is written without blanks: `mm/s`"
+        return "a unit is written without spaces: `mm/s`"
     if found == ":" and {"DOTS", "RSQB"} <= accepted:
-        return "a slice is written `sonar[1..3]`, and has both its ends"
+        return "a slice is written `sonar[1..3]`, with both ends"
     if found == ":" and "ASSIGN" in accepted:
         return "write `=`"
     if found == "," and {"AT", "EXPECT"} <= accepted:
@@ -123,7 +121,7 @@ def _about_words(before: str, found: str, accepted: frozenset[str]) -> str | Non
     if found in ("let", "param", "state", "next") and "DO" in accepted:
         return f"`{found}` belongs before `when`"
     if found == "do" and {"WHEN", "LET"} <= accepted:
-        return "`when` comes before `do`; `when true` is always"
+        return "`when` comes before `do`; write `when true` for always"
     if found == "when" and "DO" in accepted:
         return "a module has one `when`: join conditions with `and` or `or`"
     if found in ("not", "by") and "COMMANDED" in accepted:
@@ -135,16 +133,20 @@ def _about_words(before: str, found: str, accepted: frozenset[str]) -> str | Non
     return None
 
 
-def misspelled_node(text: str, at: int, accepted: frozenset[str]) -> tuple[int, str, str] | None:
-    """Return the offset of a misspelled `suppresses` or `inhibits` before `at`, the word, and a hint.
+def misspelled_node(text: str, offset: int, accepted: frozenset[str]) -> tuple[int, str, str] | None:
+    """Return the offset of a misspelled `suppresses` or `inhibits` before `offset`, the word, and a hint.
 
-    It was taken for the name of a wire, which should be followed by `=`.
+    The parser took the word for the name of a wire, which must be followed by `=`.
     """
-    before = re.search(r"[\w)](?:\s+)([A-Za-z]\w*)\s+$", text[:at][-200:])
+    before = re.search(r"[\w)](?:\s+)([A-Za-z]\w*)\s+$", text[:offset][-200:])
     if before is None or accepted != {"ASSIGN"}:
         return None
     hint = did_you_mean(before[1], ("suppresses", "inhibits"), cutoff=0.7)
-    return None if hint is None else (at - len(before[0]) + before.start(1) - before.start(), before[1], hint)
+    return (
+        None
+        if hint is None
+        else (offset - len(before[0]) + before.start(1) - before.start(), before[1], hint)
+    )
 
 
 def _about_names(found: str, accepted: frozenset[str]) -> str | None:
@@ -153,18 +155,18 @@ def _about_names(found: str, accepted: frozenset[str]) -> str | None:
     if found[:1].isalpha() and not found.isascii():
         return "names are made of the letters A to Z and a to z, digits and `_`"
     if found.startswith('"') and "STRING" not in accepted:
-        return "texts are allowed only after `import`, `test` and `python`"
+        return "strings are allowed only after `import`, `test` and `python`"
     return None
 
 
 def _did_you_mean(found: str, accepted: frozenset[str]) -> str | None:
     if not found.isidentifier():
         return None
-    words = (t.lower() for t in accepted if t.lower() not in _NOT_WORDS)
+    words = (t.lower() for t in accepted if t.lower() not in _NON_KEYWORDS)
     return did_you_mean(found, words, cutoff=0.7)
 
 
-_NOT_WORDS = frozenset(
+_NON_KEYWORDS = frozenset(
     "name field number string unit plus minus times over less greater equal unequal comma dot colon "
     "dots arrow assign lbrace rbrace lpar rpar lsqb rsqb".split()
 )

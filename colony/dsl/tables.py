@@ -1,6 +1,6 @@
 """The parser's tables, built from the grammar by lark and kept beside it as JSON.
 
-`python -m colony.dsl.tables` regenerates the file; only this needs lark. A test compares it to the grammar.
+`python -m colony.dsl.tables` regenerates the file; only this needs lark. A test checks that it is up to date.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ TABLES = Path(__file__).with_name("grammar_tables.json")
 
 
 def load() -> dict[str, Any]:
-    """Return the stored tables, as `colony.dsl.lalr.Parser` takes them."""
+    """Return the stored tables for `colony.dsl.lalr.Parser`."""
     tables: dict[str, Any] = json.loads(TABLES.read_bytes())
     return tables
 
@@ -38,19 +38,19 @@ def build() -> str:
     grammar = lark_parser()
     conf, table = grammar.parser.lexer_conf, grammar.parser.parser._parse_table
     terminals = [t for t in BasicLexer(conf).terminals if t.name not in conf.ignore]
-    signs = {t.pattern.value: t.name for t in terminals if t.pattern.type == "str"}
+    punctuation = {t.pattern.value: t.name for t in terminals if t.pattern.type == "str"}
     words = {t.pattern.value[:-2]: t.name for t in terminals if t.pattern.value.endswith(r"\b")}
-    known = {*signs.values(), *words.values()}
+    known = {*punctuation.values(), *words.values()}
     rules = grammar.rules
     number = {rule: ~i for i, rule in enumerate(rules)}
     stored = {
         "grammar": grammar_digest(),
         "words": words,
-        "signs": signs,
+        "signs": punctuation,
         "patterns": [[t.name, t.pattern.to_regexp()] for t in terminals if t.name not in known],
         "start": table.start_states["file"],
         "final": table.end_states["file"],
-        "rules": [_stored(rule) for rule in rules],
+        "rules": [_encode_rule(rule) for rule in rules],
         "rows": [
             {symbol: arg if action is Shift else number[arg] for symbol, (action, arg) in row.items()}
             for _, row in sorted(table.states.items())
@@ -74,8 +74,11 @@ def lark_parser(**options: Any) -> Lark:
     )
 
 
-def _stored(rule: Rule) -> list[Any]:
-    """Return nonterminal, size, method (None: the value is the only child, or all of a helper), layout."""
+def _encode_rule(rule: Rule) -> list[Any]:
+    """Return [nonterminal, size, method, layout] (see `lalr.Rule`).
+
+    `method` is None if the value is the only child, or the list of children of a helper rule.
+    """
     size, name = len(rule.expansion), rule.origin.name
     is_helper = name.startswith("_")
     is_child = rule.options.expand1 and not rule.alias and size == 1

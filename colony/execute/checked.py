@@ -1,4 +1,4 @@
-"""Checks of the frames that programs pass to colony as a library; numpy's numbers become Python's."""
+"""Checks of the frames that programs pass to colony as a library; numpy numbers become Python numbers."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class CheckedExecutor(ProgramExecutor):
             TypeError: it is not a frame, its readings are not a mapping, or a time is not an integer.
             ValueError: its time is not later than that of the previous frame.
         """
-        taken = checked_frame(frame, self._last_ns)
-        self._last_ns = taken.t_ns
-        return super().step(taken, answers)
+        checked = checked_frame(frame, self._last_ns)
+        self._last_ns = checked.t_ns
+        return super().step(checked, answers)
 
     def restart(self) -> None:
         """Restart from the initial memory; the next frame may have any time."""
@@ -58,29 +58,29 @@ def checked_frame(frame: Frame, after_ns: int | None = None) -> Frame:
     """
     if not isinstance(frame, Frame):
         raise TypeError(f"found {short(frame)}; expected a colony.Frame")
-    for name, given in (("readings", frame.readings), ("taken_ns", frame.taken_ns)):
-        if not isinstance(given, Mapping):
-            raise TypeError(f"{name}: found {short(given)}; expected a mapping from names of sensors")
+    for name, value in (("readings", frame.readings), ("taken_ns", frame.taken_ns)):
+        if not isinstance(value, Mapping):
+            raise TypeError(f"{name}: found {short(value)}; expected a mapping from names of sensors")
     t_ns = _time("t_ns", frame.t_ns)
     if after_ns is not None and t_ns <= after_ns:
-        raise ValueError(f"t_ns: found {t_ns} after {after_ns}; expected times that rise from frame to frame")
-    readings = {name: _of_python(reading) for name, reading in frame.readings.items()}
-    taken_ns = {name: _time(f"taken_ns of {name}", taken) for name, taken in frame.taken_ns.items()}
+        raise ValueError(f"t_ns: found {t_ns} after {after_ns}; expected a later time in each frame")
+    readings = {name: _without_numpy(reading) for name, reading in frame.readings.items()}
+    taken_ns = {name: _time(f"taken_ns of {name}", time_ns) for name, time_ns in frame.taken_ns.items()}
     return Frame(t_ns, readings, taken_ns)
 
 
-def _time(name: str, given: Any) -> int:
+def _time(name: str, value: Any) -> int:
     try:
-        time = index(given)
+        time = index(value)
     except TypeError:
-        raise TypeError(f"{name}: found {short(given)}; expected whole nanoseconds, an int") from None
+        raise TypeError(f"{name}: found {short(value)}; expected whole nanoseconds, an int") from None
     if not -MAX_TIME_NS < time < MAX_TIME_NS:
         raise ValueError(f"{name}: found {short(time)}; expected nanoseconds that fit into 63 bits")
     return time
 
 
-def _of_python(reading: Any) -> Any:
-    """Return a reading with Python numbers and lists in place of numpy's; numpy is not imported."""
+def _without_numpy(reading: Any) -> Any:
+    """Return a reading with Python numbers and lists in place of numpy's, without importing numpy."""
     if isinstance(reading, list | tuple):
-        return tuple([_of_python(element) for element in reading])
+        return tuple([_without_numpy(element) for element in reading])
     return reading.tolist() if hasattr(reading, "tolist") else reading

@@ -10,12 +10,12 @@ or not at all, provided that in every frame:
    are never sent and never stored.
 2. *Python modules* (`python`) are called in order, if their `present` is true. Ops that compute their inputs
    precede the first op that depends on a Python module.
-3. *Decisions*: an actuator's winner is the first of its clients whose `guard` is true (equally: the one
+3. *Decisions*: an actuator's winner is the first of its clients whose `guard` is true (equivalently, the one
    whose `exclusive` is true). Its command is `fields`. Each of `limits`, in order, replaces its field by
    `bound` if `applies` is true and the field exceeds `bound`. Then each field is clamped to its range, and
    sent divided by its factor. If a field that is not a bool is not finite before or after these steps, the
-   idle command is sent instead, unbounded, and the fault "not finite" is recorded. Without a winner the idle
-   command is sent.
+   idle command is sent instead, unlimited and unclamped, and the fault "not finite" is recorded. Without a
+   winner the idle command is sent.
 4. *Contracts* whose `present` is true and whose `value` is false are broken. Only ops from `decided` on may
    depend on decisions.
 5. *Memory*: every cell whose `condition` is true takes `value`, all at once. Until then `OldCell` is the
@@ -72,7 +72,7 @@ class SensorFresh:
 
 @dataclass(frozen=True, slots=True)
 class SensorElement:
-    """An element of a sensor's value (or default) in base units; `index` is 0 of a scalar."""
+    """An element of a sensor's value (or default) in base units; `index` is 0 for a scalar."""
 
     sensor: str
     index: int
@@ -169,8 +169,8 @@ Op = (
 def operands(op: Op) -> tuple[int, ...]:
     """Return the operands of an op."""
     match op:
-        case Apply(arguments=several) | Table(elements=several):
-            return several
+        case Apply(arguments=values) | Table(elements=values):
+            return values
         case _:
             return ()
 
@@ -218,7 +218,7 @@ class PythonCall:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitCode:
-    """A bound on a field of commands, finite, computed once a frame."""
+    """A limit on a field of commands; `bound` is finite, and computed once a frame."""
 
     field_index: int
     relation: OneOf["<=", ">="]
@@ -228,17 +228,18 @@ class LimitCode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClientCode:
-    """A client: its command, its guards and its place in the priorities.
+    """A client: its command, its guards and its priority.
 
     All guards include `present` (nothing that the module reads is missing) and `active` (the module's own
     activity).
 
     Attributes:
-        guard, exclusive: Its guards (see `colony.compile.clients`), simplified.
-        heard_guard, heard_exclusive: Its guards as its own process evaluates them: under `on_loss degrade`
-            modules whose clients are `Lost` are not active.
-        traversed: Its guard before simplification, as the forward traversal gives it.
-        several_ways: True if its command has several paths to the actuator.
+        guard, exclusive: Guards (see `colony.compile.clients`), simplified.
+        loss_aware_guard, loss_aware_exclusive: Guards that its own process evaluates: under `on_loss
+        degrade`,
+            modules whose clients are `Lost` are not active in them.
+        unsimplified: Guard before simplification, as the forward traversal gives it.
+        has_several_paths: True if its command has several paths to the actuator.
 
     Executors read `guard` and `exclusive` of a view (`views.py`), in which the other guards equal them.
     """
@@ -249,20 +250,28 @@ class ClientCode:
     active: int
     guard: int
     exclusive: int
-    heard_guard: int
-    heard_exclusive: int
-    traversed: int
-    several_ways: bool
+    loss_aware_guard: int
+    loss_aware_exclusive: int
+    unsimplified: int
+    has_several_paths: bool
     fields: tuple[int, ...]
     span: Span
 
     @property
     def conditions(self) -> dict[str, int]:
-        """The client's conditions by their names."""
+        """The client's conditions, by name."""
         return {name: getattr(self, name) for name in _CONDITIONS}
 
 
-_CONDITIONS = ("present", "active", "guard", "exclusive", "heard_guard", "heard_exclusive", "traversed")
+_CONDITIONS = (
+    "present",
+    "active",
+    "guard",
+    "exclusive",
+    "loss_aware_guard",
+    "loss_aware_exclusive",
+    "unsimplified",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -278,21 +287,22 @@ class ActuatorCode:
 class ContractCode:
     """A contract, broken in a frame in which `present` is true and `value` is not.
 
-    `traversed` is the value computed with the guards before simplification.
+    `unsimplified` is the same value, computed with the guards before simplification.
     """
 
     name: str
     present: int
     value: int
-    traversed: int
+    unsimplified: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Code:
     """The code of a program or of a view (see the module's docstring).
 
-    `kinds[i]` is the kind of value i, and `names[i]` its name, if it has one. `places` gives cells by the
-    names of `ir.memory`; time constants have such cells only in unsimplified code.
+    `kinds[i]` is the kind of value i, and `names[i]` its name, if it has one. `memory_cells`
+    gives the indices of cells by their names in `ir.memory`; time constants have such names only in
+    unsimplified code.
     """
 
     ops: tuple[Op, ...]
@@ -304,54 +314,57 @@ class Code:
     actuators: tuple[ActuatorCode, ...]
     contracts: tuple[ContractCode, ...]
     names: Mapping[int, str]
-    places: Mapping[str, int] = field(default_factory=dict)
+    memory_cells: Mapping[str, int] = field(default_factory=dict)
 
 
 # --- liveness ------------------------------------------------------------------------------------
 
 
 def roots(code: Code, *, exclusive: bool = True) -> list[int]:
-    """Return the values that a frame's outcome depends on, memory aside.
+    """Return the indices of the values that a frame's outcome depends on, apart from memory.
 
     With `exclusive`, also those that the clients' bids depend on.
     """
-    found: list[int] = []
+    indices: list[int] = []
     for call in code.python:
-        found.append(call.present)
+        indices.append(call.present)
         for read in call.reads:
-            found.extend(read.elements)
+            indices.extend(read.elements)
     for actuator in code.actuators:
         for client in actuator.clients:
-            found.extend((client.present, client.guard, *client.fields))
+            indices.extend((client.present, client.guard, *client.fields))
             if exclusive:
-                found.extend(client.conditions.values())
+                indices.extend(client.conditions.values())
         for limit in actuator.limits:
-            found.extend((limit.applies, limit.bound))
+            indices.extend((limit.applies, limit.bound))
     for contract in code.contracts:
-        found.extend((contract.present, contract.value, contract.traversed))
-    return found
+        indices.extend((contract.present, contract.value, contract.unsimplified))
+    return indices
 
 
 def live(ops: Iterable[Op], cells: Iterable[Cell], wanted: Iterable[int]) -> tuple[bytearray, set[int]]:
-    """Return the ops that `wanted` depends on as flags, and the cells, through memory. Takes linear time."""
+    """Return a flag for each op that `wanted` depends on, also through memory, and the cells it depends on.
+
+    Takes linear time.
+    """
     all_ops, all_cells = tuple(ops), tuple(cells)
-    flags, found = bytearray(len(all_ops)), set[int]()
+    flags, used_cells = bytearray(len(all_ops)), set[int]()
     work = list(wanted)
     while work:
-        at = work.pop()
-        if flags[at]:
+        index = work.pop()
+        if flags[index]:
             continue
-        flags[at] = 1
-        op = all_ops[at]
+        flags[index] = 1
+        op = all_ops[index]
         match op:
-            case Apply(arguments=several) | Table(elements=several):
-                work.extend(several)
-            case OldCell(cell=cell) if cell not in found:
-                found.add(cell)
+            case Apply(arguments=values) | Table(elements=values):
+                work.extend(values)
+            case OldCell(cell=cell) if cell not in used_cells:
+                used_cells.add(cell)
                 work.extend((all_cells[cell].condition, all_cells[cell].value))
             case _:
                 pass
-    return flags, found
+    return flags, used_cells
 
 
 def remapped(op: Op, ops: Mapping[int, int], cells: Mapping[int, int]) -> Op:

@@ -14,13 +14,13 @@ from colony.ir.program import Robot
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceFile:
-    """A source file of the program; `place` is its relative path with `/` as the separator.
+    """A source file of the program; `path` is relative, with `/` as the separator.
 
-    Behaviors import each other, and Python modules are found, by these paths.
+    Behaviors import each other by these paths, and Python modules are found by them.
     """
 
     kind: Literal["behavior", "python"]
-    place: str
+    path: str
     data: bytes
 
 
@@ -32,8 +32,8 @@ class Compiled:
         name: Name of the robot.
         frame_ns: Frame period.
         code: Sensors, actuators with their prioritized clients, modules in Python, contracts and memory.
-        sources: Source files; none for a program that was built in memory.
-        root: Path of the compiled file among the sources, "" without sources.
+        sources: Source files; empty for a program built in memory.
+        root: Path of the compiled behavior file, "" without sources.
     """
 
     name: str
@@ -59,11 +59,11 @@ class Compiled:
         return tuple((a.actuator.name, c.module, c.priority) for a in self.code.actuators for c in a.clients)
 
     @property
-    def places(self) -> dict[str, tuple[str, ...]]:
+    def clients_by_actuator(self) -> dict[str, tuple[str, ...]]:
         """The clients of each actuator, highest priority first."""
         return {a.actuator.name: tuple(c.module for c in a.clients) for a in self.code.actuators}
 
     @property
-    def announced(self) -> tuple[str, ...]:
-        """The modules in Python, in the order written: each runs in a process of its own."""
+    def python_modules(self) -> tuple[str, ...]:
+        """The modules in Python, in the order written; each runs in a process of its own."""
         return tuple(call.module for call in self.code.python)

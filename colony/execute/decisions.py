@@ -11,8 +11,8 @@ from colony.ir.program import Actuator
 from colony.ir.types import ScalarValue
 
 
-class Decided(NamedTuple):
-    """A decision: `sent` in base units, None where nothing is sent."""
+class ActuatorDecision(NamedTuple):
+    """A decision with the command sent in base units, None if nothing is sent."""
 
     by: str | None
     sent: tuple[ScalarValue, ...] | None
@@ -20,11 +20,11 @@ class Decided(NamedTuple):
     records: Records
 
 
-def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any]) -> Decided:
+def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any]) -> ActuatorDecision:
     """Return the decision for an actuator: the winner's command, bounded, or the idle command."""
     idle, fields = actuator.actuator.idle, field_bounds(actuator.actuator)
     if winner is None:
-        return Decided(None, idle, None, ())
+        return ActuatorDecision(None, idle, None, ())
     command = tuple([values[i] for i in winner.fields])
     limits = tuple(
         (limit.field_index, limit.relation == "<=", values[limit.bound])
@@ -32,9 +32,9 @@ def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any])
         if values[limit.applies]
     )
     fault, sent, records = settle(actuator.actuator.name, winner.module, command, fields, limits, idle, ())
-    return Decided(winner.module, sent, fault, records)
+    return ActuatorDecision(winner.module, sent, fault, records)
 
 
 def field_bounds(actuator: Actuator) -> tuple[tuple[str, float, float | None, float | None], ...]:
-    """Return the fields as `settle` expects them."""
+    """Return name, factor, low and high of each field, as `settle` expects them."""
     return tuple((f.name, f.factor, f.low, f.high) for f in actuator.fields)

@@ -13,7 +13,7 @@ from colony.execute.compiled import Compiled
 from colony.execute.decisions import decide
 from colony.execute.machine import OpMachine
 from colony.execute.needs import ClientKey, needs_of_clients, python_modules
-from colony.execute.views import of_clients, of_module, unsimplified, whole
+from colony.execute.views import clients_view, module_view, unsimplified_view, whole_view
 from colony.ir.frame import Answer, Bid, Decision, Frame, Outcome, Record
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import in_declared_units
@@ -25,14 +25,14 @@ class ExclusivityError(Exception):
 
 
 class ProgramExecutor:
-    """An executor of all clients of a program (see `ir.frame.Executor`). Mutable: it holds all memory.
+    """An executor of all clients of a program (see `ir.frame.Executor`). Stateful: holds all memory.
 
     Args:
         compiled: The program.
         exclusive: If true, the winner is the client whose exclusive guard holds; if false, the first client
             whose guard holds.
         simplified: If false, the guards before simplification decide. They do not depend on the last pass,
-            and with them `memory` has the time constants.
+            and with them `memory` includes the time constants.
         answers_given: If true, modules in Python run elsewhere, and `step` takes their answers.
 
     Raises:
@@ -48,7 +48,7 @@ class ProgramExecutor:
         simplified: bool = True,
         answers_given: bool = False,
     ) -> None:
-        self.code = whole(compiled.code) if simplified else unsimplified(compiled.code)
+        self.code = whole_view(compiled.code) if simplified else unsimplified_view(compiled.code)
         self._exclusive, self._answers_given = exclusive, answers_given
         self.restart()
 
@@ -81,7 +81,7 @@ class ProgramExecutor:
         machine = self._machine
         if machine.python:
             return None
-        cells = {name: machine.cells[i] for name, i in self.code.places.items()}
+        cells = {name: machine.cells[i] for name, i in self.code.memory_cells.items()}
         return ProgramMemory(first_ns=machine.first_ns, cells=cells)
 
     def resume(self, memory: ProgramMemory) -> None:
@@ -90,11 +90,11 @@ class ProgramExecutor:
         Raises:
             ValueError: it is not the memory of this program: its cells or their types differ.
         """
-        places = self.code.places
-        if self._machine.python or memory.cells.keys() != places.keys():
+        memory_cells = self.code.memory_cells
+        if self._machine.python or memory.cells.keys() != memory_cells.keys():
             raise ValueError("the memory is of another program")
         cells = self.code.cells
-        restored = {i: _restored(name, cells[i].kind, memory.cells[name]) for name, i in places.items()}
+        restored = {i: _restored(name, cells[i].kind, memory.cells[name]) for name, i in memory_cells.items()}
         self.restart()
         for i, value in restored.items():
             self._machine.cells[i] = value
@@ -152,7 +152,7 @@ class ClientMemory(NamedTuple):
 
 
 class ClientsExecutor:
-    """An executor of some clients of a program. Mutable: it holds their memory.
+    """An executor of some clients of a program. Stateful: holds their memory.
 
     Values that several clients need are computed once. Frames are in base units. Modules in Python run
     elsewhere, even if they are clients.
@@ -167,7 +167,7 @@ class ClientsExecutor:
 
     def __init__(self, compiled: Compiled, clients: Iterable[ClientKey]) -> None:
         self.clients = tuple(clients)
-        self.code = of_clients(compiled.code, self.clients)
+        self.code = clients_view(compiled.code, self.clients)
         by_key = {(a.actuator.name, c.module): (a, c) for a in self.code.actuators for c in a.clients}
         self._codes = tuple(by_key[key] for key in self.clients)
         self._cells = self._own_cells()
@@ -208,14 +208,14 @@ class ClientsExecutor:
     def memory(self, client: ClientKey) -> ClientMemory:
         """Return a copy of the memory cells that belong to a client.
 
-        A cell belongs to the first of `clients` that needs it. So the memories of all clients together are
-        the memory of the executor; one alone may not suffice for its client.
+        A cell belongs to the first of `clients` that needs it. So all memories together are the executor's
+        memory, but one alone may not be all that its client needs.
         """
         machine, cells = self._machine, self.code.cells
         return ClientMemory(machine.first_ns, {cells[i].name: machine.cells[i] for i in self._cells[client]})
 
     def recall(self, memories: Mapping[ClientKey, ClientMemory]) -> None:
-        """Continue from the memories of all clients after one frame.
+        """Continue from the memories of all clients after the same frame.
 
         Raises:
             ValueError: they are not: their cells, the types of their cells, or the times of their first
@@ -223,24 +223,24 @@ class ClientsExecutor:
         """
         if memories.keys() != self._cells.keys():
             raise ValueError("the memories are not of these clients")
-        for client, mine in self._cells.items():
-            if memories[client].cells.keys() != {self.code.cells[i].name for i in mine}:
+        for client, indices in self._cells.items():
+            if memories[client].cells.keys() != {self.code.cells[i].name for i in indices}:
                 raise ValueError("the memory is of another client")
         known = {name: value for memory in memories.values() for name, value in memory.cells.items()}
         restored = [_restored(c.name, c.kind, known[c.name]) for c in self.code.cells]
-        first_ns, *more = {memory.first_ns for memory in memories.values()}
-        if more:
+        first_ns, *others = {memory.first_ns for memory in memories.values()}
+        if others:
             raise ValueError("the memories are of different runs")
         self._machine.first_ns, self._machine.cells = first_ns, restored
 
     def _own_cells(self) -> dict[ClientKey, list[int]]:
         """Return the cells of each client; a cell belongs to the first client that needs it."""
         needs, shared = needs_of_clients(self.code), set[int]()
-        shares: dict[ClientKey, list[int]] = {}
+        own_cells: dict[ClientKey, list[int]] = {}
         for client in self.clients:
-            shares[client] = [i for i in needs[client].cells if i not in shared]
-            shared.update(shares[client])
-        return shares
+            own_cells[client] = [i for i in needs[client].cells if i not in shared]
+            shared.update(own_cells[client])
+        return own_cells
 
 
 def _client_step(
@@ -258,11 +258,11 @@ def _bid(client: ClientCode, values: list[Any]) -> Bid:
         return "command"
     if not values[client.active]:
         return "inactive" if values[client.present] else "silent"
-    return "suppressed" if values[client.guard] or client.several_ways else "inhibited"
+    return "suppressed" if values[client.guard] or client.has_several_paths else "inhibited"
 
 
 class ModuleExecutor:
-    """An executor of one module in Python. Mutable: it holds the memory of its inputs, and the module.
+    """An executor of one module in Python. Stateful: holds the memory of its inputs, and the module.
 
     Frames are in base units.
 
@@ -272,7 +272,7 @@ class ModuleExecutor:
     """
 
     def __init__(self, compiled: Compiled, module: str) -> None:
-        self._code = of_module(compiled.code, module)
+        self._code = module_view(compiled.code, module)
         self.restart()
 
     @property

@@ -1,4 +1,4 @@
-"""Intake of readings into an executor: checks, conversion, clamping, records.
+"""Validation of readings for an executor: checks, conversion, clamping, records.
 
 Like those of `arithmetic`, these functions use only `math`, as the Python backend copies them into generated
 programs. Each `take_` function returns the value (`otherwise` if the reading is missing or faulty), True if
@@ -16,9 +16,9 @@ Records = tuple[tuple[str, str], ...]
 def of_age(
     t_ns: int, readings: Mapping[str, object], taken_ns: Mapping[str, int], within_ns: Mapping[str, int]
 ) -> dict[str, object]:
-    """The readings of a frame at `t_ns`, without those that are older than `within_ns` allows.
+    """Return the readings of a frame at `t_ns`, without those that are older than `within_ns` allows.
 
-    One that was taken later than the frame becomes NaN, which of every sensor is a fault.
+    A reading taken after the frame becomes NaN, which is a fault for every sensor.
     """
     current = dict(readings)
     for name, taken in taken_ns.items():
@@ -30,7 +30,7 @@ def of_age(
 
 
 def as_float(reading: object) -> float | None:
-    """An int or float as a float, infinite if it is beyond all floats; None for NaN and all else."""
+    """Return an int or float as a float, infinite if it is too large for one; None for NaN and all else."""
     if isinstance(reading, bool) or not isinstance(reading, float | int) or reading != reading:
         return None
     try:
@@ -40,7 +40,7 @@ def as_float(reading: object) -> float | None:
 
 
 def converted(reading: object, convert: Callable[[float], float]) -> object:
-    """Convert a reading, or each element of an array; what is no number stays as it is."""
+    """Convert a reading, or each element of an array; anything but a number is returned as it is."""
     if isinstance(reading, list | tuple):
         return tuple([converted(element, convert) for element in reading])
     number = as_float(reading)
@@ -48,7 +48,7 @@ def converted(reading: object, convert: Callable[[float], float]) -> object:
 
 
 def clamped(value: float, low: float | None, high: float | None) -> float:
-    """Return the value, or the bound that it is beyond."""
+    """Return the value, or the bound that it exceeds."""
     if low is not None and value < low:
         return low
     if high is not None and value > high:
@@ -59,7 +59,7 @@ def clamped(value: float, low: float | None, high: float | None) -> float:
 def take_bool(
     name: str, reading: object, otherwise: bool, records: tuple[tuple[str, str], ...]
 ) -> tuple[bool, bool, tuple[tuple[str, str], ...]]:
-    """A bool."""
+    """Take a bool."""
     if isinstance(reading, bool):
         return reading, True, records
     return otherwise, False, records if reading is None else (*records, ("sensor fault", name))
@@ -72,7 +72,7 @@ def take_bools(
     otherwise: tuple[bool, ...],
     records: tuple[tuple[str, str], ...],
 ) -> tuple[tuple[bool, ...], bool, tuple[tuple[str, str], ...]]:
-    """An array of bools; one element of another type spoils it."""
+    """Take an array of bools; it is faulty if one element is of another type."""
     if reading is None:
         return otherwise, False, records
     if isinstance(reading, list | tuple) and len(reading) == size:
@@ -92,7 +92,7 @@ def take_number(
     otherwise: float,
     records: tuple[tuple[str, str], ...],
 ) -> tuple[float, bool, tuple[tuple[str, str], ...]]:
-    """A number times `factor`, within its range; where there are `members`, one of them."""
+    """Take a number times `factor`, clamped to its range; it must be one of `members`, if there are any."""
     if reading is None:
         return otherwise, False, records
     number = as_float(reading)
@@ -114,7 +114,7 @@ def take_numbers(
     otherwise: tuple[float, ...],
     records: tuple[tuple[str, str], ...],
 ) -> tuple[tuple[float, ...], bool, tuple[tuple[str, str], ...]]:
-    """An array of numbers; one element that is none, or no member, spoils it."""
+    """Take an array of numbers; it is faulty if one element is not a number, or not a member."""
     if reading is None:
         return otherwise, False, records
     if not isinstance(reading, list | tuple) or len(reading) != size:

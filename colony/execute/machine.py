@@ -28,11 +28,11 @@ from colony.execute.code import (
     Table,
     Winner,
 )
-from colony.execute.decisions import Decided
+from colony.execute.decisions import ActuatorDecision
 from colony.execute.intake import Records, of_age
 from colony.execute.operators import FUNCTIONS, Operator
 from colony.execute.python_step import PythonStep
-from colony.execute.sensors import age_limits, take
+from colony.execute.sensors import age_limits, validate_reading
 from colony.ir.frame import Answer, Frame, Record
 from colony.ir.types import Array, Bool, Enum, ScalarValue
 from colony.text.diagnostics import DiagnosticError, error
@@ -44,9 +44,9 @@ Step = Callable[[], Any]
 class OpMachine:
     """A machine that runs the ops of a Code over its memory. Mutable.
 
-    A frame is `begin`, `run`, then with actuators to decide `record_decision` for each and
-    `run_after_decisions`, then `commit`. With `answers_given` Python modules run elsewhere, and `begin` takes
-    their answers.
+    In each frame call `begin`, `run`, then (if there are decisions to make) `record_decision` for each
+    actuator and `run_after_decisions`, then `commit`. With `answers_given` Python modules run elsewhere, and
+    `begin` takes their answers.
     """
 
     def __init__(self, code: Code, *, answers_given: bool = False) -> None:
@@ -61,7 +61,7 @@ class OpMachine:
         self._fresh: dict[str, bool] = {}
         self._python_called = False
         self._lost: frozenset[str] = frozenset()
-        self._decided: dict[str, Decided] = {}
+        self._decided: dict[str, ActuatorDecision] = {}
         self._records: Records = ()
         self._within_ns = age_limits(self.code.sensors)
         self._arrays = frozenset(s.name for s in code.sensors if isinstance(s.type, Array))
@@ -88,11 +88,11 @@ class OpMachine:
         if frame.taken_ns:
             readings = of_age(frame.t_ns, readings, frame.taken_ns, self._within_ns)
         for sensor in self.code.sensors:
-            value, fresh, self._records = take(sensor, readings.get(sensor.name), self._records)
+            value, fresh, self._records = validate_reading(sensor, readings.get(sensor.name), self._records)
             self._sensors[sensor.name], self._fresh[sensor.name] = value, fresh
 
     def run(self, *, decides: bool = True) -> None:
-        """Compute the ops before decisions or, without `decides`, all ops; then call the Python modules."""
+        """Compute the ops before decisions or, unless `decides`, all ops; then call the Python modules."""
         values = self.values
         for i, step in self._steps[: self._decided_from] if decides else self._steps:
             values[i] = step()
@@ -104,7 +104,7 @@ class OpMachine:
         for i, step in self._steps[self._decided_from :]:
             values[i] = step()
 
-    def record_decision(self, actuator: str, decided: Decided) -> None:
+    def record_decision(self, actuator: str, decided: ActuatorDecision) -> None:
         """Store a decision for the ops that depend on it, and add its records."""
         self._decided[actuator] = decided
         self._records += decided.records
@@ -112,8 +112,10 @@ class OpMachine:
     def commit(self) -> None:
         """Advance memory to the next frame."""
         values = self.values
-        moved = [(i, values[cell.value]) for i, cell in enumerate(self.code.cells) if values[cell.condition]]
-        for i, value in moved:
+        updates = [
+            (i, values[cell.value]) for i, cell in enumerate(self.code.cells) if values[cell.condition]
+        ]
+        for i, value in updates:
             self.cells[i] = value
 
     def records(self) -> tuple[Record, ...]:
@@ -125,7 +127,7 @@ class OpMachine:
         values = self.values
         match op:
             case Apply(operator=operator, arguments=arguments):
-                return _applied(operator, arguments, values)
+                return _operator_step(operator, arguments, values)
             case SensorElement(sensor=sensor, index=index):
                 sensors = self._sensors
                 if sensor in self._arrays:
@@ -208,20 +210,20 @@ INLINE: Mapping[Operator, Callable[..., Step]] = MappingProxyType(
         Operator.TIME_LESS: lambda v, a, b: lambda: v[a] < v[b],
     }
 )
-"""Inlined operators: the same as `FUNCTIONS`, on a list of values and indices into it, with one call less."""
+"""Inlined `FUNCTIONS`, on a list of values and indices into it: one call fewer for each op."""
 
-_OF_ANY_NUMBER = (Operator.AND, Operator.OR)
+_VARIADIC = (Operator.AND, Operator.OR)
 
 
-def _applied(operator: Operator, arguments: tuple[int, ...], values: list[Any]) -> Step:
+def _operator_step(operator: Operator, arguments: tuple[int, ...], values: list[Any]) -> Step:
     """Return the function that applies an operator to earlier values."""
     inline = INLINE.get(operator)
-    if inline is None or (operator in _OF_ANY_NUMBER and len(arguments) != 2):
-        return _called(FUNCTIONS[operator], arguments, values)
+    if inline is None or (operator in _VARIADIC and len(arguments) != 2):
+        return _call_step(FUNCTIONS[operator], arguments, values)
     return inline(values, *arguments)
 
 
-def _called(function: Callable[..., Any], arguments: tuple[int, ...], values: list[Any]) -> Step:
+def _call_step(function: Callable[..., Any], arguments: tuple[int, ...], values: list[Any]) -> Step:
     match arguments:
         case (only,):
             return lambda: function(values[only])
@@ -235,7 +237,7 @@ def build(call: PythonCall) -> PythonStep:
     """Import and build the class of a Python module.
 
     Raises:
-        DiagnosticError: that did not work; the error says why.
+        DiagnosticError: it cannot be imported or built.
     """
     try:
         instance = getattr(import_module(call.module_path), call.class_name)(**dict(call.params))
@@ -251,7 +253,7 @@ def build(call: PythonCall) -> PythonStep:
 
 
 def field_types(call: PythonCall) -> tuple[tuple[str, object], ...]:
-    """Return the fields of a Python module's command, as `PythonStep` expects them."""
+    """Return name and type of each field of a Python module's command, as `PythonStep` expects them."""
     return tuple(
         (
             f.name,

@@ -38,7 +38,7 @@ def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
     """Return the dependencies of each client, including those of its limits and of its memory.
 
     Args:
-        code: View of clients (`views.of_clients`), in which `guard` is the guard that a client evaluates
+        code: View of clients (`views.clients_view`), in which `guard` is the guard that a client evaluates
             itself. For the code of a whole program the dependencies differ.
     """
     sensors = [s.name for s in code.sensors]
@@ -51,24 +51,24 @@ def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
     masks: list[int] = []
     for op in code.ops:
         mask = bits.get(_source_key(op), 0)
-        for at in operands(op):
-            mask |= masks[at]
+        for index in operands(op):
+            mask |= masks[index]
         masks.append(mask)
     cells = _cell_closure(code, masks)
-    found: dict[ClientKey, Needs] = {}
+    needs: dict[ClientKey, Needs] = {}
     for actuator_code in code.actuators:
         for client in actuator_code.clients:
             mask = 0
-            for at in _roots(actuator_code, client):
-                mask |= masks[at]
+            for index in _roots(actuator_code, client):
+                mask |= masks[index]
             mask = _with_memory(mask, cells)
             used = tuple(_bit_indices(mask))
-            found[actuator_code.actuator.name, client.module] = Needs(
+            needs[actuator_code.actuator.name, client.module] = Needs(
                 sensors=tuple([sensors[i - first_sensor] for i in used if first_sensor <= i < first_module]),
                 python_modules=tuple([modules[i - first_module] for i in used if i >= first_module]),
                 cells=tuple([i for i in used if i < first_sensor]),
             )
-    return found
+    return needs
 
 
 def python_modules(code: Code) -> tuple[str, ...]:

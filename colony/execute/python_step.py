@@ -11,7 +11,7 @@ from colony.execute.intake import as_float
 
 
 class Snapshot(dict[str, object]):
-    """What a module's `step` is given: a read-only mapping from the names that it reads to their values.
+    """The argument of a module's `step`: a read-only mapping from the names that it reads to their values.
 
     Values are in base units (mm, s, deg), arrays are tuples; `t` is in seconds since the first frame.
     """
@@ -31,11 +31,11 @@ class Snapshot(dict[str, object]):
 
 
 class PythonStep:
-    """One Python module: its object, and with a rate the answer that stands and the one to come.
+    """One Python module: its object and, if it has a rate, the current answer and the next one.
 
-    `fields` are those of the command: each the name, and False for a bool, None for a number, the numbers of
-    its members for an enum. An answer is a tuple in that order; None is "not applicable". Times are ns since
-    the first frame.
+    `fields` are those of the command, each with its name, and False for a bool, None for a number, or the
+    numbers of the members for an enum. An answer is a tuple in this order; None means "not applicable". Times
+    are in ns since the first frame.
     """
 
     __slots__ = ("_fields", "_module", "_names", "_nothing", "_object", "_rate", "due", "pending", "standing")
@@ -60,9 +60,9 @@ class PythonStep:
     def step(
         self, t: int, values: dict[str, object] | None, records: tuple[tuple[str, str], ...]
     ) -> tuple[bool, tuple[float | bool, ...], tuple[tuple[str, str], ...]]:
-        """Whether it is active, its fields (placeholders where it is not), and the records.
+        """Return True if the module is active, its fields (placeholders if it is not), and the records.
 
-        `values` are None where something that it reads is missing: it is silent then, and not called.
+        `values` is None if something that the module reads is missing: it is then silent, and not called.
         """
         if values is None:
             return False, self._nothing, records
@@ -92,7 +92,7 @@ class PythonStep:
             return None, (*records, ("python error", self._module))
 
     def _answer(self, result: object) -> tuple[float | bool, ...] | None:
-        """The fields in order, if `result` has exactly those, each of its type; else an exception."""
+        """Return the fields in order; raise TypeError unless `result` has exactly these, each of its type."""
         if result is None:
             return None
         if not hasattr(result, "keys") or set(result) != self._names:  # type: ignore[call-overload]

@@ -1,4 +1,4 @@
-"""A sensor's reading as an executor takes it, and the stand-in for a missing one."""
+"""Validation of sensors' readings, and stand-ins for missing ones."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from colony.ir.types import Array, Bool, Enum, Value, element_type
 
 
 def stand_in(sensor: Sensor) -> Value:
-    """Return the value that ops compute with if the sensor is missing: its default, or a placeholder.
+    """Return the value that ops use if the sensor is missing: its default, or a placeholder.
 
     A placeholder lies within the sensor's range, so that facts derived from the range hold for it, too.
     """
@@ -28,7 +28,7 @@ def stand_in(sensor: Sensor) -> Value:
 
 
 def age_limits(sensors: tuple[Sensor, ...]) -> dict[str, int]:
-    """Return the maximum age of readings, in ns, for each sensor that has one in the program."""
+    """Return the maximum age of readings, in ns, for each sensor that declares one."""
     return {s.name: s.within_ns for s in sensors if s.within_ns is not None}
 
 
@@ -38,8 +38,8 @@ def members(sensor: Sensor) -> tuple[float, ...] | None:
     return tuple(number for _, number in kind.members) if isinstance(kind, Enum) else None
 
 
-def take(sensor: Sensor, reading: Reading, records: Records) -> tuple[Value, bool, Records]:
-    """Return the sensor's value in base units or its stand-in, True if it is fresh, and the records."""
+def validate_reading(sensor: Sensor, reading: Reading, records: Records) -> tuple[Value, bool, Records]:
+    """Return the value of a sensor in base units or its stand-in, True if it is fresh, and all records."""
     name, otherwise = sensor.name, stand_in(sensor)
     factor, low, high = sensor.factor, sensor.low, sensor.high
     if isinstance(sensor.type, Array):

@@ -1,4 +1,4 @@
-"""From the winner's command to the command sent: limits, range, or the idle command.
+"""Computation of the command sent from the winner's command: limits, range, or the idle command.
 
 It uses only `math`, like `arithmetic`, as the Python backend copies it into generated programs.
 """
@@ -17,10 +17,10 @@ def settle(
     idle: tuple[float | bool, ...] | None,
     records: tuple[tuple[str, str], ...],
 ) -> tuple[str | None, tuple[float | bool, ...] | None, tuple[tuple[str, str], ...]]:
-    """Return the fault, what is sent in base units, and the records.
+    """Return the fault, the command sent in base units, and the records.
 
-    `fields` are (name, factor, low, high); `limits` are those that apply, as (field, whether from above,
-    bound), bounds finite.
+    `fields` are (name, factor, low, high). `limits` are those that apply, as (index of the field, True for an
+    upper bound, bound); bounds are finite.
     """
     sent = []
     found: tuple[tuple[str, str], ...] = ()
@@ -39,7 +39,7 @@ def settle(
             value = high
             found += (("command clamped", f"{actuator}.{name}"),)
         sent.append(value)
-    # in a unit smaller than the base unit a field may be beyond all doubles
+    # in a unit smaller than the base unit a field may be too large for a double
     declared = [x / factor for x, (_, factor, _, _) in zip(sent, fields, strict=True) if factor < 1.0]
     if not all(map(isfinite, (*command, *declared))):
         return "not finite", idle, (*records, ("not finite", by))

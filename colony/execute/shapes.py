@@ -1,7 +1,7 @@
 """Data classes as MessagePack, checked by msgspec.
 
-Shapes derive from the classes: an object becomes an array that begins with the name of its class, so that
-unions are tagged. A `Span` becomes a `SpanShape`.
+Shapes are derived from the classes: an object becomes an array that begins with the name of its class, so
+that unions are tagged. A `Span` becomes a `SpanShape`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from msgspec import Meta
 from colony.text.source import Span
 
 MAX_ITEMS = 500_000
-"""Maximum number of items of one kind, checked before any of them is read."""
+"""Maximum length of a tuple or mapping, checked before its items are read."""
 
 
 class SpanShape(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
@@ -39,24 +39,24 @@ def shape(hint: Any) -> Any:
     if hint is Span:
         return SpanShape
     if is_dataclass(hint):
-        of: Any = hint
-        return _of_class(of)
+        cls: Any = hint
+        return _of_class(cls)
     origin: Any = get_origin(hint)
     if origin is None or origin is Literal:
         return hint
     arguments = tuple(map(shape, get_args(hint)))
     if origin is UnionType:
         return reduce(or_, arguments)
-    several = origin is dict or Ellipsis in arguments
-    return Annotated[origin[arguments], Meta(max_length=MAX_ITEMS)] if several else origin[arguments]
+    is_variadic = origin is dict or Ellipsis in arguments
+    return Annotated[origin[arguments], Meta(max_length=MAX_ITEMS)] if is_variadic else origin[arguments]
 
 
 @cache
-def _of_class(of: Any) -> Any:
-    hints = get_type_hints(of)
-    members = [(f.name, shape(hints[f.name])) for f in fields(of)]
-    made = msgspec.defstruct(
-        of.__name__,
+def _of_class(cls: Any) -> Any:
+    hints = get_type_hints(cls)
+    members = [(f.name, shape(hints[f.name])) for f in fields(cls)]
+    struct = msgspec.defstruct(
+        cls.__name__,
         members,
         frozen=True,
         array_like=True,
@@ -64,26 +64,26 @@ def _of_class(of: Any) -> Any:
         tag=True,
         tag_field="",
     )
-    _CLASSES[made] = of
-    return made
+    _CLASSES[struct] = cls
+    return struct
 
 
-def shaped(value: Any, place: Callable[[Span], SpanShape]) -> Any:
-    """Return a value in its shape; `place` converts spans."""
+def to_shape(value: Any, span_shape: Callable[[Span], SpanShape]) -> Any:
+    """Convert a value to its shape; `span_shape` converts spans."""
     if isinstance(value, Span):
-        return place(value)
+        return span_shape(value)
     if is_dataclass(value):
-        of: Any = type(value)
-        made = _of_class(of)
-        return made(*[shaped(getattr(value, name), place) for name in made.__struct_fields__])
-    return tuple([shaped(element, place) for element in value]) if type(value) is tuple else value
+        cls: Any = type(value)
+        struct = _of_class(cls)
+        return struct(*[to_shape(getattr(value, name), span_shape) for name in struct.__struct_fields__])
+    return tuple([to_shape(element, span_shape) for element in value]) if type(value) is tuple else value
 
 
-def restored(value: Any, span: Callable[[SpanShape], Span]) -> Any:
-    """Return the value of a shape; `span` converts spans back."""
+def from_shape(value: Any, span: Callable[[SpanShape], Span]) -> Any:
+    """Convert a shape back to its value; `span` converts spans."""
     if isinstance(value, SpanShape):
         return span(value)
     if isinstance(value, msgspec.Struct):
-        made = _CLASSES[type(value)]
-        return made(**{name: restored(getattr(value, name), span) for name in value.__struct_fields__})
-    return tuple([restored(element, span) for element in value]) if type(value) is tuple else value
+        cls = _CLASSES[type(value)]
+        return cls(**{name: from_shape(getattr(value, name), span) for name in value.__struct_fields__})
+    return tuple([from_shape(element, span) for element in value]) if type(value) is tuple else value

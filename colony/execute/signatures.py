@@ -67,20 +67,20 @@ _VARIADIC: Mapping[Operator, tuple[Kind, Kind]] = MappingProxyType(
 
 
 RESULTS: Mapping[Operator, Kind] = MappingProxyType(
-    {operator: given for operator, (_, given) in (*_FIXED.items(), *_VARIADIC.items())}
+    {operator: result for operator, (_, result) in (*_FIXED.items(), *_VARIADIC.items())}
 )
 """Kind of the result of each operator except SELECT."""
 
 
 def result_of(operator: Operator, arguments: Sequence[Kind]) -> Kind | None:
-    """Return the kind of an operator's result for arguments of these kinds, None if it does not take them."""
+    """Return the kind of an operator's result for arguments of these kinds, None if they do not fit."""
     if operator is Operator.SELECT:
         fits = len(arguments) == 3 and arguments[0] is _B and arguments[1] is arguments[2] is not _TABLE
         return arguments[1] if fits else None
     if operator in (Operator.EQUAL, Operator.NOT_EQUAL) and tuple(arguments) == (_B, _B):
         return _B
     if operator in _VARIADIC:
-        taken, given = _VARIADIC[operator]
-        return given if arguments and all(kind is taken for kind in arguments) else None
-    expected, given = _FIXED[operator]
-    return given if tuple(arguments) == expected else None
+        argument, result = _VARIADIC[operator]
+        return result if arguments and all(kind is argument for kind in arguments) else None
+    expected, result = _FIXED[operator]
+    return result if tuple(arguments) == expected else None

@@ -1,7 +1,7 @@
 """Validation of a compiled program from an untrusted source.
 
 msgspec has checked all types. Here every reference must have a valid target, so that no operation can raise,
-block or use more memory in any frame.
+block or allocate more memory in any frame.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _SIMPLE_NAME = re.compile(r"[A-Za-z_]\w{0,254}")
 
 
 class InvalidProgramError(ValueError):
-    """A compiled program is invalid; the text says why."""
+    """A compiled program is invalid; the message gives the reason."""
 
 
 def check(compiled: Compiled) -> None:
@@ -60,13 +60,13 @@ def check(compiled: Compiled) -> None:
     _Check(compiled).all()
 
 
-def _expect(holds: bool, what: str) -> None:
+def _expect(holds: bool, message: str) -> None:
     if not holds:
-        raise InvalidProgramError(what)
+        raise InvalidProgramError(message)
 
 
-def _kind(of: Type) -> Kind:
-    return Kind.BOOL if isinstance(element_type(of), Bool) else Kind.NUMBER
+def _kind(type_: Type) -> Kind:
+    return Kind.BOOL if isinstance(element_type(type_), Bool) else Kind.NUMBER
 
 
 class _Check:
@@ -87,13 +87,14 @@ class _Check:
         self._names()
         for sensor in code.sensors:
             _check_sensor(sensor)
-        for at, op in enumerate(code.ops):
+        for position, op in enumerate(code.ops):
             _expect(
-                self._gives(at, op) is code.kinds[at], f"operation {at} ({type(op).__name__}) is malformed"
+                self._result_kind(position, op) is code.kinds[position],
+                f"operation {position} ({type(op).__name__}) is malformed",
             )
         for cell in code.cells:
             _expect(
-                _is_of(cell.initial, cell.kind),
+                _has_kind(cell.initial, cell.kind),
                 f"the initial value of the cell `{cell.name}` is not of its kind",
             )
             _expect(
@@ -110,20 +111,23 @@ class _Check:
         for actuator in code.actuators:
             self._actuator(actuator)
         for contract in code.contracts:
-            self._refer(contract.name, Kind.BOOL, contract.present, contract.value, contract.traversed)
+            self._refer(contract.name, Kind.BOOL, contract.present, contract.value, contract.unsimplified)
         _expect(all(0 <= i < len(code.ops) for i in code.names), "a name refers to no operation")
-        _expect(all(0 <= i < len(code.cells) for i in code.places.values()), "a place refers to no cell")
+        _expect(
+            all(0 <= i < len(code.cells) for i in code.memory_cells.values()),
+            "a name of memory refers to no cell",
+        )
 
     def _names(self) -> None:
         code = self.code
-        for what, names in (
+        for group, names in (
             ("sensors", [s.name for s in code.sensors]),
             ("modules in Python", [c.module for c in code.python]),
             ("actuators", [a.actuator.name for a in code.actuators]),
             *((a.actuator.name, [c.module for c in a.clients]) for a in code.actuators),
             *((a.actuator.name, [f.name for f in a.actuator.fields]) for a in code.actuators),
         ):
-            _expect(len(set(names)) == len(names), f"duplicate name among {what}")
+            _expect(len(set(names)) == len(names), f"duplicate name among {group}")
             for name in names:
                 _expect(_NAME.fullmatch(name) is not None, f"{name[:40]!r} is not a name")
         _expect(len({c.name for c in code.cells}) == len(code.cells), "duplicate name among the cells")
@@ -131,35 +135,38 @@ class _Check:
     def _sources(self) -> None:
         """Check that each source has its own path inside the folder that a recording is unpacked into."""
         compiled = self.compiled
-        places = [(source.kind, source.place) for source in compiled.sources]
-        _expect(len(set(places)) == len(places), "duplicate source")
-        for _, place in places:
-            parts = PurePosixPath(place).parts
-            relative = parts and ".." not in parts and not place.startswith("/") and place.isprintable()
-            _expect(bool(relative), f"{place[:40]!r} is not a relative path of a source")
+        paths = [(source.kind, source.path) for source in compiled.sources]
+        _expect(len(set(paths)) == len(paths), "duplicate source")
+        for _, path in paths:
+            parts = PurePosixPath(path).parts
+            relative = parts and ".." not in parts and not path.startswith("/") and path.isprintable()
+            _expect(bool(relative), f"{path[:40]!r} is not a relative path")
         _expect(
-            not places or ("behavior", compiled.root) in places, "the compiled file is not among the sources"
+            not paths or ("behavior", compiled.root) in paths, "the compiled file is not among the sources"
         )
 
-    def _refer(self, what: str, kind: Kind, *references: int, below: int | None = None) -> None:
+    def _refer(self, owner: str, kind: Kind, *references: int, below: int | None = None) -> None:
         """Expect references to values of a kind, with indices below `below`."""
-        most = len(self.code.ops) if below is None else below
-        for at in references:
-            _expect(0 <= at < most and self.code.kinds[at] is kind, f"{what} refers to an invalid operation")
+        end = len(self.code.ops) if below is None else below
+        for position in references:
+            _expect(
+                0 <= position < end and self.code.kinds[position] is kind,
+                f"{owner} refers to an invalid operation",
+            )
 
     # --- operations ------------------------------------------------------------------------------
 
-    def _gives(self, at: int, op: Op) -> Kind | None:
+    def _result_kind(self, position: int, op: Op) -> Kind | None:
         """Return the kind of an operation's result; None if it is malformed."""
         code = self.code
         match op:
             case Apply(operator=operator, arguments=arguments):
-                if not all(0 <= i < at for i in arguments):
+                if not all(0 <= i < position for i in arguments):
                     return None
-                given = result_of(operator, [code.kinds[i] for i in arguments])
-                return given if self._fits(operator, [code.ops[i] for i in arguments], given) else None
+                kind = result_of(operator, [code.kinds[i] for i in arguments])
+                return kind if self._fits(operator, [code.ops[i] for i in arguments], kind) else None
             case Table(elements=elements):
-                found = {code.kinds[i] if 0 <= i < at else None for i in elements}
+                found = {code.kinds[i] if 0 <= i < position else None for i in elements}
                 return Kind.TABLE if found in ({Kind.NUMBER}, {Kind.BOOL}) else None
             case Literal(value=value):
                 return _kind_of_literal(value)
@@ -180,25 +187,26 @@ class _Check:
             case Lost():
                 return Kind.BOOL
             case Winner(actuator=actuator) | Commanded(actuator=actuator):
-                return Kind.BOOL if at >= code.decided and actuator in self.actuators else None
+                return Kind.BOOL if position >= code.decided and actuator in self.actuators else None
             case Sent(actuator=actuator, index=index):
-                found_actuator = self.actuators.get(actuator) if at >= code.decided else None
+                found_actuator = self.actuators.get(actuator) if position >= code.decided else None
                 return _field(() if found_actuator is None else found_actuator.actuator.fields, index)
             case _:
                 assert_never(op)
 
-    def _fits(self, operator: Operator, arguments: Sequence[Op], given: Kind | None) -> bool:
-        """Return True if tables have elements of the kind that is picked, and times stay bounded.
+    def _fits(self, operator: Operator, arguments: Sequence[Op], kind: Kind | None) -> bool:
+        """Return True if a table has elements of the kind that is picked from it, and times stay bounded.
 
-        A sum of times must be the frame's time plus a constant; a difference may only become seconds.
+        A sum of times must be the frame's time plus a constant; a difference may only be converted to
+        seconds.
         """
         if operator is not Operator.SECONDS and any(map(_is_difference, arguments)):
             return False
         match operator, arguments:
             case ((Operator.PICK_NUMBER | Operator.PICK_BOOL), (Table(elements=elements), _)):
-                return self.code.kinds[elements[0]] is given
-            case Operator.TIME_ADD, (now, window):
-                return isinstance(now, FrameTime) and isinstance(window, Literal)
+                return self.code.kinds[elements[0]] is kind
+            case Operator.TIME_ADD, (time, duration):
+                return isinstance(time, FrameTime) and isinstance(duration, Literal)
             case _:
                 return True
 
@@ -215,8 +223,10 @@ class _Check:
                     read.array or len(read.elements) == 1,
                     f"{call.module} reads a scalar that has several elements",
                 )
-                for at in read.elements:
-                    _expect(0 <= at < first, f"{call.module} reads an operation that comes after its call")
+                for position in read.elements:
+                    _expect(
+                        0 <= position < first, f"{call.module} reads an operation that comes after its call"
+                    )
             _check_fields(call.fields)
 
     def _actuator(self, actuator_code: ActuatorCode) -> None:
@@ -225,7 +235,7 @@ class _Check:
         _check_fields(fields)
         kinds = [_kind(f.type) for f in fields]
         for values in () if actuator.idle is None else (actuator.idle,):
-            fits = len(values) == len(kinds) and all(map(_is_of, values, kinds))
+            fits = len(values) == len(kinds) and all(map(_has_kind, values, kinds))
             _expect(fits, f"the idle command of {name} does not have its fields")
             _expect(all(map(_is_within, values, fields)), f"the idle command of {name} is out of range")
         _expect(actuator.idle is not None or actuator.server != "RServer", f"{name} has no idle command")
@@ -236,8 +246,8 @@ class _Check:
         for client in actuator_code.clients:
             self._refer(name, Kind.BOOL, *client.conditions.values(), below=decided)
             _expect(len(client.fields) == len(fields), f"{name}/{client.module} does not command all fields")
-            for kind, at in zip(kinds, client.fields, strict=True):
-                self._refer(name, kind, at, below=decided)
+            for kind, position in zip(kinds, client.fields, strict=True):
+                self._refer(name, kind, position, below=decided)
         for limit in actuator_code.limits:
             _expect(_field(fields, limit.field_index) is Kind.NUMBER, f"a limit of {name} is not on a number")
             self._refer(name, Kind.BOOL, limit.applies, below=decided)
@@ -253,8 +263,8 @@ def _check_sensor(sensor: Sensor) -> None:
     _expect(isfinite(sensor.factor) and sensor.factor != 0, f"the factor of {name} is not valid")
     _check_range(sensor)
     default = sensor.default
-    fits = default is None or (_is_of(default, _kind(sensor.type)) and _is_within(default, sensor))
-    _expect(fits, f"the default of {name} is not a value of it")
+    fits = default is None or (_has_kind(default, _kind(sensor.type)) and _is_within(default, sensor))
+    _expect(fits, f"the default of {name} is not a value that it can have")
     _expect(
         sensor.within_ns is None or 0 < sensor.within_ns <= MAX_TIME_NS, f"`within` of {name} is out of range"
     )
@@ -266,16 +276,18 @@ def _check_fields(fields: Iterable[ActuatorField]) -> None:
         _check_range(field)
 
 
-def _check_range(of: Sensor | ActuatorField) -> None:
-    low, high = -inf if of.low is None else of.low, inf if of.high is None else of.high
-    _expect(low <= high, f"the range of {of.name} is empty")
+def _check_range(quantity: Sensor | ActuatorField) -> None:
+    low = -inf if quantity.low is None else quantity.low
+    high = inf if quantity.high is None else quantity.high
+    _expect(low <= high, f"the range of {quantity.name} is empty")
 
 
-def _is_within(value: ScalarValue, of: Sensor | ActuatorField) -> bool:
+def _is_within(value: ScalarValue, quantity: Sensor | ActuatorField) -> bool:
     """Return True for a finite number in the range."""
     if isinstance(value, bool):
         return True
-    return isfinite(value) and (of.low is None or value >= of.low) and (of.high is None or value <= of.high)
+    above = quantity.low is None or value >= quantity.low
+    return isfinite(value) and above and (quantity.high is None or value <= quantity.high)
 
 
 def _kind_of_literal(value: float | bool) -> Kind | None:
@@ -296,11 +308,11 @@ def _field(fields: Sequence[ActuatorField], index: int) -> Kind | None:
     return _kind(fields[index].type) if 0 <= index < len(fields) else None
 
 
-def _element(of: Type, index: int) -> Kind | None:
-    size = of.size if isinstance(of, Array) else 1
-    return _kind(of) if 0 <= index < size else None
+def _element(type_: Type, index: int) -> Kind | None:
+    size = type_.size if isinstance(type_, Array) else 1
+    return _kind(type_) if 0 <= index < size else None
 
 
-def _is_of(value: object, kind: Kind) -> bool:
+def _has_kind(value: object, kind: Kind) -> bool:
     expected = {Kind.BOOL: bool, Kind.NUMBER: float, Kind.TIME: int}.get(kind)
     return type(value) is expected

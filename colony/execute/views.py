@@ -1,6 +1,6 @@
 """Views of a program's code: the part of its table of operations that an executor needs.
 
-A view is a `Code` of its own, renumbered and without dead ops, made in one pass.
+A view is a separate `Code`, renumbered and without dead ops. It is made in one pass.
 """
 
 from __future__ import annotations
@@ -25,41 +25,46 @@ from colony.execute.code import (
 from colony.ir.program import sensors_in_base_units
 
 
-def whole(code: Code) -> Code:
+def whole_view(code: Code) -> Code:
     """Return the view of all clients with their simplified guards."""
-    return _of_all(code, code.contracts, lambda c: (c.guard, c.exclusive))
+    return _view_of_all(code, code.contracts, lambda c: (c.guard, c.exclusive))
 
 
-def heard(code: Code) -> Code:
+def loss_aware_view(code: Code) -> Code:
     """Return the view of all clients with the guards that their own processes evaluate."""
-    return _of_all(code, code.contracts, lambda c: (c.heard_guard, c.heard_exclusive))
+    return _view_of_all(code, code.contracts, lambda c: (c.loss_aware_guard, c.loss_aware_exclusive))
 
 
-def unsimplified(code: Code) -> Code:
-    """Return the view of all clients with their guards before simplification; its memory has all places."""
-    contracts = tuple(replace(contract, value=contract.traversed) for contract in code.contracts)
-    return _of_all(code, contracts, lambda c: (c.traversed, c.exclusive))
+def unsimplified_view(code: Code) -> Code:
+    """Return the view of all clients with their guards before simplification.
+
+    Its `memory_cells` are complete.
+    """
+    contracts = tuple(replace(contract, value=contract.unsimplified) for contract in code.contracts)
+    return _view_of_all(code, contracts, lambda c: (c.unsimplified, c.exclusive))
 
 
-def of_clients(code: Code, clients: Collection[tuple[str, str]]) -> Code:
+def clients_view(code: Code, clients: Collection[tuple[str, str]]) -> Code:
     """Return the view of some clients, by actuator and module.
 
-    The view has the guards that their own process evaluates, their commands, and the limits on these. Sensors
-    are in base units. Modules in Python run elsewhere, even those of the clients.
+    The view has the guards that the clients' own process evaluates, their commands, and the limits on the
+    commands. Sensors are in base units. Modules in Python run elsewhere, even those of the clients.
 
     Raises:
         KeyError: there is no such client.
     """
-    left = set(clients)
+    remaining = set(clients)
     actuators = []
     for actuator_code in code.actuators:
-        own = tuple(c for c in actuator_code.clients if (actuator_code.actuator.name, c.module) in left)
-        left.difference_update((actuator_code.actuator.name, c.module) for c in own)
+        own = tuple(c for c in actuator_code.clients if (actuator_code.actuator.name, c.module) in remaining)
+        remaining.difference_update((actuator_code.actuator.name, c.module) for c in own)
         if own:
-            heard = tuple(_decided_by(c, c.heard_guard, c.heard_exclusive) for c in own)
-            actuators.append(replace(actuator_code, clients=heard))
-    if left:
-        raise KeyError(min(left))
+            loss_aware_clients = tuple(
+                _with_guards(c, c.loss_aware_guard, c.loss_aware_exclusive) for c in own
+            )
+            actuators.append(replace(actuator_code, clients=loss_aware_clients))
+    if remaining:
+        raise KeyError(min(remaining))
     view = replace(
         code,
         sensors=sensors_in_base_units(code.sensors),
@@ -70,7 +75,7 @@ def of_clients(code: Code, clients: Collection[tuple[str, str]]) -> Code:
     return trimmed(view, every_sensor=False)
 
 
-def of_module(code: Code, module: str) -> Code:
+def module_view(code: Code, module: str) -> Code:
     """Return the view of a module in Python: its inputs, computed from sensors in base units.
 
     Raises:
@@ -83,87 +88,92 @@ def of_module(code: Code, module: str) -> Code:
     return trimmed(view, every_sensor=False)
 
 
-def _of_all(
+def _view_of_all(
     code: Code, contracts: tuple[ContractCode, ...], guards: Callable[[ClientCode], tuple[int, int]]
 ) -> Code:
     actuators = tuple(
-        replace(actuator_code, clients=tuple(_decided_by(c, *guards(c)) for c in actuator_code.clients))
+        replace(actuator_code, clients=tuple(_with_guards(c, *guards(c)) for c in actuator_code.clients))
         for actuator_code in code.actuators
     )
-    contracts = tuple(replace(contract, traversed=contract.value) for contract in contracts)
+    contracts = tuple(replace(contract, unsimplified=contract.value) for contract in contracts)
     return trimmed(replace(code, actuators=actuators, contracts=contracts), every_sensor=True)
 
 
-def _decided_by(client: ClientCode, guard: int, exclusive: int) -> ClientCode:
+def _with_guards(client: ClientCode, guard: int, exclusive: int) -> ClientCode:
     return replace(
         client,
         guard=guard,
         exclusive=exclusive,
-        heard_guard=guard,
-        heard_exclusive=exclusive,
-        traversed=guard,
+        loss_aware_guard=guard,
+        loss_aware_exclusive=exclusive,
+        unsimplified=guard,
     )
 
 
 def trimmed(code: Code, *, every_sensor: bool) -> Code:
     """Return `code` without dead ops and cells and, unless `every_sensor`, without unused sensors."""
     flags, used_cells = live(code.ops, code.cells, roots(code))
-    first = before_decisions(code)
-    kept = sorted((i for i, flag in enumerate(flags) if flag), key=lambda i: (not first[i], i))
-    number = {old: new for new, old in enumerate(kept)}
-    cell_number = {old: new for new, old in enumerate(sorted(used_cells))}
-    ops = tuple(remapped(code.ops[i], number, cell_number) for i in kept)
-    read = {op.sensor for op in ops if isinstance(op, SensorFresh | SensorElement)}
+    precedes = before_decisions(code)
+    kept = sorted((i for i, flag in enumerate(flags) if flag), key=lambda i: (not precedes[i], i))
+    new_index = {old: new for new, old in enumerate(kept)}
+    new_cell = {old: new for new, old in enumerate(sorted(used_cells))}
+    ops = tuple(remapped(code.ops[i], new_index, new_cell) for i in kept)
+    used_sensors = {op.sensor for op in ops if isinstance(op, SensorFresh | SensorElement)}
     return Code(
         ops=ops,
         kinds=tuple(code.kinds[i] for i in kept),
-        decided=sum(first[i] for i in kept),
-        sensors=tuple(s for s in code.sensors if every_sensor or s.name in read),
+        decided=sum(precedes[i] for i in kept),
+        sensors=tuple(s for s in code.sensors if every_sensor or s.name in used_sensors),
         cells=tuple(
-            replace(c, condition=number[c.condition], value=number[c.value])
-            for c in (code.cells[i] for i in cell_number)
+            replace(c, condition=new_index[c.condition], value=new_index[c.value])
+            for c in (code.cells[i] for i in new_cell)
         ),
-        python=tuple(_python(call, number) for call in code.python),
-        actuators=tuple(_actuator(actuator, number) for actuator in code.actuators),
+        python=tuple(_python(call, new_index) for call in code.python),
+        actuators=tuple(_actuator(actuator, new_index) for actuator in code.actuators),
         contracts=tuple(
-            replace(c, present=number[c.present], value=number[c.value], traversed=number[c.traversed])
+            replace(
+                c,
+                present=new_index[c.present],
+                value=new_index[c.value],
+                unsimplified=new_index[c.unsimplified],
+            )
             for c in code.contracts
         ),
-        names={number[i]: name for i, name in code.names.items() if i in number},
-        places={name: cell_number[i] for name, i in code.places.items() if i in cell_number},
+        names={new_index[i]: name for i, name in code.names.items() if i in new_index},
+        memory_cells={name: new_cell[i] for name, i in code.memory_cells.items() if i in new_cell},
     )
 
 
 def before_decisions(code: Code) -> bytearray:
-    """Return a flag for each op that must precede decisions: it stands there, or a client depends on it."""
+    """Return a flag for each op that must precede decisions: it does already, or a client depends on it."""
     flags = bytearray(len(code.ops))
     flags[: code.decided] = b"\1" * code.decided
     for actuator_code in code.actuators:
         for client in actuator_code.clients:
-            for at in client.conditions.values():
-                flags[at] = 1
-    for at in range(len(code.ops) - 1, -1, -1):
-        if flags[at]:
-            for operand in operands(code.ops[at]):
+            for index in client.conditions.values():
+                flags[index] = 1
+    for index in range(len(code.ops) - 1, -1, -1):
+        if flags[index]:
+            for operand in operands(code.ops[index]):
                 flags[operand] = 1
     return flags
 
 
-def _python(call: PythonCall, number: dict[int, int]) -> PythonCall:
-    reads = tuple(replace(r, elements=tuple([number[i] for i in r.elements])) for r in call.reads)
-    return replace(call, present=number[call.present], reads=reads)
+def _python(call: PythonCall, new_index: dict[int, int]) -> PythonCall:
+    reads = tuple(replace(r, elements=tuple([new_index[i] for i in r.elements])) for r in call.reads)
+    return replace(call, present=new_index[call.present], reads=reads)
 
 
-def _actuator(actuator_code: ActuatorCode, number: dict[int, int]) -> ActuatorCode:
+def _actuator(actuator_code: ActuatorCode, new_index: dict[int, int]) -> ActuatorCode:
     return replace(
         actuator_code,
-        clients=tuple(_client(client, number) for client in actuator_code.clients),
+        clients=tuple(_client(client, new_index) for client in actuator_code.clients),
         limits=tuple(
-            replace(x, applies=number[x.applies], bound=number[x.bound]) for x in actuator_code.limits
+            replace(x, applies=new_index[x.applies], bound=new_index[x.bound]) for x in actuator_code.limits
         ),
     )
 
 
-def _client(client: ClientCode, number: dict[int, int]) -> ClientCode:
-    conditions: dict[str, Any] = {name: number[at] for name, at in client.conditions.items()}
-    return replace(client, fields=tuple([number[i] for i in client.fields]), **conditions)
+def _client(client: ClientCode, new_index: dict[int, int]) -> ClientCode:
+    conditions: dict[str, Any] = {name: new_index[index] for name, index in client.conditions.items()}
+    return replace(client, fields=tuple([new_index[i] for i in client.fields]), **conditions)

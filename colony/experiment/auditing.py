@@ -18,7 +18,7 @@ from colony.verify.reference.interpreter import Interpreter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuditedRun:
-    """The number of compared frames of a run, and a description of the first difference; "" for none."""
+    """The audit of one run: the number of compared frames, and the first difference ("" for none)."""
 
     key: RunKey
     frames: int
@@ -30,15 +30,15 @@ class _DifferenceError(Exception):
 
 
 def audit(spec: RunSpec) -> AuditedRun:
-    """Drive a run with both, to its end or to the first difference."""
+    """Drive a run with the generated program and the interpreter, to its end or the first difference."""
     interpreter = Interpreter(behavior_of(VARIANTS[spec.key.variant.partition("/")[0]].behavior).program)
 
     def compare(frame: Frame, outcome: Outcome) -> None:
         expected = interpreter.step(frame)
         if repr(outcome) != repr(expected):
-            at = f"run {spec.key.number}, seed {spec.key.seed}, frame at {frame.t_ns / 1e9:.2f} s"
+            label = f"run {spec.key.number}, seed {spec.key.seed}, frame at {frame.t_ns / 1e9:.2f} s"
             raise _DifferenceError(
-                f"{at}: expected {expected}, found {outcome}; the readings are {dict(frame.readings)}"
+                f"{label}: expected {expected}, found {outcome}; the readings are {dict(frame.readings)}"
             )
 
     run = Run(spec, watch=compare)

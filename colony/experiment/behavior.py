@@ -15,9 +15,10 @@ from colony.ir.program import Program, Robot, robot_in_base_units
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Behavior:
-    """A robot, its program in base units, and the Python generated from it: `source`, and loaded.
+    """A robot, its program in base units, and the Python source generated from it.
 
-    `prototype` is never stepped; `executor` creates executors like it, with initial memory.
+    `prototype` is the loaded source. It is never stepped; `executor` creates executors like it, with initial
+    memory.
     """
 
     robot: Robot

@@ -1,4 +1,4 @@
-"""An experiment: a list of runs, each with many seeds; every run is run once, and its result is stored."""
+"""An experiment: a list of runs, each with several seeds. Each is driven once, and its result is stored."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from colony.nav.pose.tracker import EVERY_SOURCE, Source
 from colony.robots.variants import CEILING_CAMERA, SIDE_CAMERA, VARIANTS, VariantName
 from colony.sim.hazards.hazards import Hazard, Hazards
 
-_KINDS = (".py", ".npz")
+_SUFFIXES = (".py", ".npz")
 """Suffixes of the files on which results depend: programs, and the weights of the reader."""
 
 _SOURCES = ("experiment", "nav", "robots", "runtime", "sim", "vision")
@@ -32,10 +32,10 @@ class Experiment:
         name: name of the list.
         map_path: the building.
         runs: the runs of the list, or a selection.
-        seeds: the seeds with which each run is run.
+        seeds: the seeds of each run.
         variant: the variant of navigation.
         hazards: the hazards.
-        sources: sources of the pose estimate; not with the variant of the thesis, which has no estimate.
+        sources: sources of the pose estimate; the variant of the thesis ignores them, as it has no estimate.
         cameras: cameras of the robot.
     """
 
@@ -54,10 +54,10 @@ class Experiment:
         off = [f"no-{name}" for name, hazard in HAZARD_NAMES.items() if hazard not in self.hazards.on]
         if len(off) == len(HAZARD_NAMES):
             off = ["no-hazards"]
-        other = [*off, *(f"no-{source.value}" for source in Source if source not in self.sources)]
+        deviations = [*off, *(f"no-{source.value}" for source in Source if source not in self.sources)]
         if SIDE_CAMERA in self.cameras:
-            other.append("side-camera")
-        return "/".join([self.variant, *([",".join(other)] if other else [])])
+            deviations.append("side-camera")
+        return "/".join([self.variant, *([",".join(deviations)] if deviations else [])])
 
     def specs(self) -> tuple[RunSpec, ...]:
         """Return all runs, seed by seed."""
@@ -84,7 +84,7 @@ class Experiment:
         package = Path(__file__).parents[1]
         for folder in _SOURCES:
             for path in sorted((package / folder).rglob("*")):
-                if path.suffix in _KINDS:
+                if path.suffix in _SUFFIXES:
                     digest.update(path.read_bytes())
         return digest.hexdigest()
 
@@ -99,20 +99,20 @@ def conduct(
     results: Results[R],
     engine: Engine,
     *,
-    on_progress: Callable[[int, int, R], None] = lambda done, of, result: None,
+    on_progress: Callable[[int, int, R], None] = lambda done, total, result: None,
 ) -> None:
     """Run all runs without a stored result, and store each result as it arrives.
 
     Args:
         experiment: the experiment.
-        work: the function that runs a run, such as `runs.run`.
+        work: the function that drives a run, such as `runs.run`.
         results: the file of results.
         engine: the engine that executes the work.
-        on_progress: callback with the number of finished runs, the number of all runs, and the latest result.
+        on_progress: callback with the number of finished runs, the total, and the latest result.
 
     Raises:
         NoPlanError, DiagnosticError: a run cannot be planned, or the map or behavior is invalid.
-        ResultsError: the results cannot be stored, or the file contains results of something else.
+        ResultsError: the results cannot be stored, or the file contains results of another program or map.
         WorkersLostError: a worker died.
     """
     results.expect(experiment.name, experiment.label, experiment.fingerprint())
@@ -124,7 +124,7 @@ def conduct(
 
 
 OnAuditProgress = Callable[[int, int, AuditedRun], None]
-"""Callback with the number of audited runs, the number of runs to audit, and the latest audited run."""
+"""Callback with the number of audited runs, the total, and the latest audited run."""
 
 
 def conduct_audit(
@@ -132,20 +132,20 @@ def conduct_audit(
     engine: Engine,
     fraction: float,
     *,
-    on_progress: OnAuditProgress = lambda done, of, run: None,
+    on_progress: OnAuditProgress = lambda done, total, run: None,
 ) -> tuple[AuditedRun, ...]:
     """Audit `fraction` of the runs, at least one; return them in order."""
     specs = experiment.specs()
     chosen = [spec for spec in specs if is_audited(spec, fraction)] or list(specs[:1])
-    found = []
-    for done, one in enumerate(engine.results(audit, chosen), 1):
-        found.append(one)
-        on_progress(done, len(chosen), one)
-    return tuple(sorted(found, key=lambda one: one.key))
+    audited = []
+    for done, run in enumerate(engine.results(audit, chosen), 1):
+        audited.append(run)
+        on_progress(done, len(chosen), run)
+    return tuple(sorted(audited, key=lambda run: run.key))
 
 
 def results_of(experiment: Experiment, results: Results[R]) -> tuple[R, ...]:
     """Return the stored results of the experiment's runs and seeds, by number and seed."""
     numbers, seeds = {run.number for run in experiment.runs}, set(experiment.seeds)
-    kept = results.of(experiment.name, experiment.label)
-    return tuple(r for r in kept if r.key.number in numbers and r.key.seed in seeds)
+    stored = results.of(experiment.name, experiment.label)
+    return tuple(r for r in stored if r.key.number in numbers and r.key.seed in seeds)

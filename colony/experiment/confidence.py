@@ -13,17 +13,17 @@ from colony.nav.confidence.estimate import (
     RunOutcome,
     clopper_pearson,
     counts_of,
-    estimated,
+    estimate_automaton,
     string_interval,
 )
 
 
 def run_modes(results: Sequence[RunResult]) -> list[RunOutcome]:
-    """Return the modes of each run, and the number of completed ones."""
+    """Return the modes of each run's plan, with the number of completed modes."""
     return [
         RunOutcome(
-            modes=r.letters,
-            completed=len(r.letters) if r.reached else min(r.completed, len(r.letters) - 1),
+            modes=r.planned_modes,
+            completed=len(r.planned_modes) if r.reached else min(r.completed, len(r.planned_modes) - 1),
             first_light_found=r.first_light,
         )
         for r in results
@@ -55,7 +55,7 @@ def path_table(results: Sequence[RunResult]) -> str:
     counts = counts_of(run_modes(results))
     if any(trials == 0 for _, trials in counts.values()):
         return ""
-    automaton = estimated(counts)
+    automaton = estimate_automaton(counts)
     rows = []
     for origin, goal, modes, printed in TABLE_6_5:
         confidence = automaton.confidence(modes)

@@ -35,8 +35,8 @@ class DaskEngine:
         """Yield the result of `work` for each item, as the Dask workers finish them."""
         expect_extras("dask")
         distributed: Any = import_module("distributed")
-        with ExitStack() as holds:
-            client = self._client(distributed, holds)
+        with ExitStack() as resources:
+            client = self._client(distributed, resources)
             try:
                 futures = client.map(work, items, pure=False)
                 for future in distributed.as_completed(futures):
@@ -46,11 +46,11 @@ class DaskEngine:
             except distributed.KilledWorker as problem:
                 raise WorkersLostError(f"workers of the cluster died: {problem}") from None
 
-    def _client(self, distributed: Any, holds: ExitStack) -> Any:
+    def _client(self, distributed: Any, resources: ExitStack) -> Any:
         if self._address:
             try:
-                return holds.enter_context(distributed.Client(self._address, timeout=CONNECT_TIMEOUT_S))
-            except (OSError, ValueError) as problem:  # ValueError: no address
+                return resources.enter_context(distributed.Client(self._address, timeout=CONNECT_TIMEOUT_S))
+            except (OSError, ValueError) as problem:  # ValueError: not an address
                 where = f"no Dask scheduler at {self._address}"
                 raise WorkersLostError(
                     f"{where}: {problem}; expected an address such as tcp://HOST:8786"
@@ -60,7 +60,7 @@ class DaskEngine:
             threads_per_worker=1,
             processes=True,
             dashboard_address=None,
-            local_directory=holds.enter_context(TemporaryDirectory(prefix="colony-dask-")),
+            local_directory=resources.enter_context(TemporaryDirectory(prefix="colony-dask-")),
         )
-        holds.enter_context(cluster)
-        return holds.enter_context(distributed.Client(cluster))
+        resources.enter_context(cluster)
+        return resources.enter_context(distributed.Client(cluster))

@@ -17,13 +17,13 @@ MM_S_TO_M_MIN = 0.06
 
 
 def percentile(values: Sequence[float], part: float) -> float:
-    """Return the quantile `part` of the values, interpolated linearly; NaN without values."""
+    """Return the quantile `part` (0 to 1) of the values, interpolated linearly; NaN without values."""
     return float(np.quantile(values, part)) if values else math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """A target: the measured quantity, its value, the promised value, and True if the promise is met."""
+    """A measured quantity (`what`), its value (`found`), the promised value, and True if that is met."""
 
     what: str
     found: str
@@ -38,7 +38,7 @@ NONE_REACHED = "no run reached its goal"
 TOP_MM_S = 500.0
 
 CONTACT_MM_S = 50.0
-"""Largest speed of a harmless contact."""
+"""Maximum speed of a harmless contact."""
 
 
 def targets(results: Sequence[RunResult], *, published: bool) -> tuple[Target, ...]:
@@ -46,11 +46,11 @@ def targets(results: Sequence[RunResult], *, published: bool) -> tuple[Target, .
 
     Args:
         results: the results.
-        published: True for results of the published runs, which have wings; False for a user's list.
+        published: True for the published runs, which have a wing each; False for a user's list.
     """
     if not results:
         return ()
-    rides = all(RIDE in r.letters for r in results)
+    rides = all(RIDE in r.planned_modes for r in results)
     found = [_missions(results, 0.98) if rides else _reached(results, 0.99 if published else 0.95)]
     if published:
         found.append(_worst(results))

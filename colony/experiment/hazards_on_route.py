@@ -24,27 +24,27 @@ def hazards_on_route(site: Site, plan: Plan, slips: int) -> str:
         plan: the plan.
         slips: the number of wheel slips.
     """
-    found: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     for name, floor in site.maps.items():
         legs = [(*s.start[:2], *s.end[:2]) for s in plan.segments if s.start.floor == s.end.floor == name]
-        found.update(
+        counts.update(
             _hazard_counts(site.sceneries[name], walls_of(floor).segments, np.array(legs).reshape(-1, 4))
         )
-    found["slips"] = slips
-    return ", ".join(f"{name}: {count}" for name, count in found.items() if count)
+    counts["slips"] = slips
+    return ", ".join(f"{name}: {count}" for name, count in counts.items() if count)
 
 
 def _hazard_counts(scenery: Scenery, walls: NDArray[np.float64], legs: NDArray[np.float64]) -> dict[str, int]:
     """Count the hazards along the legs, (m, 4), of a floor with edges (n, 4), all in mm."""
     lights = [(light.x_mm, light.y_mm, light.brightness) for light in scenery.lights]
-    near = _near([light[:2] for light in lights], legs, _CORRIDOR_MM / 3)
-    levels = [light[2] for light, on_way in zip(lights, near, strict=True) if on_way]
-    middles = (walls[:, :2] + walls[:, 2:]) / 2.0
-    glass = _count(middles[list(scenery.glass)], legs, 2 * _CORRIDOR_MM)
-    doors = _count(middles[[door.edge for door in scenery.doors]], legs, _CORRIDOR_MM)
+    is_near = _near([light[:2] for light in lights], legs, _CORRIDOR_MM / 3)
+    levels = [light[2] for light, light_is_near in zip(lights, is_near, strict=True) if light_is_near]
+    centers = (walls[:, :2] + walls[:, 2:]) / 2.0
+    glass = _count(centers[list(scenery.glass)], legs, 2 * _CORRIDOR_MM)
+    doors = _count(centers[[door.edge for door in scenery.doors]], legs, _CORRIDOR_MM)
     suns = _count([(sun.x_mm, sun.y_mm) for sun in scenery.sun], legs, _CORRIDOR_MM)
-    starts = [person.track.at(person.along_mm, person.offset_mm) for person in scenery.people]
-    people = _count([(at.x, at.y) for at in starts], legs, _CORRIDOR_MM)
+    starts = [person.track.point_at(person.along_mm, person.offset_mm) for person in scenery.people]
+    people = _count([(start.x, start.y) for start in starts], legs, _CORRIDOR_MM)
     joints = [((j.x0_mm + j.x1_mm) / 2, (j.y0_mm + j.y1_mm) / 2) for j in scenery.joints]
     return {
         "lights out": sum(level == 0.0 for level in levels),
@@ -57,16 +57,16 @@ def _hazard_counts(scenery: Scenery, walls: NDArray[np.float64], legs: NDArray[n
     }
 
 
-def _count(places: object, legs: NDArray[np.float64], beside_mm: float) -> int:
-    return int(_near(places, legs, beside_mm).sum())
+def _count(points: object, legs: NDArray[np.float64], beside_mm: float) -> int:
+    return int(_near(points, legs, beside_mm).sum())
 
 
-def _near(places: object, legs: NDArray[np.float64], beside_mm: float) -> NDArray[np.bool_]:
-    """Return a mask of the places, (n, 2), within `beside_mm` of any of the legs, (m, 4)."""
-    at = np.array(places, dtype=np.float64).reshape(-1, 1, 2)
+def _near(points: object, legs: NDArray[np.float64], beside_mm: float) -> NDArray[np.bool_]:
+    """Return a mask of the points, (n, 2), within `beside_mm` of any of the legs, (m, 4)."""
+    position = np.array(points, dtype=np.float64).reshape(-1, 1, 2)
     start, along = legs[:, :2], legs[:, 2:] - legs[:, :2]
     squares = np.maximum((along**2).sum(axis=1), 1.0)
-    part = np.clip(((at - start) * along).sum(axis=2) / squares, 0.0, 1.0)
-    apart = at - (start + part[..., None] * along)
-    near: NDArray[np.bool_] = (np.hypot(apart[..., 0], apart[..., 1]) <= beside_mm).any(axis=1)
+    part = np.clip(((position - start) * along).sum(axis=2) / squares, 0.0, 1.0)
+    offset = position - (start + part[..., None] * along)
+    near: NDArray[np.bool_] = (np.hypot(offset[..., 0], offset[..., 1]) <= beside_mm).any(axis=1)
     return near

@@ -26,19 +26,19 @@ LIST_BYTES = 1024 * 1024
 """Size limit in bytes of a CSV file."""
 
 _TRIES = 200
-"""Number of random pairs to draw for each requested one before giving up."""
+"""Maximum number of random pairs to draw for each requested one."""
 
 
 class RunListError(Exception):
-    """A list of runs is invalid; the message has the place, what was found and what was expected."""
+    """A list of runs is invalid; the message has the location, what was found and what was expected."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListedRun:
     """A run of a list.
 
-    It has its number in the list, from 1, the maps through which its path leads (empty for the first map of
-    the building alone), and its published result, if any.
+    It has its number in the list, from 1; the maps through which its path leads (empty if that is only the
+    first map of the building); and its published result, if any.
     """
 
     number: int
@@ -70,11 +70,11 @@ def plate_list() -> tuple[ListedRun, ...]:
 
 
 def csv_list(path: Path, building: Building) -> tuple[ListedRun, ...]:
-    """Return the runs of a CSV file: with two columns, from and to, and an optional header.
+    """Return the runs of a CSV file with two columns, from and to, and an optional header.
 
     Raises:
-        RunListError: the file cannot be read, or a line is not a run in this building; the message has the
-            first such line.
+        RunListError: the file cannot be read, or a line is not a run in this building; the message names
+            the first such line.
     """
     try:
         lines = StringIO(read_file(path, LIST_BYTES).decode("utf-8"), newline="")
@@ -108,8 +108,8 @@ def random_list(floor: Map, pairs: int, seed: int) -> tuple[ListedRun, ...]:
     doors = rooms_of(floor)
     if len(doors) < 2:
         raise RunListError(f"map `{floor.name}` has {len(doors)} doors; expected at least 2")
-    chance = random.Random(seed)
-    return _draw_runs(floor, pairs, lambda: tuple(chance.sample(doors, 2)))
+    rng = random.Random(seed)
+    return _draw_runs(floor, pairs, lambda: tuple(rng.sample(doors, 2)))
 
 
 def floors_list(building: Building, pairs: int, seed: int) -> tuple[ListedRun, ...]:
@@ -118,13 +118,13 @@ def floors_list(building: Building, pairs: int, seed: int) -> tuple[ListedRun, .
     Raises:
         RunListError: there are no such pairs, or too few.
     """
-    named = [[f"{floor.name}:{door}" for door in rooms_of(floor)] for floor in building.maps]
-    floors = [doors for doors in named if doors]
+    doors_by_floor = [[f"{floor.name}:{door}" for door in rooms_of(floor)] for floor in building.maps]
+    floors = [doors for doors in doors_by_floor if doors]
     if len(floors) < 2:
         found = f"map `{building.maps[0].name}` and its elevators lead to {len(floors)} floors with doors"
         raise RunListError(f"{found}; expected at least 2")
-    chance = random.Random(seed)
-    return _draw_runs(building, pairs, lambda: tuple(map(chance.choice, chance.sample(floors, 2))))
+    rng = random.Random(seed)
+    return _draw_runs(building, pairs, lambda: tuple(map(rng.choice, rng.sample(floors, 2))))
 
 
 def _draw_runs(

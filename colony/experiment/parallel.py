@@ -25,7 +25,7 @@ _QUEUED_PER_WORKER = 3
 
 
 class WorkersLostError(Exception):
-    """A worker died during its work; the message suggests a remedy."""
+    """A worker died during its work; the message suggests what to do."""
 
 
 class Engine(Protocol):
@@ -49,7 +49,7 @@ class SerialEngine:
 
 
 class PoolEngine:
-    """An engine that works in `workers` processes of this machine, by default one per core."""
+    """An engine that works in `workers` processes on this machine, by default one per core."""
 
     def __init__(self, workers: int | None = None) -> None:
         self.workers = workers or os.cpu_count() or 1
@@ -89,9 +89,9 @@ def _begin_worker() -> None:
     """Make a worker ignore Ctrl-C, and end with its parent.
 
     Ctrl-C reaches every process of a terminal, but only the parent must handle it. When the parent has ended,
-    for any reason, the work is useless.
+    for any reason, its work is useless.
     """
-    # Before numpy is loaded: each worker has one core, on which more threads would only compete.
+    # Set before numpy is loaded: each worker has one core, for which more threads would only compete.
     for library in ("OPENBLAS", "OMP", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -5,18 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from colony.experiment.rows import Places
+from colony.experiment.rows import Points
 
 Mode = Literal["L", "C", "D"]
-"""The modes as the thesis counts them: ceiling lights, corner (as one mode), dead reckoning."""
+"""The modes as the thesis counts them: ceiling lights, corner (entering and leaving), dead reckoning."""
 
 MODES: tuple[Mode, ...] = ("L", "C", "D")
 
 FailureReason = Literal["", "stuck", "too long", "astray", "script"]
 """Reason why a run failed; "" if it did not.
 
-stuck: for a minute the robot neither left its place nor got a new goal. too long: the run took three times
-    the
+stuck: for a minute the robot neither moved nor got a new goal. too long: the run took three times the
 expected time. astray: the planner is done, but the robot is not at the goal. script: a script raised an
 exception.
 """
@@ -43,7 +42,7 @@ class LightCount(NamedTuple):
     """Counts of the ceiling lights of the driven legs.
 
     Attributes:
-        seen: number of lights counted by the robot at their places.
+        seen: number of lights counted by the robot at their positions.
         missed: number of lights passed without being counted.
         false: number of counts without a light.
     """
@@ -54,7 +53,7 @@ class LightCount(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """The number of new contacts of the robot, and its largest speed in one of them."""
+    """The number of the robot's contacts, and its highest speed in one of them."""
 
     number: int
     fastest_mm_s: float
@@ -75,12 +74,12 @@ class RunResult:
         travelled_mm: distance that the robot actually drove.
         time_s: time from the start to the end of the planner.
         top_mm_s: highest speed.
-        modes: the counts of the modes L, C and D.
-        letters, completed: the modes of the plan, one letter each, and the number of completed ones.
+        mode_counts: the counts of the modes L, C and D.
+        planned_modes, completed: the modes of the plan, one letter each, and the number of completed ones.
         first_light: True if the first light was found on the leg of lights on which the run failed.
         lights, contacts: the counts of lights and of contacts.
         hazards: description of the hazards on the route: "lights out: 1, slips: 2".
-        path: the true path, x and y in mm, one place per second.
+        path: the true path, x and y in mm, one point per second.
     """
 
     key: RunKey
@@ -95,14 +94,14 @@ class RunResult:
     travelled_mm: float
     time_s: float
     top_mm_s: float
-    modes: tuple[ModeCount, ModeCount, ModeCount]
-    letters: str
+    mode_counts: tuple[ModeCount, ModeCount, ModeCount]
+    planned_modes: str
     completed: int
     first_light: bool
     lights: LightCount
     contacts: Contacts
     hazards: str
-    path: Places
+    path: Points
 
     @property
     def reached(self) -> bool:

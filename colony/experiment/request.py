@@ -37,11 +37,12 @@ class ExperimentRequest:
     """The request for an experiment.
 
     Attributes:
-        runs: a study, a list of random pairs, or the path of a CSV file.
+        runs: the name of a study or of a list of random pairs, or the path of a CSV file.
         map_path: the building, if the list has none of its own.
         seeds: number of seeds per run; None for the list's default.
         chosen: the numbers of the runs, such as "1-5,22"; None for all.
-        pairs, seed: number of random pairs, None for the list's default, and the seed that draws them.
+        pairs, seed: number of random pairs (None for the list's default), and the seed from which they are
+        drawn.
         variant: the variant of navigation.
         hazards, no_hazard: True to simulate hazards, and the names of those to leave out.
         no_source: the names of the sources to leave out of the pose estimate.
@@ -72,8 +73,8 @@ def experiment_of(request: ExperimentRequest) -> tuple[Study[Any], Experiment]:
     study = STUDIES.get(request.runs, CUSTOM)
     runs, name, map_path = _listed(study, request)
     runs = runs if request.chosen is None else selected_runs(runs, request.chosen)
-    rides = any(run.rides for run in runs)  # elevators have markers for a camera that looks ahead
-    asked = Experiment(
+    rides = any(run.rides for run in runs)  # a camera that looks ahead finds the markers of elevators
+    experiment = Experiment(
         name=name,
         map_path=map_path.resolve(),
         runs=runs,
@@ -82,7 +83,7 @@ def experiment_of(request: ExperimentRequest) -> tuple[Study[Any], Experiment]:
         hazards=_hazards(request),
         cameras=frozenset({CEILING_CAMERA, *([FRONT_CAMERA] if rides else [])}),
     )
-    return study, _with_sources(asked, study, request)
+    return study, _with_sources(experiment, study, request)
 
 
 def _listed(study: Study[Any], request: ExperimentRequest) -> tuple[tuple[ListedRun, ...], str, Path]:
@@ -122,9 +123,9 @@ def _hazards(request: ExperimentRequest) -> Hazards:
     return Hazards().without(*(HAZARD_NAMES[name] for name in request.no_hazard))
 
 
-def _with_sources(asked: Experiment, study: Study[Any], request: ExperimentRequest) -> Experiment:
+def _with_sources(experiment: Experiment, study: Study[Any], request: ExperimentRequest) -> Experiment:
     if not request.no_source and not request.side_camera:
-        return asked
+        return experiment
     if request.variant != "ours" or study.has_own_variant:
         own = ", ".join(name for name, study in STUDIES.items() if study.has_own_variant)
         raise MisuseError(
@@ -134,6 +135,6 @@ def _with_sources(asked: Experiment, study: Study[Any], request: ExperimentReque
     for name in request.no_source:
         if name not in names:
             raise MisuseError(f"unknown source `{name}`; expected {', '.join(names)}")
-    sources = asked.sources - {names[name] for name in request.no_source}
-    cameras = asked.cameras | {SIDE_CAMERA} if request.side_camera else asked.cameras
-    return replace(asked, sources=sources, cameras=cameras)
+    sources = experiment.sources - {names[name] for name in request.no_source}
+    cameras = experiment.cameras | {SIDE_CAMERA} if request.side_camera else experiment.cameras
+    return replace(experiment, sources=sources, cameras=cameras)

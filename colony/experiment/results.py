@@ -1,9 +1,9 @@
 """Results in an SQLite file, one row per run; runs with a stored result are not repeated.
 
-A file has a table for each kind of result; `RUN_TABLE` is that of ordinary runs.
+A file has a table for each kind of result, such as `RUN_TABLE` for ordinary runs.
 
-Each row is committed as it arrives, so that no finished run is lost however the experiment ends, by SIGKILL
-for example. docs/experiments.md describes the columns.
+Each row is committed as it arrives, so that no finished run is lost, even if the experiment ends by SIGKILL.
+docs/experiments.md describes the columns.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Table(Generic[R]):
         return f"CREATE TABLE IF NOT EXISTS {self.name} ({columns}, PRIMARY KEY ({key})) WITHOUT ROWID"
 
 
-_CREATE_MADE = (
+_CREATE_FINGERPRINTS = (
     "CREATE TABLE IF NOT EXISTS made "
     "(runs TEXT, variant TEXT, made_with TEXT NOT NULL, PRIMARY KEY (runs, variant))"
 )
@@ -71,7 +71,7 @@ class ResultsError(Exception):
 
 
 class Results(Generic[R]):
-    """A file of results of one kind, created if it does not exist. Mutable: the file.
+    """A file of results of one kind, created if it does not exist. Mutable.
 
     Args:
         path: path of the file; None to keep the results in memory.
@@ -104,7 +104,7 @@ class Results(Generic[R]):
         if self._table.name not in tables:
             self._file.execute("BEGIN IMMEDIATE")
             self._file.execute(self._table.sql)
-            self._file.execute(_CREATE_MADE)
+            self._file.execute(_CREATE_FINGERPRINTS)
             self._file.execute(f"PRAGMA user_version = {VERSION}")
             self._file.execute("COMMIT")
 
@@ -129,10 +129,10 @@ class Results(Generic[R]):
         Raises:
             ResultsError: the file cannot be written.
         """
-        marks = ", ".join("?" * len(self._table.columns))
+        placeholders = ", ".join("?" * len(self._table.columns))
         try:
             row = row_of(self._table.kind, result)
-            self._file.execute(f"INSERT OR REPLACE INTO {self._table.name} VALUES ({marks})", row)
+            self._file.execute(f"INSERT OR REPLACE INTO {self._table.name} VALUES ({placeholders})", row)
         except sqlite3.Error as problem:
             raise ResultsError(f"{self._path} cannot be written: {problem}") from None
 

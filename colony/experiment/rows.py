@@ -1,7 +1,7 @@
 """Results as rows of a table, whose columns follow from the fields of the class.
 
 A string or a number has its own column, and so has each part of a named tuple, of a tuple of known length,
-and of a mapping with known keys. Any other value is JSON text, except places, which are packed.
+and of a mapping with known keys. Any other value is JSON text, except points, which are packed.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
-Places = Annotated[tuple[tuple[int, int], ...], "packed"]
-"""Places, x and y in mm, stored as 32-bit integers."""
+Points = Annotated[tuple[tuple[int, int], ...], "packed"]
+"""Points, x and y in mm, stored as 32-bit integers."""
 
-_SQL = {str: "TEXT", int: "INTEGER", bool: "INTEGER", float: "REAL", Places: "BLOB"}
+_SQL = {str: "TEXT", int: "INTEGER", bool: "INTEGER", float: "REAL", Points: "BLOB"}
 
 
 def kinds_of(kind: Any) -> list[str]:
@@ -35,8 +35,8 @@ def row_of(kind: Any, value: Any) -> list[object]:
     parts = _parts(kind)
     if parts is None:
         return [_cell(kind, value)]
-    take = getattr if get_origin(kind) is None else getitem
-    return [cell for key, part in parts.items() for cell in row_of(part, take(value, key))]
+    get = getattr if get_origin(kind) is None else getitem
+    return [cell for key, part in parts.items() for cell in row_of(part, get(value, key))]
 
 
 def result_of(kind: Any, cells: Iterator[Any]) -> Any:
@@ -44,10 +44,10 @@ def result_of(kind: Any, cells: Iterator[Any]) -> Any:
     parts = _parts(kind)
     if parts is None:
         return _value(kind, next(cells))
-    made = {key: result_of(part, cells) for key, part in parts.items()}
+    values = {key: result_of(part, cells) for key, part in parts.items()}
     if get_origin(kind) is None:
-        return kind(**made)
-    return tuple(made.values()) if get_origin(kind) is tuple else made
+        return kind(**values)
+    return tuple(values.values()) if get_origin(kind) is tuple else values
 
 
 def _parts(kind: Any) -> dict[Any, Any] | None:
@@ -63,13 +63,13 @@ def _parts(kind: Any) -> dict[Any, Any] | None:
 
 
 def _cell(kind: Any, value: Any) -> object:
-    if kind is Places:
+    if kind is Points:
         return array("i", chain.from_iterable(value)).tobytes()
     return value if isinstance(value, str | int | float) else json.dumps(value)
 
 
 def _value(kind: Any, cell: Any) -> object:
-    if kind is Places:
+    if kind is Points:
         numbers = array("i", cell)
         return tuple(zip(numbers[0::2], numbers[1::2], strict=True))
     if kind is bool:

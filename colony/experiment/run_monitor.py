@@ -20,13 +20,13 @@ STUCK_RADIUS_MM = 500.0
 """Distance in mm that counts as progress."""
 
 BELOW_LIGHT_MM = 1500.0
-"""Largest distance in mm of a counted light from its place; lights are 5 to 6 m apart."""
+"""Maximum distance in mm of a counted light from its position; lights are 5 to 6 m apart."""
 
 SLIP_MM = 20.0
-"""Least error of the odometry in a frame, in mm, that means a wheel slip."""
+"""Minimum error of the odometry in a frame, in mm, that indicates a wheel slip."""
 
 RIDE_MM = 200.0
-"""Least error of the odometry in a frame, in mm, that means an elevator ride."""
+"""Minimum error of the odometry in a frame, in mm, that indicates an elevator ride."""
 
 PATH_INTERVAL_NS = 1_000_000_000
 
@@ -43,14 +43,14 @@ def mode_of(kind: GoalKind) -> Mode:
 
 
 class RunMonitor:
-    """The monitor of a run, updated after every frame. Mutable: its observations.
+    """The monitor of a run, updated after every frame. Mutable.
 
     Args:
         plan: the plan.
         loop: the run.
         world: the world, in which the robot is number 0.
         expected_s: expected time of the plan in seconds, without incidents.
-        begun: the numbers, from 0, of the segments that the planner has begun; the planner extends it.
+        begun: the indices of the segments that the planner has begun; the planner appends to it.
     """
 
     def __init__(self, plan: Plan, loop: Loop, world: World, expected_s: float, begun: Sequence[int]) -> None:
@@ -59,12 +59,12 @@ class RunMonitor:
         self._seen = 0
         self._began_mm: dict[int, float] = {}
         self.done = False
-        self._place = world.true_pose(0)
-        self._since_ns = 0
+        self._last_progress_pose = world.true_pose(0)
+        self._last_progress_ns = 0
         self._light = 0
         self._counted: dict[int, set[float]] = {}
         self._false = 0
-        self._pose, self._counts = world.true_pose(0), world.odometry(0)
+        self._pose, self._odometry = world.true_pose(0), world.odometry(0)
         self.slips = 0
         self.top_mm_s = 0.0
         self.path: list[tuple[int, int]] = []
@@ -73,27 +73,27 @@ class RunMonitor:
         """Record the finished frame; return the reason if the run should be abandoned."""
         now_ns, world = self._loop.now_ns, self._world
         self.top_mm_s = max(self.top_mm_s, abs(world.speed(0).velocity_mm_s))
-        pose, counts = world.true_pose(0), world.odometry(0)
-        drifted = abs(_distance_mm(pose, self._pose) - _distance_mm(counts, self._counts))
-        self.slips += SLIP_MM < drifted < RIDE_MM
-        self._pose, self._counts = pose, counts
+        pose, odometry = world.true_pose(0), world.odometry(0)
+        odometry_error_mm = abs(_distance_mm(pose, self._pose) - _distance_mm(odometry, self._odometry))
+        self.slips += SLIP_MM < odometry_error_mm < RIDE_MM
+        self._pose, self._odometry = pose, odometry
         if now_ns % PATH_INTERVAL_NS == 0:
             self.path.append((round(pose.x_mm), round(pose.y_mm)))
         goal = self._update_segment()
-        if goal or _distance_mm(pose, self._place) > STUCK_RADIUS_MM:
-            self._place, self._since_ns = pose, now_ns
-        if now_ns - self._since_ns > STUCK_TIMEOUT_NS:
+        if goal or _distance_mm(pose, self._last_progress_pose) > STUCK_RADIUS_MM:
+            self._last_progress_pose, self._last_progress_ns = pose, now_ns
+        if now_ns - self._last_progress_ns > STUCK_TIMEOUT_NS:
             return "stuck"
         return "too long" if now_ns > self._limit_ns else ""
 
     @property
     def _segment(self) -> int:
-        """The number of the present segment, -1 before the first one."""
+        """The index of the current segment, -1 before the first one."""
         return self._begun[-1] if self._begun else -1
 
     @property
     def mode(self) -> Mode:
-        """The mode of the present segment."""
+        """The mode of the current segment."""
         return mode_of(self._plan.segments[max(self._segment, 0)].kind)
 
     @property
@@ -104,19 +104,21 @@ class RunMonitor:
 
     @property
     def lights(self) -> LightCount:
-        """The lights of the legs begun so far; of the present leg only those that were passed."""
+        """The lights of the legs begun so far; of the current leg only those that were passed."""
         seen = missed = 0
         for number in self._begun:
             segment, counted = self._plan.segments[number], self._counted.get(number, set())
-            over = number != self._segment or self.done
-            upto = math.inf if over else _along(segment, self._world) - BELOW_LIGHT_MM
-            due = {light for light in segment.lights_mm if self._began_mm.get(number, 0.0) < light < upto}
+            is_over = number != self._segment or self.done
+            limit_mm = math.inf if is_over else _along(segment, self._world) - BELOW_LIGHT_MM
+            passed = {
+                light for light in segment.lights_mm if self._began_mm.get(number, 0.0) < light < limit_mm
+            }
             seen += len(counted)
-            missed += len(due - counted)
+            missed += len(passed - counted)
         return LightCount(seen, missed, self._false)
 
-    def modes(self) -> tuple[ModeCount, ModeCount, ModeCount]:
-        """Return how often each mode was entered and completed so far."""
+    def mode_counts(self) -> tuple[ModeCount, ModeCount, ModeCount]:
+        """Return how often each mode was entered and completed so far, and how often it is planned."""
         counts = {mode: [0, 0, 0] for mode in MODES}
         for first, last, mode in _groups(self._plan):
             count = counts[mode]
@@ -136,30 +138,30 @@ class RunMonitor:
 
     @property
     def first_light(self) -> bool:
-        """True if a light of the present segment was found."""
+        """True if a light of the current segment was found."""
         return bool(self._counted.get(self._segment))
 
     # --- observations --------------------------------------------------------------------------------
 
     def _update_segment(self) -> bool:
         """Record segments and counted lights; return True if a new segment has begun."""
-        new = len(self._begun) != self._seen
-        if new:
+        is_new = len(self._begun) != self._seen
+        if is_new:
             self._seen, self._light = len(self._begun), 0
             segment = self._plan.segments[self._segment]
             self._began_mm[self._segment] = _along(segment, self._world)
         counted = self._loop.data.present(CEILING_LIGHT)
         light = int(counted) if isinstance(counted, (int, float)) else 0
-        if new and light:
+        if is_new and light:
             self._light = light  # the count of the previous leg, until CTracker resets it
         elif light != self._light:
             for _ in range(self._light, light):
-                self._light_counted()
+                self._count_light()
             self._light = light
-        return new
+        return is_new
 
-    def _light_counted(self) -> None:
-        """Count the nearest light, if it is near and was not counted yet; otherwise a false one."""
+    def _count_light(self) -> None:
+        """Count the nearest light if it is near and was not counted yet; otherwise count a false light."""
         number = self._segment
         segment = self._plan.segments[number] if number >= 0 else None
         if segment is None or segment.kind is not GoalKind.LIGHTS:
@@ -184,8 +186,8 @@ def _groups(plan: Plan) -> list[tuple[int, int, Mode]]:
     return groups
 
 
-def _distance_mm(one: Pose, other: Pose) -> float:
-    return math.hypot(one.x_mm - other.x_mm, one.y_mm - other.y_mm)
+def _distance_mm(a: Pose, b: Pose) -> float:
+    return math.hypot(a.x_mm - b.x_mm, a.y_mm - b.y_mm)
 
 
 def _along(segment: Segment, world: World) -> float:

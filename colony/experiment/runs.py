@@ -92,7 +92,7 @@ def seed_of(key: RunKey) -> int:
 
 
 def _is_compensated(key: RunKey) -> bool:
-    """Return True if overshoots are subtracted from the distances: not in published runs before late 1993."""
+    """Return True if overshoots are subtracted from distances, as in all but the earlier published runs."""
     return key.runs != PUBLISHED or PUBLISHED_RUNS[key.number - 1].compensated
 
 
@@ -102,14 +102,14 @@ class Run:
     Args:
         spec: the specification.
         watch: a callback for every frame.
-        more: scripts that run after those of the variant, or replace those with the same name.
+        extra_scripts: scripts that run after those of the variant, or replace those with the same name.
 
     Raises:
         NoPlanError, DiagnosticError: see `plan_of`.
     """
 
     def __init__(
-        self, spec: RunSpec, *, watch: Watch | None = None, more: Mapping[str, Script] = NO_SCRIPTS
+        self, spec: RunSpec, *, watch: Watch | None = None, extra_scripts: Mapping[str, Script] = NO_SCRIPTS
     ) -> None:
         self.spec = spec
         self.variant: Variant = VARIANTS[spec.key.variant.partition("/")[0]]
@@ -118,7 +118,7 @@ class Run:
         seed = seed_of(spec.key)
         self.site = Site(self.building, self.plan, spec.hazards, seed=seed, config=self.variant.robot)
         self.world = self.site.world
-        button_presser = {OPERATOR: operator(self.site.elevators, self.world, seed=seed)}
+        operator_script = {OPERATOR: operator(self.site.elevators, self.world, seed=seed)}
         begun_segments: list[int] = []
         clock = VirtualClock()
         plant = Plant(self.world, clock, [self.site.elevators.advance])
@@ -136,8 +136,8 @@ class Run:
                     sources=spec.sources,
                     cameras=spec.cameras,
                 ),
-                **(button_presser if len(self.plan.floors) > 1 else {}),
-                **more,
+                **(operator_script if len(self.plan.floors) > 1 else {}),
+                **extra_scripts,
             },
             clock=clock,
             advance=plant.catch_up,
@@ -168,9 +168,9 @@ class Run:
         failure = self.monitor.update()
         if failure:
             self.failure = failure
-        elif self.loop.scripts.ended(PLANNER):
+        elif self.loop.scripts.has_ended(PLANNER):
             on_goal_floor = self.site.floor == self.plan.segments[-1].end.floor
-            self.failure = "" if on_goal_floor and self.off_mm <= GOAL_RADIUS_MM else "astray"
+            self.failure = "" if on_goal_floor and self.goal_error_mm <= GOAL_RADIUS_MM else "astray"
             self.remark = "" if on_goal_floor else f"on {self.site.floor}"
             self.monitor.done = not self.failure
         return self.failure is None
@@ -180,13 +180,13 @@ class Run:
         self.loop.close()
 
     @property
-    def off_mm(self) -> float:
+    def goal_error_mm(self) -> float:
         """The true distance of the robot from the goal in mm; the floor is ignored."""
         pose, goal = self.world.true_pose(0), self.plan.segments[-1].end
         return math.hypot(pose.x_mm - goal.x_mm, pose.y_mm - goal.y_mm)
 
     @property
-    def along_mm(self) -> float:
+    def overshoot_mm(self) -> float:
         """The true distance of the robot beyond the goal in mm, along the last segment."""
         pose, last = self.world.true_pose(0), self.plan.segments[-1]
         heading = math.radians(last.heading_deg)
@@ -203,14 +203,14 @@ class Run:
             failure=self.failure or "",
             failed_mode=monitor.mode if self.failure else "",
             remark=self.remark,
-            along_mm=self.along_mm,
-            off_mm=self.off_mm,
+            along_mm=self.overshoot_mm,
+            off_mm=self.goal_error_mm,
             distance_mm=self.plan.distance_mm,
             travelled_mm=self.world.distance(0),
             time_s=self.loop.now_ns / 1e9,
             top_mm_s=monitor.top_mm_s,
-            modes=monitor.modes(),
-            letters=self.plan.modes,
+            mode_counts=monitor.mode_counts(),
+            planned_modes=self.plan.modes,
             completed=monitor.completed,
             first_light=monitor.first_light,
             lights=monitor.lights,
@@ -220,15 +220,15 @@ class Run:
         )
 
 
-class Drive(Protocol[R_co]):
-    """A drive, frame by frame, with a result at the end."""
+class SteppedRun(Protocol[R_co]):
+    """A run that is driven frame by frame, and has a result at the end."""
 
     def step(self) -> bool:
         """Drive one frame; return False at the end."""
         ...
 
     def close(self) -> None:
-        """End the drive."""
+        """End the run."""
         ...
 
     def result(self) -> R_co:
@@ -236,14 +236,14 @@ class Drive(Protocol[R_co]):
         ...
 
 
-def run_to_end(drive: Drive[R_co]) -> R_co:
-    """Drive to the end, and return the result."""
+def run_to_end(stepped_run: SteppedRun[R_co]) -> R_co:
+    """Drive a run to its end, and return the result."""
     try:
-        while drive.step():
+        while stepped_run.step():
             pass
-        return drive.result()
+        return stepped_run.result()
     finally:
-        drive.close()
+        stepped_run.close()
 
 
 def run(spec: RunSpec) -> RunResult:

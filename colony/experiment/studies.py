@@ -34,14 +34,14 @@ class Study(Generic[R]):
 
     Attributes:
         name: name of the study, and of its list.
-        runs: returns the list of runs.
+        runs: function that returns the list of runs.
         seeds: default number of seeds.
         work: the function that runs a run.
         table: the table of its results.
-        targets: compares results with the promised values.
-        tables: returns all tables to show, for a terminal and for pages.
-        as_json: converts a result to a JSON object.
-        has_own_variant: True if its runs are those of a fixed variant, and are neither drawn nor audited.
+        targets: function that compares results with the promised values.
+        tables: function that returns all tables, for a terminal and for pages.
+        as_json: function that converts a result to a JSON object.
+        has_own_variant: True if its runs have a fixed variant, and are neither drawn nor audited.
     """
 
     name: str
@@ -55,11 +55,11 @@ class Study(Generic[R]):
     has_own_variant: bool = True
 
 
-def _json(result: PlateResult | LightResult | SourceResult, **found: object) -> dict[str, object]:
+def _json(result: PlateResult | LightResult | SourceResult, **results: object) -> dict[str, object]:
     """Return a JSON object: the run, its origin and goal, and the results."""
     other = {"key", "origin", "goal"}
     rest = {name: value for name, value in asdict(result).items() if name not in other}
-    return {**result.key._asdict(), "from": result.origin, "to": result.goal, **rest, **found}
+    return {**result.key._asdict(), "from": result.origin, "to": result.goal, **rest, **results}
 
 
 def _plates_json(result: PlateResult) -> dict[str, object]:
@@ -107,7 +107,7 @@ def _run_json(result: RunResult) -> dict[str, object]:
         "travelled_mm": result.travelled_mm,
         "time_s": result.time_s,
         "top_mm_s": result.top_mm_s,
-        "modes": {name: mode._asdict() for name, mode in zip("LCD", result.modes, strict=True)},
+        "modes": {name: mode._asdict() for name, mode in zip("LCD", result.mode_counts, strict=True)},
         "lights": result.lights._asdict(),
         "contacts": result.contacts._asdict(),
         "hazards": result.hazards,

@@ -13,8 +13,8 @@ from colony.nav.confidence.published_runs import PublishedRun
 def table(runs: Sequence[ListedRun], results: Sequence[RunResult]) -> str:
     """Return a table with one row per run, over all of its seeds, beside the published results.
 
-    "Beyond" is the distance beyond the goal along the last leg, as published; negative if short of it. "Off"
-    is the distance in any direction.
+    "Beyond" is the distance beyond the goal along the last leg, as published; it is negative before the goal.
+    "Off" is the straight-line distance from the goal.
     """
     published = any(run.published is not None for run in runs)
     by_number: dict[int, list[RunResult]] = {}
@@ -32,9 +32,12 @@ def target_table(results: Sequence[RunResult], *, published: bool) -> str:
     return targets_markdown(targets(results, published=published))
 
 
-def targets_markdown(found: Sequence[Target]) -> str:
+def targets_markdown(target_list: Sequence[Target]) -> str:
     """Return a table with one row per target."""
-    rows = [[t.what, t.found, t.promised, "met" if t.met else "**missed**"] for t in found]
+    rows = [
+        [target.what, target.found, target.promised, "met" if target.met else "**missed**"]
+        for target in target_list
+    ]
     return markdown(["what", "found", "promised", ""], rows)
 
 
@@ -85,9 +88,9 @@ def _row(run: ListedRun, results: list[RunResult], published: bool) -> list[str]
 def _modes(results: list[RunResult]) -> list[str]:
     """Return for each mode the mean number of completions, and the number required."""
     cells = []
-    for place in range(len(MODES)):
-        done = sum(r.modes[place].completed for r in results) / len(results)
-        cells.append(f"{done:.4g}/{results[0].modes[place].needed}")
+    for index in range(len(MODES)):
+        done = sum(r.mode_counts[index].completed for r in results) / len(results)
+        cells.append(f"{done:.4g}/{results[0].mode_counts[index].needed}")
     return cells
 
 

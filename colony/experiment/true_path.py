@@ -8,7 +8,7 @@ from colony.nav.maps.stickrep.model import Pose
 
 
 class TruePath:
-    """The true path of a robot. Mutable: the poses so far."""
+    """The true path of a robot. Mutable."""
 
     def __init__(self) -> None:
         self._times: list[int] = []

@@ -1,8 +1,8 @@
 """Typed expressions: names resolved, quantities in base units (mm, s, deg), overloads resolved.
 
-An expression is a tree of frozen nodes, each with its `type` and its `span`. A node's docstring gives its
-meaning in short; docs/language.md is complete. Operators and most functions work element by element on
-arrays; a scalar next to an array stands for each of its elements.
+An expression is a tree of frozen nodes, each with its `type` and its `span`. A node's docstring
+summarizes its meaning; docs/language.md is the full reference. Operators and most functions work element by
+element on arrays; a scalar next to an array stands for each of its elements.
 """
 
 from __future__ import annotations
@@ -147,12 +147,12 @@ class LoopIndex(TypedNode):
 
 @record
 class Now(TypedNode):
-    """Time since the first frame: nanoseconds / 1e9."""
+    """Time since the first frame, in seconds: nanoseconds / 1e9."""
 
 
 @record
 class Fresh(TypedNode):
-    """True if a sensor has a reading (not its default), or if a file-level `let` is not missing."""
+    """True if a sensor has a reading (not its default) or, if `derived`, if a `let` is not missing."""
 
     name: str
     derived: bool
@@ -342,7 +342,7 @@ Expression = (
 )
 
 NESTING_LIMIT = 100
-"""Maximum depth of an expression; the front end refuses deeper ones, so that stages may recurse."""
+"""Maximum depth of an expression; the front end rejects deeper ones, so that later stages may recurse."""
 
 
 def children(node: Expression) -> tuple[Expression, ...]:

@@ -15,7 +15,7 @@ from colony.ir.types import ScalarValue
 Reading = ScalarValue | int | Sequence[ScalarValue | int] | None
 
 
-_TAKEN_NOW: Mapping[str, int] = {}
+_NO_TIMES: Mapping[str, int] = {}
 
 
 class Frame(NamedTuple):
@@ -28,17 +28,17 @@ class Frame(NamedTuple):
 
     t_ns: int
     readings: Mapping[str, Reading]
-    taken_ns: Mapping[str, int] = _TAKEN_NOW
+    taken_ns: Mapping[str, int] = _NO_TIMES
 
 
 Bid = Literal[
     "command",  # active: the network lets its command through
-    "suppressed",  # its predicate holds, but by the network another one's command takes its place
-    "inhibited",  # its predicate holds, but by the network another one gates it
+    "suppressed",  # its predicate holds, but the network puts another module's command in its place
+    "inhibited",  # its predicate holds, but another module inhibits it in the network
     "inactive",  # its predicate does not hold
     "silent",  # something that it reads is missing
 ]
-"""A client's action in a frame, as the client itself decides it."""
+"""A client's request in a frame, or the reason why it makes none, as the client itself decides it."""
 
 
 class Answer(NamedTuple):
@@ -55,7 +55,7 @@ class Answer(NamedTuple):
 RecordKind = Literal[
     "sensor fault",  # wrong type or length, not a number, or no such enumerator: the sensor is missing
     "sensor clamped",  # outside its range
-    "python error",  # a Python module raised, or gave no command: it is silent
+    "python error",  # a Python module raised, or returned neither a command nor None: it is not active
     "not finite",  # the winner's command: the actuator gets its idle command
     "limited",  # a field was bounded by a limit
     "command clamped",  # a field was outside the actuator's range
@@ -72,7 +72,7 @@ class Record(NamedTuple):
 class Decision(NamedTuple):
     """The winner of an actuator in a frame, and the command that is sent.
 
-    `by` is the winning module or None; `values` are the fields in the program's units, None when nothing
+    `by` is the winning module or None; `values` are the fields in the program's units, None if nothing
     is sent (`idle hold`); `fault` is "not finite" when the winner's command could not be sent.
     """
 

@@ -1,7 +1,7 @@
-"""The memory of a whole program between two frames, by places in its text.
+"""The memory of a whole program between two frames, keyed by position in its source text.
 
-Executors store memory in different forms; in this common form one executor can continue from the memory of
-another.
+Each executor stores memory in its own form. In this common form, one executor can continue from the memory
+of another.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramMemory:
-    """A program's memory, except that of modules in Python, which keep their own.
+    """A program's memory, without that of modules in Python, which keep their own.
 
-    `first_ns` is the time of the first frame since all memory was initial, None if there was none. `cells`
-    are named by their places (see `state_cell`, `function_cell` and `window_cell`). An absent cell has its
+    `first_ns` is the time of the first frame after all memory was initial, None if there was none. The
+    keys of `cells` are made by `state_cell`, `function_cell` and `window_cell`. An absent cell has its
     initial value, or nothing depends on it. Values are in base units, times in ns since `first_ns`:
 
         state                             its value
@@ -27,7 +27,8 @@ class ProgramMemory:
         every                             `due`, when it is true again
         time constant                     `until`, when the dominant side ceases to dominate
 
-    `changed`, `captured` and `previous` also have `started`: whether there was an earlier frame.
+    `changed`, `captured` and `previous` also have `started`: true after the first frame in which they were
+    evaluated.
     """
 
     first_ns: int | None
@@ -55,7 +56,7 @@ def window_cell(wire: str, operands: tuple[int, ...]) -> str:
     """Return the prefix of the name of a time constant's cell.
 
     Args:
-        wire: Wire or actuator in whose wiring it stands.
-        operands: Indices of the operands that lead to it, outermost chain first; the last is that before it.
+        wire: Wire or actuator whose wiring contains it.
+        operands: Indices of the operands that lead to it, outermost chain first, its dominant operand last.
     """
     return f"window {wire}{''.join(f'.{i}' for i in operands)}"

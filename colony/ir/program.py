@@ -19,7 +19,7 @@ from colony.text.source import NOWHERE, Source, Span
 
 @record
 class Declared(Record):
-    """A declaration: a unique name and its place in the text."""
+    """A declaration: a unique name, and its span in the source text."""
 
     name: str
     span: Span = field(default=NOWHERE, compare=False, repr=False)
@@ -205,9 +205,10 @@ class Module(Declared):
 
 @record
 class PythonReading(Record):
-    """An input of a Python module: a value that `step` gets each frame under `name`, as written in its file.
+    """An input of a Python module: a value that `step` gets each frame under `name`.
 
-    `expression` is a sensor, a file-level let, a state or a machine.
+    `name` is as written in the behavior's file; `expression` is a sensor, a file-level let, a state or a
+    machine.
     """
 
     name: str
@@ -216,7 +217,10 @@ class PythonReading(Record):
 
 @record
 class PythonModule(Declared):
-    """A module whose `step(frame)` is Python: `class_name` of `module_path`, built with the params."""
+    """A module whose `step(frame)` is a method of the class `class_name` of the Python module `module_path`.
+
+    The class is built with the params.
+    """
 
     module_path: str
     class_name: str
@@ -243,8 +247,8 @@ class Use(Record):
 class Chain(Record):
     """`a op[w0] (b op[w1] (c ...))`: right-associative wiring of two or more operands by one relation.
 
-    `windows_ns[i]` is the time constant between operand i and what follows it, 0 for none. Long chains
-    stay flat: only parentheses nest, up to `NESTING_LIMIT`.
+    `windows_ns[i]` is the time constant between operand i and what follows it, 0 for none. A long
+    chain is one flat object; only parentheses nest, up to `NESTING_LIMIT`.
     """
 
     relation: Literal["suppresses", "inhibits"]
@@ -258,7 +262,7 @@ Wiring = Use | Chain
 
 @record
 class Wire(Declared):
-    """A named wire or, if `actuator` is set, the wiring of that actuator (`name` is then no wire)."""
+    """A named wire or, if `actuator` is set, that actuator's wiring (`name` is then not a wire's name)."""
 
     wiring: Wiring
     actuator: str | None = None
@@ -324,9 +328,10 @@ class Example(Declared):
 class Program(Record):
     """A typed program.
 
-    `derived` and `wires` are sorted so that each follows those that it is computed from; `modules`, `limits`
-    and `contracts` are in the order written. `files` are its source texts, its own last, each with the
-    relative path (with `/`) by which they import each other. A program that was built in memory has none.
+    `derived` and `wires` are sorted topologically: each comes after those that it is computed from.
+    `modules`, `limits` and `contracts` are in the order written. `files` are the source texts, imported files
+    first, each with the relative path (with `/`) by which other files import it; none if the program was
+    built in memory.
     """
 
     robot: Robot

@@ -22,10 +22,10 @@ class Bool:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A 64-bit float with a dimension; `wild` is the type of a literal `0`, which fits any dimension."""
+    """A 64-bit float with a dimension; `wildcard` marks the type of a literal `0`, which fits all of them."""
 
     dimension: Dimension = NUMBER
-    wild: bool = False
+    wildcard: bool = False
 
     def __str__(self) -> str:
         """Return the dimension as a unit in base units."""
@@ -64,7 +64,7 @@ Type = Scalar | Array
 
 BOOL = Bool()
 DIMENSIONLESS = Quantity()
-ZERO = Quantity(NUMBER, wild=True)
+ZERO = Quantity(NUMBER, wildcard=True)
 DISTANCE = Quantity(LENGTH)
 DURATION = Quantity(TIME)
 DEGREES = Quantity(ANGLE)
@@ -73,19 +73,19 @@ ScalarValue = float | bool
 Value = ScalarValue | tuple[ScalarValue, ...]
 
 
-def element_type(of: Type) -> Scalar:
+def element_type(type_: Type) -> Scalar:
     """Return the type of one element of an array, or the scalar type itself."""
-    return of.element if isinstance(of, Array) else of
+    return type_.element if isinstance(type_, Array) else type_
 
 
-def shaped(element: Scalar, like: Type) -> Type:
-    """Return `element`, or an array of it where `like` is an array."""
+def in_shape_of(element: Scalar, like: Type) -> Type:
+    """Return `element`, or an array of it with the size of `like` if that is an array."""
     return Array(element, like.size) if isinstance(like, Array) else element
 
 
-def any_value(of: Scalar) -> ScalarValue:
+def any_value(type_: Scalar) -> ScalarValue:
     """Return some value of a type: false, the first enumerator, or 0."""
-    match of:
+    match type_:
         case Bool():
             return False
         case Enum(members=members):
@@ -93,4 +93,4 @@ def any_value(of: Scalar) -> ScalarValue:
         case Quantity():
             return 0.0
         case _:
-            assert_never(of)
+            assert_never(type_)

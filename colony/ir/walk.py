@@ -21,8 +21,8 @@ def expressions(program: Program) -> Iterator[Expression]:
         match derived:
             case Let(expression=expression):
                 yield expression
-            case State(next=following):
-                yield from () if following is None else (following,)
+            case State(next=next_value):
+                yield from () if next_value is None else (next_value,)
             case Machine(transitions=transitions):
                 yield from (t.condition for t in transitions)
             case _:
@@ -35,12 +35,12 @@ def expressions(program: Program) -> Iterator[Expression]:
 
 
 def expressions_of(module: AnyModule) -> tuple[Expression, ...]:
-    """Return all expressions of a module, which is silent if one of them reads something missing."""
+    """Return all expressions of a module; it is silent if any of them reads something missing."""
     match module:
         case Module(lets=lets, when=when, command=command, states=states):
             fields = command.fields if command else ()
-            following = (s.next for s in states if s.next is not None)
-            return (*(let.expression for let in lets), when, *fields, *following)
+            next_value = (s.next for s in states if s.next is not None)
+            return (*(let.expression for let in lets), when, *fields, *next_value)
         case PythonModule(reads=reads):
             return tuple(r.expression for r in reads)
         case _:

@@ -1,6 +1,6 @@
 """Calls of the navigation scripts to servers that may not be able to answer yet.
 
-A semaphore may be 0, a variable unset, a server away or without a value.
+A semaphore may be 0, a variable unset, a server unreachable or without a value.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from colony.runtime.library.ask import Ask
 T = TypeVar("T")
 
 _NOT_YET = ("no value", "unknown", "unset")
-"""Codes of refusals by servers that have no answer yet."""
+"""Refusal codes of servers that have no answer yet."""
 
 
 def try_wait(semaphore: str, wait_s: float) -> Generator[Step, Any, bool]:
@@ -45,7 +45,7 @@ def read_variables(*names: str) -> Generator[Step, Any, dict[str, Any] | None]:
 
 
 def try_ask(server: str, ask: Ask[T]) -> Generator[Step, Any, T | None]:
-    """Return a server's answer, or None while the server is away or has no value yet.
+    """Return a server's answer, or None while the server is unreachable or has no value yet.
 
     Raises:
         CallRefusedError: the server refuses the request, and always will.
@@ -53,12 +53,12 @@ def try_ask(server: str, ask: Ask[T]) -> Generator[Step, Any, T | None]:
     try:
         return (yield from do(server, ask))
     except RobotConnectionError as problem:
-        _pass_over(problem)
+        _raise_if_final(problem)
         return None
 
 
 def try_adjust_position(x_mm: float, y_mm: float, turn_deg: float) -> Generator[Step, Any, bool]:
-    """Correct RServer's position; return False if RServer is away.
+    """Correct RServer's position; return False if RServer is unreachable.
 
     Raises:
         CallRefusedError: RServer refuses the correction, and always will.
@@ -66,12 +66,12 @@ def try_adjust_position(x_mm: float, y_mm: float, turn_deg: float) -> Generator[
     try:
         yield from do("RServer", robot.adjust_position(x_mm, y_mm, turn_deg))
     except RobotConnectionError as problem:
-        _pass_over(problem)
+        _raise_if_final(problem)
         return False
     return True
 
 
-def _pass_over(problem: RobotConnectionError) -> None:
-    """Ignore a connection problem, as a dead server is restarted; raise a refusal that is final."""
+def _raise_if_final(problem: RobotConnectionError) -> None:
+    """Raise a final refusal; ignore other connection problems, as a dead server is restarted."""
     if isinstance(problem, CallRefusedError) and problem.code not in _NOT_YET:
         raise problem

@@ -16,10 +16,10 @@
 | Overshoot     | read    |           | write    |             |
 
 CTracker also reads GoalDirection, along which the lights give the position, and GoalType. A Planner that
-starts downs the semaphores that an earlier Planner upped and no client took.
+starts first downs the semaphores that an earlier Planner upped and no client downed.
 
-Three more variables belong to the Navigator alone: GoalNumber, GoalReached and GoalAnswered. It is a compiled
-network, which has access to variables only, and a clerk that handles the semaphores for it
+Three more variables belong to the Navigator alone: GoalNumber, GoalReached and GoalAnswered. The Navigator is
+a compiled network, which has access to variables only, and a clerk that handles the semaphores for it
 (`colony/nav/missions/clerk.py`). TrackStart is CTracker's own (`colony/vision/lights/track_goals.py`).
 """
 
@@ -46,18 +46,18 @@ GOAL_TYPE = "GoalType"
 """The mode: a `GoalKind` as a number."""
 
 LIGHT_OFFSET = "LightOffset"
-"""List of distances in mm: from the robot's place when the goal was set to the first light, then from light
-to light."""
+"""List of distances in mm: from the robot's position when the goal was set to the first light, then from
+light to light."""
 
 CEILING_LIGHT = "CeilingLight"
-"""Number of lights of the present goal that the robot has passed."""
+"""Number of lights of the current goal that the robot has passed."""
 
 OVERSHOOT = "Overshoot"
 """Distance of the robot beyond the last light when CTracker finished, in mm along GoalDirection."""
 
 GOAL_NUMBER = "GoalNumber"
-"""Set by the clerk: the number of the present goal, from 1. The network measures a goal's distance from the
-robot's place when this changes."""
+"""Set by the clerk: the number of the current goal, from 1. The network measures a goal's distance from the
+robot's position at the time of the change."""
 
 GOAL_REACHED = "GoalReached"
 """Set by the network: the GoalNumber of the goal that it has reached."""
@@ -66,9 +66,8 @@ GOAL_ANSWERED = "GoalAnswered"
 """Set by the clerk: the GoalNumber of the last goal for which it upped $RobotStatus."""
 
 TRACK_START = "TrackStart"
-"""Set by CTracker: the robot's place when CTracker took a goal of lights, x and y in mm; an empty list after
-the
-goal's last light."""
+"""Set by CTracker: the robot's position when CTracker took a goal of lights, x and y in mm; an empty list
+after the goal's last light."""
 
 FLOOR = "Floor"
 """Set by the Planner: the name of the map of the robot's floor."""
@@ -81,14 +80,14 @@ LIGHT_FIX = "LightFix"
 """Set by CTracker at each valid light: a `Fix` (`colony/nav/pose/fixes.py`) as a list."""
 
 PLATE_FIX = "PlateFix"
-"""Set by the plate finder at each observation of a plate of the map: likewise."""
+"""Set by the plate finder at each observation of a plate of the map: a `Fix` as a list."""
 
 MARKER_FIX = "MarkerFix"
-"""Set by the marker finder at each observation of a marker of the map: likewise."""
+"""Set by the marker finder at each observation of a marker of the map: a `Fix` as a list."""
 
 PLATE_SEEN = "PlateSeen"
 """Set by the plate finder at each new plate: a list of the time in nanoseconds, the number of plates so far,
-the plate's text, and the place of its middle, x and y in mm."""
+the plate's text, and the position of its center, x and y in mm."""
 
 GOAL_VERIFIED = "GoalVerified"
 """Set by the Planner at the end of a plan with a plate to verify.
@@ -100,25 +99,26 @@ MARKER_BEARING = "MarkerBearing"
 """Set by the marker finder: the bearing of the elevator's marker, in degrees counterclockwise from ahead."""
 
 MARKER_FACING = "MarkerFacing"
-"""Set with it: the turn that makes the robot face the doors squarely, in degrees counterclockwise."""
+"""Set with MarkerBearing: the turn that makes the robot face the doors squarely, in degrees
+counterclockwise."""
 
 MARKER_DISTANCE = "MarkerDistance"
-"""Set with it: the distance of the robot's middle from the marker's, in mm."""
+"""Set with MarkerBearing: the distance between the centers of the robot and the marker, in mm."""
 
 ELEVATOR_CALL = "ElevatorCall"
 """Set by the Planner before a ride: a list of the elevator's node, the name of the map of this floor and of
 the other one. Empty after the ride."""
 
 FLOOR_REACHED = "FloorReached"
-"""Set by the operator of the buttons: 1 when the elevator stands at the other floor, else 0."""
+"""Set by the operator of the buttons: 1 when the elevator has arrived at the other floor, else 0."""
 
 
 class GoalKind(IntEnum):
     """The modes of the Navigator; the number is the letter's code (thesis Table 5.2)."""
 
-    NONE = 0  # stand
+    NONE = 0  # stand still
     CORNER = ord("C")  # Leave-Corner: turn to GoalDirection and leave the turning space
     DEAD_RECKONING = ord("D")  # to the goal, by distance
-    ENTER_CORNER = ord("E")  # to the middle of a turning space
+    ENTER_CORNER = ord("E")  # to the center of a turning space
     LIGHTS = ord("L")  # Ceiling-Light Tracking
     ELEVATOR = ord("V")  # in through an elevator's doors, turn around, and out again

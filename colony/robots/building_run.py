@@ -69,7 +69,7 @@ def run_in_building(compiled: Compiled, request: RunRequest, ui: UserInterface) 
     if recording is not None:
         summary = replace(summary, broke_off=recording.broken_off)
     return RunReport(
-        summary, None if mission is None else mission.mission_result(clock()), floors, path.places
+        summary, None if mission is None else mission.mission_result(clock()), floors, path.points
     )
 
 
@@ -101,7 +101,7 @@ def _run(
 ) -> bool:
     """Run the session; return True if it was interrupted.
 
-    It ends by itself when a mission is over, or its recording breaks off.
+    It ends early when the mission is over, or the recording breaks off.
     """
     length_ns = request.length_ns
     if length_ns is None:
@@ -109,14 +109,14 @@ def _run(
         length_ns = time_limit_ns(mission.plan, OURS.mm_s)
     session.add(ui.progress(length_ns))
 
-    def over() -> bool:
+    def is_over() -> bool:
         broken_off = recording is not None and recording.broken_off is not None
         return broken_off or (mission is not None and mission.is_over())
 
     with ui.interruptible() as interrupted:
         try:
             pace = wall_clock() if request.realtime else None
-            session.run(length_ns, stop=lambda: interrupted() or over(), pace=pace)
+            session.run(length_ns, stop=lambda: interrupted() or is_over(), pace=pace)
         except KeyboardInterrupt:
             return True
         if recording is not None:
@@ -132,9 +132,9 @@ def wall_clock() -> Callable[[int], None]:
     start = time.monotonic_ns()
 
     def pace(t_ns: int) -> None:
-        ahead = start + t_ns - time.monotonic_ns()
-        if ahead > 0:
-            time.sleep(ahead / 1e9)
+        ahead_ns = start + t_ns - time.monotonic_ns()
+        if ahead_ns > 0:
+            time.sleep(ahead_ns / 1e9)
 
     return pace
 
@@ -143,7 +143,7 @@ def wall_clock() -> Callable[[int], None]:
 
 
 class PathSink:
-    """A collector of the robot's true path, by floor. Mutable: the path so far."""
+    """A sink that collects the robot's true path, by floor. Mutable."""
 
     def __init__(self, world: World, floor: Callable[[], str]) -> None:
         self._world, self._floor = world, floor
@@ -158,9 +158,9 @@ class PathSink:
         self._add_pose()
 
     @property
-    def places(self) -> dict[str, list[tuple[float, float]]]:
-        """The places on each floor, in mm; the last one is the newest."""
-        return {floor: path.places for floor, path in self._paths.items()}
+    def points(self) -> dict[str, list[tuple[float, float]]]:
+        """The points on each floor, in mm, in chronological order."""
+        return {floor: path.points for floor, path in self._paths.items()}
 
     def _add_pose(self) -> None:
         pose = self._world.true_pose(0)

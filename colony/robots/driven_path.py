@@ -1,30 +1,30 @@
-"""The path of a robot for a picture, with a bounded number of places for a run of any length."""
+"""The driven path of a robot, for plotting, with a bounded number of points for a run of any length."""
 
 from __future__ import annotations
 
 import math
 
-MAX_PLACES = 10_000
-"""Largest number of places; beyond it every second place is dropped."""
+MAX_POINTS = 10_000
+"""Maximum number of points; beyond it every second point is dropped."""
 
 SPACING_MM = 10.0
-"""Initial distance between two places in mm; it doubles each time places are dropped."""
+"""Initial distance between two points in mm; it doubles each time points are dropped."""
 
 
 class DrivenPath:
-    """A path with bounded memory. Mutable: its places, of which the last is always the newest."""
+    """A path with bounded memory. Mutable; the last point is always the newest position."""
 
-    def __init__(self, *, max_places: int = MAX_PLACES) -> None:
-        self._most = max_places
+    def __init__(self, *, max_points: int = MAX_POINTS) -> None:
+        self._max_points = max_points
         self._spacing_mm = SPACING_MM
-        self.places: list[tuple[float, float]] = []
+        self.points: list[tuple[float, float]] = []
 
     def add(self, x_mm: float, y_mm: float) -> None:
-        """Add the robot's present place, in mm."""
-        places = self.places
-        if len(places) > 1 and math.dist(places[-2], (x_mm, y_mm)) < self._spacing_mm:
-            places.pop()
-        places.append((x_mm, y_mm))
-        if len(places) > self._most:
-            del places[1:-1:2]
+        """Add the robot's current position, in mm."""
+        points = self.points
+        if len(points) > 1 and math.dist(points[-2], (x_mm, y_mm)) < self._spacing_mm:
+            points.pop()
+        points.append((x_mm, y_mm))
+        if len(points) > self._max_points:
+            del points[1:-1:2]
             self._spacing_mm *= 2.0

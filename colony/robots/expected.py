@@ -14,7 +14,7 @@ TIME_LIMIT_FACTOR = 3.0
 """Time limit of a run, in multiples of its expected time."""
 
 GOAL_RADIUS_MM = 1000.0
-"""Largest true distance in mm at which the goal counts as reached."""
+"""Maximum true distance in mm at which the goal counts as reached."""
 
 
 def expected_s(plan: Plan, mm_s: float) -> float:

@@ -29,8 +29,10 @@ from colony.verify.testing.agreement import Disagreement
 
 MS = 1_000_000
 FRAMES = 24
-"""Frames of a run; the last few are without faults."""
-QUIET_FRAMES = 4
+"""Number of frames of a run."""
+
+FAULTLESS_FRAMES = 4
+"""Number of frames without faults at the end of a run."""
 
 
 def with_faults(compilation: Compilation, trace: Sequence[Frame], seed: int) -> Disagreement | None:
@@ -73,11 +75,11 @@ class _Traffic:
 
 
 class _FaultyRun:
-    """A run with faults. Mutable: the live processes, and their observed messages."""
+    """A run with faults. Mutable: `traffic` grows during the run."""
 
     def __init__(self, compiled: Compiled, trace: Sequence[Frame], seed: int, random: Random) -> None:
         self._frame_ns = compiled.frame_ns
-        self._faulty_ns = (FRAMES - QUIET_FRAMES) * self._frame_ns
+        self._faulty_ns = (FRAMES - FAULTLESS_FRAMES) * self._frame_ns
         self.traffic = _Traffic()
         self._clock = VirtualClock()
         self._faults = self._link(seed, random)
@@ -89,7 +91,7 @@ class _FaultyRun:
             link=self._record_and_delay,
         )
         self.robot.start()
-        self._plan(random)
+        self._schedule_failures(random)
 
     @property
     def now_ns(self) -> int:
@@ -100,31 +102,31 @@ class _FaultyRun:
         self.robot.observer.close()
 
     def _link(self, seed: int, random: Random) -> Faults:
-        """Return faults that end before the quiet frames, and spare the observer."""
-        share = random.choice((0.0, 0.3, 1.0, 2.0))
+        """Return faults that end before the faultless frames, and never affect messages to the observer."""
+        scale = random.choice((0.0, 0.3, 1.0, 2.0))
         rates = FaultRates(
-            lost=0.02 * share, duplicated=0.02 * share, late=0.03 * share, reordered=0.1 * share
+            lost=0.02 * scale, duplicated=0.02 * scale, late=0.03 * scale, reordered=0.1 * scale
         )
 
-        def spared(sender: str, receiver: str, message: Message) -> bool:
+        def is_exempt(sender: str, receiver: str, message: Message) -> bool:
             return receiver == self.robot.observer.address or self._clock.now_ns >= self._faulty_ns
 
-        return Faults(seed, rates, exempt=spared)
+        return Faults(seed, rates, exempt=is_exempt)
 
     def _record_and_delay(self, sender: str, receiver: str, message: Message) -> Delay:
         self.traffic.record(message)
         return self._faults(sender, receiver, message)
 
-    def _plan(self, random: Random) -> None:
+    def _schedule_failures(self, random: Random) -> None:
         """Schedule the death or freeze of some processes, and their return."""
         addresses = self.robot.processes
         for _ in range(random.choice((0, 1, 1, 2, 3, 5))):
             address = random.choice(addresses)
-            at = random.randrange(self._faulty_ns)
-            back = min(self._faulty_ns, at + random.choice((0, 30, 200, 600, 1500, 4000)) * MS)
-            do = self.robot.kill if random.random() < 0.6 else self.robot.freeze
-            self.robot.transport.at(at, partial(do, address))
-            self.robot.transport.at(back, partial(self.robot.revive, address))
+            death_ns = random.randrange(self._faulty_ns)
+            return_ns = min(self._faulty_ns, death_ns + random.choice((0, 30, 200, 600, 1500, 4000)) * MS)
+            fail = self.robot.kill if random.random() < 0.6 else self.robot.freeze
+            self.robot.transport.at(death_ns, partial(fail, address))
+            self.robot.transport.at(return_ns, partial(self.robot.revive, address))
 
 
 # --- the expected behavior ---------------------------------------------------------------------------
@@ -144,7 +146,7 @@ def _first_disagreement(program: Program, faulty_run: _FaultyRun) -> Disagreemen
     sent: dict[int, list[SentCommand]] = {}
     for command in faulty_run.robot.sent:
         sent.setdefault(command.k, []).append(command)
-    places: dict[int, tuple[_ReferenceRun, int, frozenset[str]]] = {}
+    reference_runs: dict[int, tuple[_ReferenceRun, int, frozenset[str]]] = {}
     for epoch in _epochs(faulty_run.traffic.ticks):
         paths = [_path(program, faulty_run.traffic, epoch, void_counts=True)]
         if any(
@@ -155,7 +157,7 @@ def _first_disagreement(program: Program, faulty_run: _FaultyRun) -> Disagreemen
             paths.append(_path(program, faulty_run.traffic, epoch, void_counts=False))
         unpredictable = _unpredictable(faulty_run, actuators.values(), epoch)
         for i, tick in enumerate(epoch):
-            places[tick.k] = paths[0], i, unpredictable
+            reference_runs[tick.k] = paths[0], i, unpredictable
             for command in sent.get(tick.k, ()):
                 if command.actuator in unpredictable:
                     continue
@@ -167,11 +169,13 @@ def _first_disagreement(program: Program, faulty_run: _FaultyRun) -> Disagreemen
                         paths[0], i, f"{command.actuator}: {_command_text(command)} left arbitration"
                     )
     for log in faulty_run.robot.log.frames:
-        if log.tick.k in places:
-            path, i, unpredictable = places[log.tick.k]
-            said = [text for text in log.disagreements if text.partition(":")[0] not in unpredictable]
-            if said:
-                return _disagreement(path, i, f"the monitor says {'; '.join(said)}")
+        if log.tick.k in reference_runs:
+            path, i, unpredictable = reference_runs[log.tick.k]
+            contradictions = [
+                text for text in log.disagreements if text.partition(":")[0] not in unpredictable
+            ]
+            if contradictions:
+                return _disagreement(path, i, f"the monitor says {'; '.join(contradictions)}")
     return None
 
 
@@ -185,10 +189,12 @@ def _unpredictable(
     """
     sources = {
         DSERVER.name,
-        *(activity(DSERVER.name, module) for module in faulty_run.robot.deployed.announced),
+        *(activity(DSERVER.name, module) for module in faulty_run.robot.deployed.python_modules),
     }
-    blind = faulty_run.robot.deployed.announced and any(sources & set(tick.down) for tick in epoch)
-    return frozenset(a.name for a in actuators if blind and a.on_loss == "degrade")
+    is_unpredictable = faulty_run.robot.deployed.python_modules and any(
+        sources & set(tick.down) for tick in epoch
+    )
+    return frozenset(a.name for a in actuators if is_unpredictable and a.on_loss == "degrade")
 
 
 def _epochs(ticks: Mapping[int, Tick]) -> Iterator[list[Tick]]:
@@ -229,9 +235,12 @@ def _allowed(command: SentCommand, expected: Sequence[Decision], actuator: Actua
     ]
 
 
-def _disagreement(path: _ReferenceRun, at: int, found: str) -> Disagreement:
+def _disagreement(path: _ReferenceRun, index: int, found: str) -> Disagreement:
     return Disagreement(
-        executor="", trace=path.frames[: at + 1], expected=path.outcomes[at], found=f"with faults: {found}"
+        executor="",
+        trace=path.frames[: index + 1],
+        expected=path.outcomes[index],
+        found=f"with faults: {found}",
     )
 
 

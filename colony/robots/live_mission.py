@@ -28,7 +28,7 @@ from colony.runtime.library.ask import Ask
 from colony.vision.level_camera import AHEAD, SIDE
 
 DEVICE_TIMEOUT_S = 10.0
-"""Timeout in seconds for a device that may be about to start."""
+"""Timeout in seconds for a device that may still be starting."""
 
 
 class CameraMissingError(RobotConnectionError):
@@ -36,7 +36,7 @@ class CameraMissingError(RobotConnectionError):
 
 
 class LiveMission:
-    """The scripts that lead a robot along a plan, from `__enter__` on. Mutable: their progress.
+    """The scripts that lead a robot along a plan, from `__enter__` on. Mutable.
 
     The robot must stand before the first room; its base is set to that position. At the end the goal is
     cleared, because no script is left to set the next one. The robot needs the camera that looks up. Cameras
@@ -46,8 +46,7 @@ class LiveMission:
         session: the session with the robot.
         building: the building that the robot is in.
         plan: the path to its goal.
-        operator: the script that gets elevator buttons pressed; by default none, and the robot relies on its
-            sensors.
+        operator: the script that has elevator buttons pressed; without it the robot relies on its sensors.
     """
 
     def __init__(
@@ -68,7 +67,7 @@ class LiveMission:
 
     @property
     def arrived(self) -> bool:
-        """True if the planner is done, after the end."""
+        """True if the planner was done when the mission ended."""
         return self._scripts is not None and self._scripts.done
 
     @property
@@ -95,13 +94,13 @@ class LiveMission:
         assert self._scripts is not None
         try:
             self._scripts.close()
-        finally:  # even if the caller does not wait for the scripts' end
+        finally:  # even if waiting for the scripts to end is interrupted
             self.took_s = time.monotonic() - self._began_s
             with suppress(RobotConnectionError):
                 self._end()
 
     def _begin(self) -> None:
-        """Set the position of the base and the floor, and check that the camera is up.
+        """Set the position of the base and the floor, and check that the camera is running.
 
         Raises:
             CameraMissingError: the camera is missing.
@@ -153,12 +152,12 @@ def no_operator() -> Script:
 
 def _retry_until_available(server: Connection, ask: Ask[Any]) -> None:
     """Repeat a call until it succeeds: the device may have just been started."""
-    end = time.monotonic() + DEVICE_TIMEOUT_S
+    deadline = time.monotonic() + DEVICE_TIMEOUT_S
     while True:
         try:
             server.do(ask)
         except CallRefusedError:
-            if time.monotonic() > end:
+            if time.monotonic() > deadline:
                 raise
             time.sleep(0.1)
         else:

@@ -22,12 +22,12 @@ from colony.sim.world.site import Site
 
 _CAMERAS = (CEILING_CAMERA, SIDE_CAMERA, FRONT_CAMERA)
 _SERVERS = (DSERVER.name, RSERVER.name, PSERVER.name, *_CAMERAS)
-_AFTER_NS = 1_000_000
-"""Nanoseconds from a frame to the scripts' start, so that they know its observations."""
+_DELAY_NS = 1_000_000
+"""Delay of the scripts after each frame in nanoseconds, so that they know the frame's readings."""
 
 
 class Mission:
-    """A route through a building to be driven. Mutable: the building, and the progress of its scripts."""
+    """The scripts that drive a route, with the simulated building. Mutable."""
 
     def __init__(self, route: Route, request: RunRequest) -> None:
         self._route, self.plan = route, route.plan
@@ -47,7 +47,7 @@ class Mission:
             "operator": operator(self.site.elevators, self.site.world, seed=request.seed),
         }
         self._scripts = {
-            name: ScriptNode(name, script, _SERVERS, delay_ns=_AFTER_NS) for name, script in scripts.items()
+            name: ScriptNode(name, script, _SERVERS, delay_ns=_DELAY_NS) for name, script in scripts.items()
         }
 
     @property
@@ -56,7 +56,7 @@ class Mission:
         return tuple(self._scripts.values())
 
     def cameras(self, plant: Plant) -> Mapping[str, CameraDriver]:
-        """Return the cameras that the scripts look through."""
+        """Return the cameras that the scripts use."""
         return run_cameras(plant, self.site, _CAMERAS, seed=self._seed)
 
     @property
@@ -73,7 +73,7 @@ class Mission:
 
     def mission_result(self, t_ns: int) -> MissionResult:
         """Return the result of the mission."""
-        where, when = self._place(), f"after {t_ns / 1e9:.1f} s"
+        where, when = self._location(), f"after {t_ns / 1e9:.1f} s"
         if self.problem:
             return MissionResult(
                 arrived=False, text=f"{self._route.name}: broke off {when}, {where}: {self.problem}"
@@ -96,15 +96,15 @@ class Mission:
     def _goal_floor(self) -> str:
         return self.plan.segments[-1].end.floor
 
-    def _off_mm(self) -> float:
+    def _goal_error_mm(self) -> float:
         """Return the robot's true distance from the goal on its floor, in mm."""
         pose, goal = self.site.world.true_pose(0), self.plan.segments[-1].end
         return math.hypot(pose.x_mm - goal.x_mm, pose.y_mm - goal.y_mm)
 
     def _is_at_goal(self) -> bool:
-        return self.site.floor == self._goal_floor and self._off_mm() <= GOAL_RADIUS_MM
+        return self.site.floor == self._goal_floor and self._goal_error_mm() <= GOAL_RADIUS_MM
 
-    def _place(self) -> str:
+    def _location(self) -> str:
         if self.site.floor != self._goal_floor:
             return f"on {self.site.floor}, not on {self._goal_floor}"
-        return f"{self._off_mm() / 1000:.2f} m from the goal"
+        return f"{self._goal_error_mm() / 1000:.2f} m from the goal"

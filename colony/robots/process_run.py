@@ -1,4 +1,4 @@
-"""A run of a program in processes: its clients, and servers that are started with them or already running."""
+"""A run of a program in several processes: its clients, and servers that it starts or that already run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from colony.robots.request import (
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
 from colony.runtime.assembly.processes.jobs import check_disk_room, client_jobs, fresh_folder, keep_logs
-from colony.runtime.assembly.processes.run import LedRun, RunFailedError
+from colony.runtime.assembly.processes.run import RunFailedError, SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
@@ -37,10 +37,10 @@ from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import deployment
 from colony.runtime.protocol.fields import DSERVER, SERVERS, ServerSpec
 from colony.runtime.protocol.topics import CLOCK
-from colony.runtime.transport.live.place import Local, Place
+from colony.runtime.transport.live.robot_address import Local, RobotAddress
 from colony.runtime.transport.live.run_directory import in_run_directory
 
-if TYPE_CHECKING:  # not every run plans or leads a mission
+if TYPE_CHECKING:  # imported only for a run with a mission
     from colony.robots.live_mission import LiveMission
     from colony.robots.route import Route
 
@@ -48,14 +48,16 @@ PLANT_START_TIMEOUT_S = 120.0
 """Timeout in seconds for the simulator to start; without a cache it is compiled first."""
 
 
-def run_simulated(compiled: Compiled, place: Local, request: RunRequest, ui: UserInterface) -> RunReport:
+def run_simulated(
+    compiled: Compiled, robot_address: Local, request: RunRequest, ui: UserInterface
+) -> RunReport:
     """Run a program on a simulated robot: start servers, clients and the plant, and end them with the run.
 
     Raises:
         MisuseError: the route does not exist, or no recording can be written.
         DiagnosticError: the map is invalid (codes beginning with M), or the program needs something that the
             robot lacks.
-        LiveError: the robot's processes cannot be joined; for example, another run of it is in progress.
+        LiveError: the robot cannot be used; for example, another run of it is in progress.
         RunAbortedError: the run could not begin, or broke off.
     """
     from colony.nav.maps.stickrep.reader import load_map
@@ -63,14 +65,14 @@ def run_simulated(compiled: Compiled, place: Local, request: RunRequest, ui: Use
 
     assert request.map_path is not None
     route = _single_floor_route(request) if request.goal is not None else None
-    run = _Run(compiled, place, request, ui, route)
+    run = _Run(compiled, robot_address, request, ui, route)
     cameras = dict(request.cameras)
     if route is not None:
         from colony.robots.variants import CEILING_CAMERA
 
         cameras = {CEILING_CAMERA: "up", **cameras}
     building = load_map(request.map_path)
-    truth = TruthLog(place)
+    truth = TruthLog(robot_address)
     with run.led() as led:
         robot = SimulatedRobot(
             map_path=request.map_path,
@@ -83,52 +85,55 @@ def run_simulated(compiled: Compiled, place: Local, request: RunRequest, ui: Use
             held=request.held,
         )
         with in_run_directory(run.folder):
-            jobs = (*jobs_of(place, robot, run.folder), *run.client_jobs())
+            jobs = (*jobs_of(robot_address, robot, run.folder), *run.client_jobs())
             check_disk_room(run.folder, len(jobs))
         led.start(jobs)
-        notice = CompilationNotice(place, jobs[0].log, ui.report)
+        notice = CompilationNotice(robot_address, jobs[0].log, ui.report)
 
         def simulated() -> bool:
-            notice.look()
-            return truth.look()
+            notice.poll()
+            return truth.poll()
 
         begun = led.wait_for(
             simulated, run.stop, what="the start of the simulator", timeout_s=PLANT_START_TIMEOUT_S
         )
-        interrupted = not begun or run.follow(led, meanwhile=truth.look)
+        interrupted = not begun or run.follow(led, meanwhile=truth.poll)
         travel = truth.travel
         truth.close()
-    mission_result = run.mission_result(truth.places[-1] if truth.places else None)
+    mission_result = run.mission_result(truth.points[-1] if truth.points else None)
     return RunReport(
-        run.summary(interrupted, travel), mission_result, (building,), {building.name: truth.places}
+        run.summary(interrupted, travel), mission_result, (building,), {building.name: truth.points}
     )
 
 
-def run_served(compiled: Compiled, place: Place, request: RunRequest, ui: UserInterface) -> RunReport:
+def run_served(
+    compiled: Compiled, robot_address: RobotAddress, request: RunRequest, ui: UserInterface
+) -> RunReport:
     """Run a program on a robot that is already running, on this machine or behind a gateway.
 
     Raises:
         MisuseError: the robot does not run on this machine, or the route does not exist.
-        others: as `run_simulated`.
+        DiagnosticError, LiveError, RunAbortedError: see `run_simulated`.
     """
-    if isinstance(place, Local) and not place.directory.running():
+    if isinstance(robot_address, Local) and not robot_address.directory.running():
         robots = ", ".join(running_robots()) or "none"
         raise MisuseError(
-            f"colony: error: no process of `{place.robot}` runs on this machine (running robots: {robots}); "
-            f"start it with `colony serve all --robot {place.robot} --map MAP`"
+            f"colony: error: no process of `{robot_address.robot}` runs on this machine "
+            f"(running robots: {robots}); "
+            f"start it with `colony serve all --robot {robot_address.robot} --map MAP`"
         )
     route = None
     if request.goal is not None:
         from colony.robots.route import planned_route
 
         route = planned_route(request)
-    run = _Run(compiled, place, request, ui, route)
+    run = _Run(compiled, robot_address, request, ui, route)
     with run.led() as led:
-        with _in_folder(place, run.folder):
+        with _in_folder(robot_address, run.folder):
             jobs = run.client_jobs()
             check_disk_room(run.folder, len(jobs))
         led.start(jobs)
-        led.hold(request.held)
+        led.pin_variables(request.held)
         interrupted = run.follow(led)
     return RunReport(run.summary(interrupted, None), run.mission_result(None))
 
@@ -148,24 +153,29 @@ def _single_floor_route(request: RunRequest) -> Route:
 
 
 class _Run:
-    """The common part of runs on simulated and on running robots. Mutable: the observations of the run."""
+    """The common part of runs on simulated and on running robots. Mutable."""
 
     def __init__(
-        self, compiled: Compiled, place: Place, request: RunRequest, ui: UserInterface, route: Route | None
+        self,
+        compiled: Compiled,
+        robot_address: RobotAddress,
+        request: RunRequest,
+        ui: UserInterface,
+        route: Route | None,
     ) -> None:
-        self._place = place
+        self._robot_address = robot_address
         self._request = request
         self._ui = ui
         self._route = route
         self._mission: LiveMission | None = None
-        self._compiled, more = compiled, _additional_servers(compiled.robot, place)
-        self._bindings = bind(compiled.robot, (*SERVERS, *more))
+        self._compiled, additional_servers = compiled, _additional_servers(compiled.robot, robot_address)
+        self._bindings = bind(compiled.robot, (*SERVERS, *additional_servers))
         self._deployed = deployment(
             compiled,
             self._bindings,
             run=f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}",
             seed=request.seed,
-            servers=tuple(server.name for server in more),
+            servers=tuple(server.name for server in additional_servers),
         )
         self._tally = Tally(compiled)
         self._status_tracker = RunStatusTracker(self._deployed, file=os.path.abspath(request.file))
@@ -179,8 +189,8 @@ class _Run:
         self._interrupted: Callable[[], bool] = lambda: False
 
     @contextmanager
-    def led(self) -> Iterator[LedRun]:
-        """Lead the run until the end of the `with`, when all its processes have ended."""
+    def led(self) -> Iterator[SupervisedRun]:
+        """Lead the run inside the `with`; at its end, end all processes of the run."""
         with self._ui.interruptible() as self._interrupted, ExitStack() as resources:
             led = resources.enter_context(self._lead())
             self._folder = self._fresh_folder()
@@ -205,15 +215,15 @@ class _Run:
 
     @property
     def folder(self) -> Path:
-        """The folder of its processes' specs and logs."""
+        """The folder of the specs and logs of the run's processes."""
         assert self._folder is not None
         return self._folder
 
     def client_jobs(self) -> tuple[Job, ...]:
-        """Return the jobs of its clients; Python modules are found on this process's paths."""
+        """Return the jobs of the run's clients, which search this process's folders for Python modules."""
         search = (str(Path(self._request.file).resolve().parent), os.getcwd())
         return client_jobs(
-            self._place,
+            self._robot_address,
             self._deployed,
             self._compiled,
             self._bindings,
@@ -222,8 +232,8 @@ class _Run:
             isolate=self._request.isolate,
         )
 
-    def follow(self, led: LedRun, *, meanwhile: Callable[[], object] = lambda: None) -> bool:
-        """Lead the run to its end, or to the end of its route; return True if it was interrupted before."""
+    def follow(self, led: SupervisedRun, *, meanwhile: Callable[[], object] = lambda: None) -> bool:
+        """Lead the run to its end, or to the end of its route; return True if it was stopped before."""
         if self._route is None:
             return not led.follow(self.stop, meanwhile=meanwhile)
         from colony.robots.live_mission import LiveMission
@@ -231,16 +241,16 @@ class _Run:
         route, operator = self._route, None
         if len(route.plan.floors) > 1:
             operator = self._ui.operator(route.building)
-        with session_with(self._place) as session:
+        with session_with(self._robot_address) as session:
             self._mission = LiveMission(session, route.building, route.plan, operator=operator)
             with self._mission as mission:
                 led.follow(lambda: self.stop() or mission.over, meanwhile=meanwhile)
                 return self.stop() and not mission.over
 
-    def mission_result(self, place: tuple[float, float] | None) -> MissionResult | None:
+    def mission_result(self, position: tuple[float, float] | None) -> MissionResult | None:
         """Return the result of the mission, None for a run without one.
 
-        `place` is the robot's true place, if it is known.
+        `position` is the robot's true position, if it is known.
         """
         if self._route is None or self._mission is None:
             return None
@@ -248,9 +258,9 @@ class _Run:
 
         mission, name = self._mission, self._route.name
         off_mm, by = mission.off_mm, " by its odometry"
-        if place is not None:
+        if position is not None:
             goal = self._route.plan.segments[-1].end
-            off_mm, by = math.hypot(place[0] - goal.x_mm, place[1] - goal.y_mm), ""
+            off_mm, by = math.hypot(position[0] - goal.x_mm, position[1] - goal.y_mm), ""
         when, where = f"after {mission.took_s:.1f} s", f"{off_mm / 1000:.2f} m from the goal{by}"
         if mission.problem:
             text = f"{name}: broke off {when}, {where}: {mission.problem}"
@@ -261,43 +271,43 @@ class _Run:
 
     def summary(self, interrupted: bool, travel: Travel | None) -> RunSummary:
         """Return the summary of the run."""
-        found = self._tally.summary(
+        summary = self._tally.summary(
             seed=self._request.seed,
             duration_s=self._window.shown_ns / 1e9,
             interrupted=interrupted and self._interrupted(),
             travel=travel,
         )
-        return replace(found, broke_off=self._broke_off)
+        return replace(summary, broke_off=self._broke_off)
 
-    def _lead(self) -> LedRun:
+    def _lead(self) -> SupervisedRun:
         recorded = self._request.record is not None
         observer = build_observer(
             self._compiled, self._bindings, (self._window,), self._deployed.run, requests=recorded
         )
         servers = dict.fromkeys([CLOCK, DSERVER.name, *(b.server for b in self._bindings.actuators)])
-        return LedRun(
-            self._place,
+        return SupervisedRun(
+            self._robot_address,
             self._deployed,
             servers,
             observer=observer,
             window=self._window,
             status_tracker=self._status_tracker,
-            ended=self._clean_up,
+            on_end=self._clean_up,
             report=self._ui.report,
         )
 
     def _fresh_folder(self) -> Path:
-        """Return an empty folder for the run, which no other leader can be using."""
-        if isinstance(self._place, Local):
-            folder = self._place.directory.path / "run"
+        """Return an empty folder for the run, which no other leader uses."""
+        if isinstance(self._robot_address, Local):
+            folder = self._robot_address.directory.path / "run"
             with in_run_directory(folder):
                 return fresh_folder(folder)
         return Path(mkdtemp(prefix="colony-run-"))
 
     def _clean_up(self) -> None:
-        """Clean up after the processes: keep only their logs, and those only on the robot's machine."""
+        """Delete the files of the processes, except their logs if the robot is on this machine."""
         if self._folder is not None:
-            if isinstance(self._place, Local):
+            if isinstance(self._robot_address, Local):
                 keep_logs(self._folder)
             else:
                 shutil.rmtree(self._folder, ignore_errors=True)
@@ -307,15 +317,15 @@ class _Run:
         return recording_into(path, self._compiled, seed=self._request.seed, run=run, started=started)
 
 
-def _in_folder(place: Place, folder: Path) -> AbstractContextManager[None]:
+def _in_folder(robot_address: RobotAddress, folder: Path) -> AbstractContextManager[None]:
     """Return a context that adds advice about a run's folder to an OSError."""
-    return in_run_directory(folder) if isinstance(place, Local) else naming(folder)
+    return in_run_directory(folder) if isinstance(robot_address, Local) else naming(folder)
 
 
-def _additional_servers(robot: Robot, place: Place) -> tuple[ServerSpec, ...]:
-    """Return the additional servers that the program's sensors read, by their own description.
+def _additional_servers(robot: Robot, robot_address: RobotAddress) -> tuple[ServerSpec, ...]:
+    """Return the additional servers that the program's sensors read, as the servers describe themselves.
 
-    Servers that do not run, or do not describe themselves, are left out.
+    Servers that do not run, or have no valid description, are left out.
     """
     known = {server.name for server in SERVERS}
     wanted = dict.fromkeys(s.server for s in robot.sensors if s.server not in known)
@@ -325,7 +335,7 @@ def _additional_servers(robot: Robot, place: Place) -> tuple[ServerSpec, ...]:
     from colony.runtime.kit.errors import RobotConnectionError
 
     found = []
-    with suppress(RobotConnectionError), session_with(place) as session:
+    with suppress(RobotConnectionError), session_with(robot_address) as session:
         for name in wanted:
             with suppress(RobotConnectionError, ValueError), session.connect(name) as connection:
                 found.append(server_spec(connection.do(describe())))

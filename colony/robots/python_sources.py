@@ -27,7 +27,7 @@ def python_sources(names: Iterable[str], report: Callable[[str], None]) -> tuple
 
     `report` takes a warning about each file that cannot be read, which is left out.
     """
-    found: dict[str, SourceFile] = {}
+    sources: dict[str, SourceFile] = {}
     pending, visited = list(names), set[str]()
     while pending:
         name = pending.pop()
@@ -39,16 +39,16 @@ def python_sources(names: Iterable[str], report: Callable[[str], None]) -> tuple
         spec = _find(name)
         source = None if spec is None else _user_source(spec, report)
         if spec is not None and source is not None:
-            found[source.place] = source
+            sources[source.path] = source
             pending += _imports(source.data, name, is_package=spec.submodule_search_locations is not None)
-    return tuple(found[place] for place in sorted(found))
+    return tuple(sources[path] for path in sorted(sources))
 
 
 def changed_sources(compiled: Compiled) -> tuple[str, ...]:
-    """Return the places of Python modules that have changed since a program was compiled."""
+    """Return the paths of Python modules that have changed since a program was compiled."""
     now = python_sources((call.module_path for call in compiled.code.python), lambda _: None)
-    then = {source.place: source.data for source in compiled.sources if source.kind == "python"}
-    return tuple(source.place for source in now if then.get(source.place, source.data) != source.data)
+    then = {source.path: source.data for source in compiled.sources if source.kind == "python"}
+    return tuple(source.path for source in now if then.get(source.path, source.data) != source.data)
 
 
 def _find(name: str) -> ModuleSpec | None:
@@ -71,10 +71,10 @@ def _user_source(spec: ModuleSpec, report: Callable[[str], None]) -> SourceFile 
     origin = Path(spec.origin) if spec.origin else None
     if origin is None or origin.suffix != ".py" or any(map(origin.resolve().is_relative_to, _INSTALLED)):
         return None
-    place = spec.name.replace(".", "/")
-    place += ".py" if spec.submodule_search_locations is None else "/__init__.py"
+    path = spec.name.replace(".", "/")
+    path += ".py" if spec.submodule_search_locations is None else "/__init__.py"
     try:
-        return SourceFile(kind="python", place=place, data=read_file(origin, SOURCE_BYTES))
+        return SourceFile(kind="python", path=path, data=read_file(origin, SOURCE_BYTES))
     except OSError as problem:
         report(f"{origin}: warning: cannot be included in the recording: {reason(problem)}")
         return None

@@ -22,11 +22,11 @@ def recorded_program(run: RunInfo, name: str, folder: Path) -> Program:
     Raises:
         DiagnosticError: A005, the recording does not have the whole program, or the program has errors.
     """
-    if not any(s.place == run.program and s.kind == "behavior" for s in run.sources):
+    if not any(s.path == run.program and s.kind == "behavior" for s in run.sources):
         raise DiagnosticError([unusable(name, "the recording does not contain its program")])
     try:
         for source in run.sources:
-            path = folder / source.kind / source.place
+            path = folder / source.kind / source.path
             path.parent.mkdir(parents=True, exist_ok=True)
             with naming(path):
                 path.write_bytes(source.data)

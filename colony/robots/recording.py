@@ -1,4 +1,4 @@
-"""Recordings by file name: the choice of format, and the sink that writes a run."""
+"""The recording of a run: the format, chosen by the file's name, and the sink that writes it."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def is_mcap(path: str | None) -> bool:
 
 
 class RunRecording:
-    """The recording of a run, which may break off, for example when the disk is full.
+    """A sink that records a run. Stateful: it remembers why the recording broke off.
 
-    A sink. Mutable: its beginning, and the reason why it broke off.
+    A recording breaks off if it cannot be written, for example because the disk is full.
 
     Args:
         sink: the writer of the recording.
@@ -98,7 +98,7 @@ def recording_into(
 ) -> RunRecording:
     """Return a sink that records a run into `path`.
 
-    `run` names a run on a real robot, `started` is its time.
+    `run` is the name of a run on a real robot, `started` its start time.
 
     Raises:
         MisuseError: the file cannot be written, or another run is recording into it.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class MisuseError(Exception):
-    """An input cannot be used; the message is one line that begins with the name of the input."""
+    """An input is invalid; the message is one line that begins with the name of the input."""
 
 
 class RunAbortedError(Exception):
@@ -33,17 +33,17 @@ class RunRequest:
     Attributes:
         file: the file of the behavior, as the user named it.
         map_path: the map of the building; None for a robot that is already running.
-        seed: the seed of chance and of the sensors' noise.
+        seed: the seed of all random numbers, such as the sensors' noise.
         length_ns: the length of the run; None to run until it is interrupted, or its route is done.
-        held: variables of DServer that are kept at these values, and fresh in each frame.
+        held: variables of DServer with the values at which they are kept; they are fresh in every frame.
         realtime: True to run in virtual time no faster than the wall clock.
         record: the file of the recording; None for no recording.
-        cameras: servers of cameras with their viewing directions; for runs of several processes.
-        isolate: True to run each client in its own process; for runs of several processes.
-        fsync: True to make DServer's data survive a power failure; for runs of several processes.
+        cameras: viewing directions of cameras by server name; for runs in several processes.
+        isolate: True to run each client in its own process; for runs in several processes.
+        fsync: True to make DServer's data survive a power failure; for runs in several processes.
         origin: the room where the route begins; None for no route.
         goal: the room where the route ends; None for no route.
-        hazards: the seed of the building's hazards; None for none.
+        hazards: the seed of the building's hazards; None for no hazards.
     """
 
     file: str
@@ -66,12 +66,12 @@ class UserInterface:
     """The user interface of a run, which receives its reports and may interrupt it.
 
     Attributes:
-        report: takes the description of an event, of one line or several, from any thread.
-        interruptible: returns a context in which the run may be interrupted; its value is a function that
-            returns True if it was.
-        progress: returns a sink that shows the progress of a run of so many nanoseconds; None for a run
-            without a fixed length.
-        operator: returns a script that presses the buttons of a building's elevators.
+        report: function that reports an event, in one line or several; may be called from any thread.
+        interruptible: function that returns a context in which the run may be interrupted. The context's
+            value is a function that returns True after an interruption.
+        progress: function that returns a sink, which shows the progress of a run. Its argument is the length
+            of the run in nanoseconds, or None if it is not fixed.
+        operator: function that returns a script, which presses the buttons of a building's elevators.
     """
 
     report: Callable[[str], None]
@@ -81,7 +81,7 @@ class UserInterface:
 
 
 class MissionResult(NamedTuple):
-    """The result of a mission: `arrived`, a text for people, and the pictures of the other floors."""
+    """The result of a mission: True if the robot arrived, a text for people, and pictures of other floors."""
 
     arrived: bool
     text: str
@@ -91,10 +91,10 @@ class MissionResult(NamedTuple):
 class RunReport(NamedTuple):
     """The result of a run, and of its mission if there was one.
 
-    For a simulated robot it also has the floors, and the robot's true places on each floor, in mm.
+    For a simulated robot it also has the floors, and the robot's true path on each floor, in mm.
     """
 
     summary: RunSummary
     mission_result: MissionResult | None
     floors: tuple[Map, ...] = ()
-    places: Mapping[str, Sequence[tuple[float, float]]] = {}
+    paths: Mapping[str, Sequence[tuple[float, float]]] = {}

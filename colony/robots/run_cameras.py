@@ -22,7 +22,7 @@ def run_cameras(plant: Plant, site: Site, names: Iterable[str], *, seed: int) ->
 
     Args:
         plant: the simulated robot.
-        site: the building that it is in.
+        site: the building that the robot is in.
         names: the names of the cameras.
         seed: the seed of the noise of the level cameras.
 
@@ -35,12 +35,12 @@ def run_cameras(plant: Plant, site: Site, names: Iterable[str], *, seed: int) ->
 def _shutter(site: Site, name: str, seed: int) -> Callable[[int], Shot]:
     if name == CEILING_CAMERA:
         return lambda now_ns: CeilingShot(site.ceiling(), site.world, 0, now_ns)
-    eye = _level_eye(site, name, seed)
-    return lambda now_ns: LevelShot(eye(), site.world, 0, now_ns)
+    camera = _level_camera(site, name, seed)
+    return lambda now_ns: LevelShot(camera(), site.world, 0, now_ns)
 
 
-def _level_eye(site: Site, name: str, seed: int) -> Callable[[], Camera]:
-    """Return a function that returns the camera of the robot's present floor."""
+def _level_camera(site: Site, name: str, seed: int) -> Callable[[], Camera]:
+    """Return a function that returns the camera of the robot's current floor."""
     if name not in _LEVEL:
         raise ValueError(f"there is no camera `{name}`; expected {', '.join((CEILING_CAMERA, *_LEVEL))}")
     geometry = _LEVEL[name]

@@ -21,7 +21,7 @@ from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
-from colony.runtime.protocol.deployment import ActuatorTable, Deployment, actuators_of
+from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuators_of
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Effect,
@@ -37,7 +37,7 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.servers.commanding import CommandDispatcher
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.store.store import MemoryStore
-from colony.runtime.transport.virtual import Link, VirtualClock, perfect
+from colony.runtime.transport.virtual import Link, VirtualClock, deliver_immediately
 
 SENSOR_SERVERS = ("Sensors0", "Sensors1")
 ACTUATOR_SERVER = "Actuators"
@@ -76,7 +76,7 @@ class SensorServer(QuietNode):
         for name in self._names:
             value = readings.get(name)
             if value is not None:
-                fields[name] = Sample(value, tick.t_ns)  # type: ignore[arg-type]  # also an invalid value
+                fields[name] = Sample(value, tick.t_ns)  # type: ignore[arg-type]  # may be an invalid value
         return fields
 
 
@@ -113,13 +113,13 @@ class ActuatorServer(QuietNode):
             case _:
                 pass
 
-    def _on_dispatch(self, actuator: ActuatorTable, dispatch: Dispatch, now_ns: int) -> None:
+    def _on_dispatch(self, actuator: ActuatorSpec, dispatch: Dispatch, now_ns: int) -> None:
         values = in_declared_units(dispatch.values, actuator.fields)
         self._sent.append(SentCommand(dispatch.k, actuator.name, dispatch.by, values, dispatch.fault))
 
 
 class FrameCollector:
-    """A sink that keeps the frames in `frames`. Mutable."""
+    """A sink that collects the frames in `frames`. Mutable."""
 
     def __init__(self) -> None:
         self.frames: list[FrameLog] = []
@@ -133,11 +133,11 @@ class FrameCollector:
 
 
 class ScriptedRobot(VirtualRobot):
-    """A robot for any program. Mutable: `sent`, `log`, and the nodes.
+    """A robot for any program. Mutable: `sent` and `log` grow during the run.
 
     Args:
         compiled: the program to run.
-        readings: returns the readings of the sensors in the frame of a tick.
+        readings: function that returns the readings of the sensors in the frame of a tick.
         clock: as in `VirtualRobot`.
         seed: as in `VirtualRobot`.
         ticking: as in `VirtualRobot`.
@@ -156,7 +156,7 @@ class ScriptedRobot(VirtualRobot):
         clock: VirtualClock,
         seed: int = 0,
         ticking: bool = True,
-        link: Link = perfect,
+        link: Link = deliver_immediately,
         isolate: bool = False,
     ) -> None:
         self.sent: list[SentCommand] = []
@@ -202,7 +202,7 @@ def _bindings(robot: Robot) -> Bindings:
             for i, s in enumerate(robot.sensors)
         ),
         actuators=tuple(
-            ActuatorBinding(actuator=a.name, server=ACTUATOR_SERVER, command=a.name, places=())
+            ActuatorBinding(actuator=a.name, server=ACTUATOR_SERVER, command=a.name, field_indices=())
             for a in robot.actuators
         ),
     )

@@ -11,7 +11,7 @@ from pathlib import Path
 from colony.robots.request import MisuseError, RunAbortedError
 from colony.robots.simulated import CompilationNotice, SimulatedRobot, device_of, jobs_of, plant_spec
 from colony.runtime.assembly.processes import child
-from colony.runtime.assembly.processes.children import Children, described
+from colony.runtime.assembly.processes.children import Children, describe
 from colony.runtime.assembly.processes.jobs import (
     SERVERS,
     check_disk_room,
@@ -21,9 +21,9 @@ from colony.runtime.assembly.processes.jobs import (
 )
 from colony.runtime.assembly.processes.run import HEALTH_CHECK_INTERVAL_S, SHUTDOWN_GRACE_S
 from colony.runtime.assembly.processes.shutdown import Shutdown, on_signals
-from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, name_of, place_spec
+from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, address_spec, name_of
 from colony.runtime.store.store import StoreError
-from colony.runtime.transport.live.place import Local
+from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.run_directory import in_run_directory
 from colony.sim.plant.child import SIMULATOR, NoRoomError, ViewDirection, serve
 from colony.sim.plant.servers import PlantDevices
@@ -39,8 +39,8 @@ SUPERVISOR = "Supervisor"
 class Settings:
     """The settings of served processes.
 
-    `cameras` are servers of cameras with their viewing directions; `hazards` is the seed of the building's
-    hazards, None for none.
+    `cameras` has the viewing directions of cameras by server name. `hazards` is the seed of the building's
+    hazards, or None for no hazards.
     """
 
     map_path: str | None
@@ -53,36 +53,41 @@ class Settings:
     hazards: int | None = None
 
 
-def serve_one(server: str, place: Local, settings: Settings, report: Report) -> None:
-    """Run one server until a signal comes.
+def serve_one(server: str, robot_address: Local, settings: Settings, report: Report) -> None:
+    """Run one server until a signal arrives.
 
     Raises:
-        LiveError: it runs already, or the run directory or the gateway's security is invalid.
-        MisuseError: the robot has no room in the building.
+        LiveError: the server is already running, or the run directory or the gateway's security is invalid.
+        MisuseError: the robot does not fit at its start.
         DiagnosticError: the map is invalid.
         RunAbortedError: its stored data cannot be read, or nothing more can be stored.
     """
     shutdown = Shutdown()
     with on_signals(shutdown):
         if server == SIMULATOR:
-            _simulate(place, settings, shutdown, report)
+            _simulate(robot_address, settings, shutdown, report)
         else:
-            _serve(_part(server, place, settings), place, settings, shutdown, report)
+            _serve(_part(server, robot_address, settings), robot_address, settings, shutdown, report)
 
 
-def _simulate(place: Local, settings: Settings, shutdown: Shutdown, report: Report) -> None:
-    message = f"{SIMULATOR} of {place.robot} runs; Ctrl-C ends it"
+def _simulate(robot_address: Local, settings: Settings, shutdown: Shutdown, report: Report) -> None:
+    message = f"{SIMULATOR} of {robot_address.robot} runs; Ctrl-C ends it"
     try:
-        serve(plant_spec(place, _robot(settings)), shutdown, ready=lambda: report(message), report=report)
+        serve(
+            plant_spec(robot_address, _robot(settings)),
+            shutdown,
+            ready=lambda: report(message),
+            report=report,
+        )
     except NoRoomError as problem:
         raise MisuseError(str(problem)) from None
 
 
-def _serve(part: Part, place: Local, settings: Settings, shutdown: Shutdown, report: Report) -> None:
+def _serve(part: Part, robot_address: Local, settings: Settings, shutdown: Shutdown, report: Report) -> None:
     name = name_of(part)
-    where = settings.listen if isinstance(part, GatewayPart) else place.directory.socket(name)
-    message = f"{name} of {place.robot} listens at {where}; Ctrl-C ends it"
-    spec = Spec(place=place_spec(place), part=part)
+    where = settings.listen if isinstance(part, GatewayPart) else robot_address.directory.socket(name)
+    message = f"{name} of {robot_address.robot} listens at {where}; Ctrl-C ends it"
+    spec = Spec(robot_address=address_spec(robot_address), part=part)
     try:
         child.run(spec, shutdown, devices=PlantDevices(), ready=lambda: report(message))
     except (child.StartupError, StoreError) as problem:
@@ -90,7 +95,7 @@ def _serve(part: Part, place: Local, settings: Settings, shutdown: Shutdown, rep
 
 
 def serve_all(
-    place: Local,
+    robot_address: Local,
     settings: Settings,
     report: Report,
     interruptible: AbstractContextManager[Callable[[], bool]],
@@ -101,7 +106,7 @@ def serve_all(
         LiveError: all of them are served already, or the gateway's endpoint or security is invalid.
         DiagnosticError: the map is invalid. The map and the gateway's settings are checked before anything is
             started.
-        RunAbortedError: a process was given up.
+        RunAbortedError: a process died and will not be restarted.
     """
     from colony.nav.maps.stickrep.reader import load_map
     from colony.runtime.transport.live.endpoint import parse_endpoint
@@ -112,25 +117,25 @@ def serve_all(
     if settings.listen is not None and settings.security is not None:
         parse_endpoint(settings.listen)
         read_security(settings.security)
-    with interruptible as stop, place.directory.claim(SUPERVISOR):
-        robot, folder = _robot(settings), place.directory.path / "served"
+    with interruptible as stop, robot_address.directory.claim(SUPERVISOR):
+        robot, folder = _robot(settings), robot_address.directory.path / "served"
         with in_run_directory(folder):
-            jobs = [*jobs_of(place, robot, fresh_folder(folder))]
+            jobs = [*jobs_of(robot_address, robot, fresh_folder(folder))]
             if settings.listen is not None:
-                jobs.append(job_of(place, _part("Gateway", place, settings), folder, SERVERS))
+                jobs.append(job_of(robot_address, _part("Gateway", robot_address, settings), folder, SERVERS))
             check_disk_room(folder, len(jobs))
         children = Children()
         try:
             for job in jobs:
                 children.start(job)
-            report(f"{place.robot}: {', '.join(job.name for job in jobs)}; Ctrl-C ends them")
-            notice = CompilationNotice(place, jobs[0].log, report)
+            report(f"{robot_address.robot}: {', '.join(job.name for job in jobs)}; Ctrl-C ends them")
+            notice = CompilationNotice(robot_address, jobs[0].log, report)
             while not stop():
-                notice.look()
+                notice.poll()
                 for death in children.poll():
                     if death.pause_s is None:
-                        raise RunAbortedError(described(death))
-                    report(described(death))
+                        raise RunAbortedError(describe(death))
+                    report(describe(death))
                 time.sleep(HEALTH_CHECK_INTERVAL_S)
         finally:
             children.stop(SHUTDOWN_GRACE_S)
@@ -149,8 +154,8 @@ def _robot(settings: Settings) -> SimulatedRobot:
     )
 
 
-def _part(server: str, place: Local, settings: Settings) -> Part:
-    """Return the part of a server that runs alone."""
+def _part(server: str, robot_address: Local, settings: Settings) -> Part:
+    """Return the part for a server that runs alone."""
     if server == "Gateway":
         assert settings.listen is not None
         assert settings.security is not None
@@ -158,7 +163,7 @@ def _part(server: str, place: Local, settings: Settings) -> Part:
     settings.state.mkdir(mode=0o700, parents=True, exist_ok=True)
     parts = server_parts(
         settings.state,
-        device_of(place),
+        device_of(robot_address),
         cameras=[(name, name) for name in settings.cameras],
         fsync=settings.fsync,
     )

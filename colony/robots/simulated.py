@@ -14,7 +14,7 @@ from colony.runtime.assembly.processes.children import Job, last_lines
 from colony.runtime.assembly.processes.jobs import HARDWARE, server_jobs, server_parts
 from colony.runtime.assembly.processes.spec import Device, write_spec
 from colony.runtime.observe.summary import Travel
-from colony.runtime.transport.live.place import Local
+from colony.runtime.transport.live.robot_address import Local
 from colony.sim.compiling import COMPILING
 from colony.sim.plant.child import SIMULATOR, PlantSpec, ViewDirection, plant_socket
 from colony.sim.plant.control import PlantControl
@@ -24,22 +24,22 @@ PLANT_SERVERS = "colony.sim.plant.servers"
 
 
 class CompilationNotice:
-    """A watcher of the simulator's log that reports when the simulator is being compiled. Mutable."""
+    """Reports once when the simulator is being compiled, according to its log. Stateful."""
 
-    def __init__(self, place: Local, log: Path, report: Callable[[str], None]) -> None:
-        self._socket = plant_socket(place.directory.path)
+    def __init__(self, robot_address: Local, log: Path, report: Callable[[str], None]) -> None:
+        self._socket = plant_socket(robot_address.directory.path)
         self._log = log
         self._report = report
-        self._over = False
+        self._is_done = False
 
-    def look(self) -> None:
-        """Read the log until it contains the notice, or the simulator is ready."""
-        if self._over:
+    def poll(self) -> None:
+        """Read the log, unless it contained the notice before or the simulator is ready."""
+        if self._is_done:
             return
         compiling = COMPILING in last_lines(self._log)
         if compiling:
             self._report(COMPILING)
-        self._over = compiling or self._socket.exists()
+        self._is_done = compiling or self._socket.exists()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,8 +49,8 @@ class SimulatedRobot:
     Attributes:
         map_path: the map of the building.
         seed: the seed of the sensors' noise.
-        state: the folder of data that survives the death of a server.
-        cameras: servers of cameras with their viewing directions.
+        state: the folder of data that survives a restart of a server.
+        cameras: viewing directions of cameras by server name.
         fsync: True to make DServer's data survive a power failure.
         start: the initial pose, x and y in mm and the heading in degrees; None for that of the map.
         hazards: the seed of the building's hazards; None for none.
@@ -67,11 +67,11 @@ class SimulatedRobot:
     held: Mapping[str, Value] = field(default_factory=dict)
 
 
-def plant_spec(place: Local, robot: SimulatedRobot) -> PlantSpec:
+def plant_spec(robot_address: Local, robot: SimulatedRobot) -> PlantSpec:
     """Return the spec of the plant."""
     return PlantSpec(
-        robot=place.robot,
-        folder=str(place.directory.path),
+        robot=robot_address.robot,
+        folder=str(robot_address.directory.path),
         map=os.path.abspath(robot.map_path),
         seed=robot.seed,
         cameras=dict(robot.cameras),
@@ -80,15 +80,15 @@ def plant_spec(place: Local, robot: SimulatedRobot) -> PlantSpec:
     )
 
 
-def device_of(place: Local) -> Device:
+def device_of(robot_address: Local) -> Device:
     """Return the hardware of a simulated robot."""
-    return Device(plant=str(plant_socket(place.directory.path)))
+    return Device(plant=str(plant_socket(robot_address.directory.path)))
 
 
-def jobs_of(place: Local, robot: SimulatedRobot, folder: Path) -> tuple[Job, ...]:
+def jobs_of(robot_address: Local, robot: SimulatedRobot, folder: Path) -> tuple[Job, ...]:
     """Return the jobs of the robot's processes, the slowest first, and write their specs into `folder`."""
     spec_file = folder / f"{SIMULATOR}.json"
-    write_spec(spec_file, plant_spec(place, robot))
+    write_spec(spec_file, plant_spec(robot_address, robot))
     plant = Job(
         name=SIMULATOR,
         module=PLANT,
@@ -99,37 +99,37 @@ def jobs_of(place: Local, robot: SimulatedRobot, folder: Path) -> tuple[Job, ...
     )
     parts = server_parts(
         robot.state,
-        device_of(place),
+        device_of(robot_address),
         cameras=[(server, server) for server in robot.cameras],
         fsync=robot.fsync,
         held=dict(robot.held),
     )
-    return (plant, *server_jobs(place, parts, folder, hardware=PLANT_SERVERS))
+    return (plant, *server_jobs(robot_address, parts, folder, hardware=PLANT_SERVERS))
 
 
 POLL_INTERVAL_NS = 100_000_000
-"""Nanoseconds between two observations of the robot's true place."""
+"""Nanoseconds between two observations of the robot's true position."""
 
 
 class TruthLog:
-    """The true path of a simulated robot, read from the plant's control channel. Mutable: the path so far.
+    """The true path of a simulated robot, read from the plant's control channel. Mutable.
 
     A restarted plant begins at the start of the map; its travel is added to that of the previous one. A
     frozen plant that resumes continues its own count.
     """
 
-    def __init__(self, place: Local) -> None:
-        self._socket = plant_socket(place.directory.path)
-        self._robot = place.robot
+    def __init__(self, robot_address: Local) -> None:
+        self._socket = plant_socket(robot_address.directory.path)
+        self._robot = robot_address.robot
         self._control: PlantControl | None = None
         self._plant: int | None = None
-        self._before = Travel(bumps=0, distance_mm=0.0)
-        self._now = Travel(bumps=0, distance_mm=0.0)
+        self._previous_travel = Travel(bumps=0, distance_mm=0.0)
+        self._current_travel = Travel(bumps=0, distance_mm=0.0)
         self._next_ns = 0
         self._path = DrivenPath()
 
-    def look(self) -> bool:
-        """Observe the robot's true place if it is time; return False while the plant does not answer."""
+    def poll(self) -> bool:
+        """Observe the robot's true position if it is time; return False while the plant does not answer."""
         now_ns = time.monotonic_ns()
         if now_ns < self._next_ns:
             return self._control is not None
@@ -143,11 +143,11 @@ class TruthLog:
             self.close()
             return False
         self._path.add(truth.x, truth.y)
-        self._now = Travel(bumps=truth.bumps, distance_mm=truth.distance)
+        self._current_travel = Travel(bumps=truth.bumps, distance_mm=truth.distance)
         return True
 
     def close(self) -> None:
-        """Close the control channel; the observations stay."""
+        """Close the control channel; the observed path and travel remain available."""
         control, self._control = self._control, None
         if control is not None:
             control.close()
@@ -156,17 +156,17 @@ class TruthLog:
         """Add a plant's travel to the total if another plant has replaced it."""
         if plant != self._plant:
             self._plant = plant
-            self._before, self._now = self.travel, Travel(bumps=0, distance_mm=0.0)
+            self._previous_travel, self._current_travel = self.travel, Travel(bumps=0, distance_mm=0.0)
 
     @property
-    def places(self) -> Sequence[tuple[float, float]]:
-        """The path so far; the last place is the newest."""
-        return self._path.places
+    def points(self) -> Sequence[tuple[float, float]]:
+        """The path so far; the last point is the newest."""
+        return self._path.points
 
     @property
     def travel(self) -> Travel:
         """The distance and the bumps so far."""
         return Travel(
-            bumps=self._before.bumps + self._now.bumps,
-            distance_mm=self._before.distance_mm + self._now.distance_mm,
+            bumps=self._previous_travel.bumps + self._current_travel.bumps,
+            distance_mm=self._previous_travel.distance_mm + self._current_travel.distance_mm,
         )

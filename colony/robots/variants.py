@@ -65,7 +65,7 @@ class Variant:
             plan: the plan to drive.
             building: all floors of the plan, the first one first.
             on_segment: callback at the beginning of each segment, with its number, from 0, and the segment.
-            compensate: True to subtract the overshoot of lights from the distance that follows, as printed.
+            compensate: True to subtract the overshoot of lights from the next distance, as printed.
             sources: the sources of the pose estimate. Without `LIGHTS` the tracker counts lights by the pose
                 alone.
             cameras: the cameras of the robot.
@@ -98,27 +98,26 @@ def _finders(
     building: Building, cameras: frozenset[str], thesis: bool, on_plate: OnPlate | None
 ) -> Mapping[str, Script]:
     """Return the finders of door plates and elevator markers for which there is a camera."""
-    found: dict[str, Script] = {}
+    finders: dict[str, Script] = {}
     if SIDE_CAMERA in cameras:
         from colony.vision.plates.finder import plate_finder
 
         plates = None if thesis else {floor.name: plates_of(floor) for floor in building.maps}
-        found["plates"] = plate_finder(plates, camera=SIDE_CAMERA, thesis=thesis, on_plate=on_plate)
+        finders["plates"] = plate_finder(plates, camera=SIDE_CAMERA, thesis=thesis, on_plate=on_plate)
     if FRONT_CAMERA in cameras and not thesis:
         from colony.vision.markers.finder import marker_finder
 
         markers = {floor.name: markers_of(floor) for floor in building.maps}
-        found["markers"] = marker_finder(markers, camera=FRONT_CAMERA)
-    return found
+        finders["markers"] = marker_finder(markers, camera=FRONT_CAMERA)
+    return finders
 
 
 OURS = Variant(name="ours", behavior=Shipped.BEHAVIOR.path("navigator"), mm_s=250.0)
 
 # The printed algorithms rely on the odometry's heading alone along a corridor of at most two lights, and
 # around
-# its corner. They need calibrated wheels: these drift by an eighth of a degree per meter, those of our robot
-# by
-# nearly one.
+# its corner. They need calibrated wheels: the heading drifts by an eighth of a degree per meter, and with our
+# robot's wheels by nearly one.
 THESIS = Variant(
     name="thesis",
     behavior=Shipped.BEHAVIOR.path("thesis_navigator"),

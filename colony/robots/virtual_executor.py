@@ -24,7 +24,7 @@ class VirtualExecutor:
 
     One run of the robot executes all traces. Each trace is an epoch that begins with a reset of all memory,
     as after a loss during a run. Messages at the same time arrive in an order drawn from `seed`, which must
-    not affect the outcome. Mutable: the robot, and its time.
+    not affect the outcome. Mutable.
 
     Raises:
         DiagnosticError: a Python module cannot be imported or built.
@@ -49,19 +49,19 @@ class VirtualExecutor:
         self._transport = self._robot.transport
         self._robot.start()
         self._k, self._start = -1, 0
-        self._ahead_ns: int | None = None  # lead of the robot's time over the trace's
+        self._offset_ns: int | None = None  # the robot's time minus the trace's
 
     def restart(self) -> None:
         """Begin a new epoch with the next frame, or a new run before times exceed the range of messages."""
         if self._clock.now_ns > _LATEST_NS:
             self._begin()
-        self._start, self._ahead_ns = self._k + 1, None
+        self._start, self._offset_ns = self._k + 1, None
 
     def step(self, frame: Frame) -> Outcome:
         """Decide one frame."""
-        if self._ahead_ns is None:
-            self._ahead_ns = self._clock.now_ns + _TRACE_GAP_NS - frame.t_ns
-        t_ns = frame.t_ns + self._ahead_ns
+        if self._offset_ns is None:
+            self._offset_ns = self._clock.now_ns + _TRACE_GAP_NS - frame.t_ns
+        t_ns = frame.t_ns + self._offset_ns
         self._frame = frame
         self._k += 1
         self._transport.run_until(t_ns)
@@ -71,22 +71,22 @@ class VirtualExecutor:
 
     def _take_log(self) -> FrameLog:
         logs = self._robot.log.frames
-        found = next((log for log in logs if log.tick.k == self._k), None)
+        current = next((log for log in logs if log.tick.k == self._k), None)
         logs.clear()
         self._robot.sent.clear()
-        if found is None:
+        if current is None:
             raise DecisionError("the frame was not decided although no message was late")
-        return found
+        return current
 
     def _outcome(self, log: FrameLog) -> Outcome:
-        wrong = list(log.disagreements)
-        wrong += [
+        problems = list(log.disagreements)
+        problems += [
             f"{name}: {'; '.join(v.notes) or 'two clients were active'}"
             for name, v in log.verdicts.items()
             if v.violation or v.notes
         ]
-        if wrong:
-            raise DecisionError("; ".join(wrong))
+        if problems:
+            raise DecisionError("; ".join(problems))
         verdicts = [log.verdicts[name] for name in self._actuators]
         decisions = tuple(Decision(v.actuator, v.by, v.values, v.fault) for v in verdicts)
         return log.expected._replace(decisions=decisions)

@@ -1,6 +1,6 @@
 """The behaviors and maps that come with colony, by name: `wander`, `loop`.
 
-They are at the top of the repository; in a wheel they are in this folder.
+In the repository they are in its root folder, in a wheel in the folder of this file.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ class Shipped(Enum):
         return self.folder / f"{name}{self.suffix}"
 
     def find(self, given: str) -> str:
-        """Return the path of a file: `given`, with or without its suffix, or that of a shipped file.
+        """Return the path of the user's file `given`, with or without its suffix, or else of a shipped file.
 
-        If there is neither, return `given` unchanged: reading it reports the error.
+        If neither exists, return `given` unchanged: reading it reports the error.
         """
-        own = self.own(given)
-        return own if own is not None else str(self.named(given) or given)
+        path = self.user_file(given)
+        return path if path is not None else str(self.file_named(given) or given)
 
-    def own(self, given: str | os.PathLike[str]) -> str | None:
+    def user_file(self, given: str | os.PathLike[str]) -> str | None:
         """Return the path of a user's file, `given` with or without the suffix; None if there is none.
 
         A folder does not count as a file; a dangling symbolic link does, although it cannot be read.
@@ -61,7 +61,7 @@ class Shipped(Enum):
         paths = (os.fspath(given), f"{os.fspath(given)}{self.suffix}")
         return next((path for path in paths if os.path.lexists(path) and not os.path.isdir(path)), None)
 
-    def named(self, name: str, folder: Path | None = None) -> Path | None:
+    def file_named(self, name: str, folder: Path | None = None) -> Path | None:
         """Return the file with this name, `wander` or `wander.colony`; None if there is none.
 
         It is searched for in `folder`, by default among the shipped files.

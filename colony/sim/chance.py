@@ -4,8 +4,8 @@ The numbers of a sequential generator depend on the order of the calls. Here the
 (the third crossing of a joint, pixel 7 of the image taken at 2.5 s), so that an event has the same number
 whatever else happens. The hash is that of splitmix64 (Steele, Lea, Flood 2014).
 
-These helpers are part of compiled functions in other files, whose cached code is renewed when those files
-change, but not when this one does.
+These helpers are compiled into functions of other files. Their cached machine code is rebuilt when those
+files change, but not when this one does.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from colony.sim.compiled import inlined
 SLIPS, CROSS_TALK, PEOPLE, PIXELS = range(4)
 """The random streams: the first argument after the seed."""
 
-SEEDS = 2**62
+SEED_MODULUS = 2**62
 """Modulus of seeds: compiled functions have only 64-bit numbers."""
 
 
@@ -37,7 +37,7 @@ def random_bits(seed: int, stream: int, event: int, part: int) -> np.uint64:
 
 
 @inlined
-def chance(seed: int, stream: int, event: int, part: int) -> float:
+def uniform(seed: int, stream: int, event: int, part: int) -> float:
     """Return a uniform number in [0, 1)."""
     return float(random_bits(seed, stream, event, part) >> np.uint64(11)) * 2.0**-53
 
@@ -45,5 +45,5 @@ def chance(seed: int, stream: int, event: int, part: int) -> float:
 @inlined
 def deviate(seed: int, stream: int, event: int, part: int) -> float:
     """Return a standard normal number, from parts `part` and `part` + 1 (Box and Muller 1958)."""
-    radius = math.sqrt(-2.0 * math.log(1.0 - chance(seed, stream, event, part)))
-    return radius * math.cos(2.0 * math.pi * chance(seed, stream, event, part + 1))
+    radius = math.sqrt(-2.0 * math.log(1.0 - uniform(seed, stream, event, part)))
+    return radius * math.cos(2.0 * math.pi * uniform(seed, stream, event, part + 1))

@@ -1,7 +1,7 @@
 """Compilation of the simulator's inner loops with numba, cached on disk if possible.
 
 The annotations of a compiled function are its signature: `float`, `int`, an array type of this file, or a
-`NamedTuple` of those. So a function is compiled once, when it is defined.
+`NamedTuple` of those. A function is therefore compiled once, when it is defined.
 """
 
 from __future__ import annotations
@@ -57,10 +57,10 @@ def compiled(function: F) -> F:
 
 
 def _compile_or_load(dispatcher: Any, signature: object) -> None:
-    """Compile, or load from the cache; where its index is damaged, or of another version, begin a new one.
+    """Compile, or load from the cache; replace a cache index that is damaged or from another version.
 
-    Numba unpickles an index before it looks whether that is current, so a class that has another name since
-    is an AttributeError.
+    Numba unpickles the index before it checks its version, so a class that was renamed since raises
+    AttributeError.
     """
     try:
         dispatcher.compile(signature)

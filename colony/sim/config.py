@@ -23,10 +23,10 @@ class RobotConfig:
         wheel_base_mm: distance between the wheels.
         max_velocity_mm_s, max_turn_deg_s: limits of the commands, in either direction.
         acceleration_mm_s2, turn_acceleration_deg_s2: accelerations toward the commanded speeds.
-        sonar_ring_mm: distance of the transducers from the robot's center; readings count from the
-            transducer.
+        sonar_ring_mm: distance of the transducers from the robot's center; ranges are measured from
+            the transducer.
         sonar_range_mm: the reading without an echo.
-        sonar_least_mm: the smallest reading.
+        sonar_min_mm: the smallest reading.
         sonar_half_beam_deg: half the beam width of a transducer, below 90.
         sonar_critical_deg: critical angle to the normal, beyond which a wall reflects the sound away.
         sonar_noise_mm, sonar_noise: standard deviation of an echo: a constant, plus a multiple of the range.
@@ -48,7 +48,7 @@ class RobotConfig:
     turn_acceleration_deg_s2: float = 240.0
     sonar_ring_mm: float = 360.0
     sonar_range_mm: float = 10_000.0
-    sonar_least_mm: float = 100.0
+    sonar_min_mm: float = 100.0
     sonar_half_beam_deg: float = 12.0
     sonar_critical_deg: float = 30.0
     sonar_noise_mm: float = 3.0
@@ -60,15 +60,15 @@ class RobotConfig:
 
     def __post_init__(self) -> None:
         """Check the ranges of the parameters."""
-        zero_allowed = {"sonar_least_mm", "sonar_noise_mm", "sonar_noise", "wheel_scale", "wheel_slip_mm"}
+        zero_allowed = {"sonar_min_mm", "sonar_noise_mm", "sonar_noise", "wheel_scale", "wheel_slip_mm"}
         zero_allowed |= {"sonar_half_beam_deg", "sonar_critical_deg"}
         for field in fields(self):
             if field.name == "infrared_wired":
                 continue
             value = getattr(self, field.name)
-            least = "at least 0" if field.name in zero_allowed else "above 0"
+            expected = "at least 0" if field.name in zero_allowed else "above 0"
             if not (math.isfinite(value) and (value > 0 or (value == 0 and field.name in zero_allowed))):
-                raise ValueError(f"{field.name} is {value!r}; expected a finite number {least}")
+                raise ValueError(f"{field.name} is {value!r}; expected a finite number {expected}")
         if self.sonar_half_beam_deg >= 90.0 or self.sonar_critical_deg > 90.0:
             raise ValueError("the sonar's half beam and critical angle are below 90 degrees")
         if self.sonar_ring_mm > self.radius_mm:
@@ -86,7 +86,7 @@ IDEAL = RobotConfig(sonar_noise_mm=0.0, sonar_noise=0.0, wheel_scale=0.0, wheel_
 
 
 def limits_of(config: RobotConfig) -> BaseLimits:
-    """Return the limits of the base of such a robot."""
+    """Return the limits of the robot's base."""
     return BaseLimits(
         velocity=config.max_velocity_mm_s,
         turn=config.max_turn_deg_s,

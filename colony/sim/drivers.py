@@ -17,10 +17,10 @@ from colony.sim.world.world import MAX_STEP_S, World
 
 
 class Plant:
-    """A world in step with a clock, which gives nanoseconds. Mutable: the time that the world has reached.
+    """A world that is kept in step with a clock in nanoseconds. Stateful: remembers the simulated time.
 
-    `step_callbacks` are called with the seconds of each step after it. They move what is neither a robot nor
-    a person, such as `colony.sim.world.elevators.Elevators.advance`.
+    `step_callbacks` are called after each step, with its length in seconds. They move everything that is
+    neither a robot nor a person; an example is `colony.sim.world.elevators.Elevators.advance`.
     """
 
     def __init__(
@@ -29,17 +29,17 @@ class Plant:
         self.world = world
         self._clock = clock
         self._step_callbacks = tuple(step_callbacks)
-        self._reached_ns = clock()
+        self._simulated_ns = clock()
 
     def catch_up(self) -> int:
-        """Advance the world to the present, and return the time."""
+        """Advance the world to the clock's time, and return that time."""
         now = self._clock()
-        while self._reached_ns < now:
-            step = min(now - self._reached_ns, int(MAX_STEP_S * 1e9))
+        while self._simulated_ns < now:
+            step = min(now - self._simulated_ns, int(MAX_STEP_S * 1e9))
             self.world.advance(step / 1e9)
-            for move in self._step_callbacks:
-                move(step / 1e9)
-            self._reached_ns += step
+            for callback in self._step_callbacks:
+                callback(step / 1e9)
+            self._simulated_ns += step
         return now
 
 
@@ -60,7 +60,7 @@ def base_state(world: World, robot: int, t_ns: int) -> BaseState:
 
 
 class SimulatedBase:
-    """The base of robot number `robot`. Mutable: its latest state."""
+    """The base of robot number `robot`. Stateful: caches its latest state."""
 
     register_bits: int | None = None
 
@@ -110,7 +110,8 @@ class SimulatedCamera:
 
     Args:
         plant: the world and its clock.
-        take: takes an image at the present, which is its argument; the image may be drawn when it is read.
+        take: callback that takes an image; its argument is the current time in ns. The image may be drawn
+            later, when it is read.
     """
 
     def __init__(self, plant: Plant, take: Callable[[int], Shot]) -> None:
@@ -123,7 +124,7 @@ class SimulatedCamera:
 
 
 def image_of(pixels: Bytes2, t_ns: int, first_row: int = 0) -> Image:
-    """Return the image, or the band of one from row `first_row` on, with these gray pixels."""
+    """Return an image, or a band of one that begins at `first_row`, with these gray pixels."""
     height, width = pixels.shape
     return Image(
         t_ns=t_ns, height=height, width=width, channels=1, pixels=pixels.tobytes(), first_row=first_row
@@ -133,6 +134,6 @@ def image_of(pixels: Bytes2, t_ns: int, first_row: int = 0) -> Image:
 def simulated_drivers(
     plant: Plant, robot: int = 0, *, cameras: Mapping[str, CameraDriver] | None = None
 ) -> Drivers:
-    """Return all devices of one simulated robot; `cameras` by the names of their servers."""
+    """Return all devices of one simulated robot; `cameras` are keyed by the names of their servers."""
     base, proximity = SimulatedBase(plant, robot), SimulatedProximity(plant, robot)
     return Drivers(base=base, proximity=proximity, cameras=cameras or {})

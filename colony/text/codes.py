@@ -62,7 +62,7 @@ CODES: dict[str, str] = {
     "T004": "an element of a missing array is set",
     "C001": "a compiled program cannot be run",
     "A001": "the recording cannot be read",
-    "A002": "the file is no recording of a run",
+    "A002": "the file is not a recording of a run",
     "A003": "there is nothing to audit in a recording",
     "A004": "the recording is of another program",
     "A005": "the program of a recording cannot be used",

@@ -1,4 +1,4 @@
-"""Errors and warnings as data, and the one place where they are rendered.
+"""Errors and warnings as data, and their rendering.
 
 A stage that finds a problem appends a `Diagnostic` to a list and continues; if it cannot continue, it raises
 `DiagnosticError` with all findings so far.
@@ -17,7 +17,7 @@ Severity = Literal["error", "warning"]
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """Another place that a finding refers to, with a note such as "first declared here"."""
+    """Another span that a finding refers to, with a note such as "first declared here"."""
 
     span: Span
     text: str
@@ -25,7 +25,7 @@ class Label:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic:
-    """A finding: its stable code, its place, what was found and expected, and a hint at the remedy."""
+    """A finding: its stable code, its span, what was found and expected, and a hint at the remedy."""
 
     code: str
     span: Span
@@ -55,10 +55,10 @@ def warning(code: str, span: Span, message: str, hint: str | None = None) -> Dia
 
 def headline(diagnostic: Diagnostic) -> str:
     """Return `file:line:col: error[E012]: message`, on one line."""
-    return f"{_place(diagnostic.span)}: {diagnostic.severity}[{diagnostic.code}]: {diagnostic.message}"
+    return f"{_location(diagnostic.span)}: {diagnostic.severity}[{diagnostic.code}]: {diagnostic.message}"
 
 
-def _place(span: Span) -> str:
+def _location(span: Span) -> str:
     line, column = span.source.position(span.start)
     return f"{span.source.name}:{line}:{column}"
 
@@ -67,17 +67,17 @@ _MAX_LINE_WIDTH = 160
 
 
 def render(diagnostic: Diagnostic) -> str:
-    """Return the headline, the source line with a caret below it, other places likewise, and the hint."""
+    """Return the headline and the source line with carets below it, the same for each label, and the hint."""
     out = [headline(diagnostic), *_excerpt(diagnostic.span)]
     for label in diagnostic.labels:
-        out += [f"{_place(label.span)}: note: {label.text}", *_excerpt(label.span)]
+        out += [f"{_location(label.span)}: note: {label.text}", *_excerpt(label.span)]
     if diagnostic.hint:
         out.append(f"  hint: {diagnostic.hint}")
     return "\n".join(out)
 
 
 def _excerpt(span: Span) -> list[str]:
-    """Return the line of a place, with carets below it; nothing for an empty line."""
+    """Return the source line of a span, with carets below it; nothing for an empty line."""
     line, column = span.source.position(span.start)
     text = span.source.line(line)
     width = min(max(span.end - span.start, 1), max(len(text) - column + 1, 1))
@@ -94,7 +94,7 @@ def _excerpt(span: Span) -> list[str]:
 
 
 def to_rows(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
-    """Return an object per diagnostic, for JSON, with 1-based lines and columns."""
+    """Return one JSON object per diagnostic, with 1-based lines and columns."""
     rows: list[dict[str, object]] = []
     for d in diagnostics:
         row = _row(d.span)
@@ -124,10 +124,10 @@ def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Sort by file (in order of first occurrence) and place, and drop duplicates."""
+    """Sort by file (in order of first occurrence) and position, and drop duplicates."""
     files: dict[int, int] = {}
     unique: dict[tuple[int, int, str, str], Diagnostic] = {}
     for d in diagnostics:
-        file = files.setdefault(id(d.span.source), len(files))
-        unique.setdefault((file, d.span.start, d.code, d.message), d)
+        file_index = files.setdefault(id(d.span.source), len(files))
+        unique.setdefault((file_index, d.span.start, d.code, d.message), d)
     return tuple(unique[key] for key in sorted(unique, key=lambda k: (k[0], k[1])))

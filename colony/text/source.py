@@ -1,7 +1,7 @@
-"""Source texts and places in them.
+"""Source texts and spans of them.
 
 A `Span` is a half-open range of character offsets in one `Source`; lines and columns are computed only
-when a place is shown to a person.
+when a position is shown to a person.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ class Source:
     def _line_starts(self) -> list[int]:
         starts = [0]
         find = self.text.find
-        at = find("\n")
-        while at >= 0:
-            starts.append(at + 1)
-            at = find("\n", at + 1)
+        newline = find("\n")
+        while newline >= 0:
+            starts.append(newline + 1)
+            newline = find("\n", newline + 1)
         return starts
 
     def position(self, offset: int) -> tuple[int, int]:
@@ -62,10 +62,10 @@ class Span(NamedTuple):
         return self.source.text[self.start : self.end]
 
     def __repr__(self) -> str:
-        """Return the place as `file:line:column`."""
+        """Return the start of the span as `file:line:column`."""
         line, column = self.source.position(self.start)
         return f"{self.source.name}:{line}:{column}"
 
 
 NOWHERE = Span(Source("<none>", ""), 0, 0)
-"""The span of parts without a source text, as of programs built in memory."""
+"""The span of elements without a source text, such as those of programs built in memory."""

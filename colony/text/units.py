@@ -1,7 +1,7 @@
 """Physical dimensions and the units of the language.
 
 Internally, lengths are in millimeters, times in seconds and angles in degrees. The language has ten units, so
-it needs no general library, which would take a quarter of a second to import.
+it does without a general units library, which would take a quarter of a second to import.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 
 class Dimension(NamedTuple):
-    """Exponents of length, time and angle; angles count as a dimension of their own."""
+    """The exponents of length, time and angle; an angle counts as a dimension of its own."""
 
     length: int = 0
     time: int = 0
@@ -32,12 +32,12 @@ class Dimension(NamedTuple):
         return Dimension(self.length * exponent, self.time * exponent, self.angle * exponent)
 
     def __str__(self) -> str:
-        """Return the unit in base units: `mm/s`, or `number` when dimensionless."""
-        up = [_factor(n, e) for n, e in zip(_BASE, self, strict=True) if e > 0]
-        down = [_factor(n, -e) for n, e in zip(_BASE, self, strict=True) if e < 0]
-        if up:
-            return "*".join(up) + "".join(f"/{d}" for d in down)
-        if down:
+        """Return the dimension in base units, such as `mm/s`, or `number` if it is dimensionless."""
+        numerator = [_factor(n, e) for n, e in zip(_BASE, self, strict=True) if e > 0]
+        denominator = [_factor(n, -e) for n, e in zip(_BASE, self, strict=True) if e < 0]
+        if numerator:
+            return "*".join(numerator) + "".join(f"/{d}" for d in denominator)
+        if denominator:
             return "*".join(_factor(n, e) for n, e in zip(_BASE, self, strict=True) if e < 0)
         return "number"
 
@@ -77,7 +77,7 @@ class Unit(NamedTuple):
 
 
 class UnitError(ValueError):
-    """The text is no unit; the message says which part is not."""
+    """The text is not a unit; the message names the invalid part."""
 
 
 MAX_EXPONENT = 9
@@ -92,10 +92,10 @@ def parse_unit(text: str) -> Unit:
     Raises:
         UnitError: a name is not in the table, or an exponent is beyond `MAX_EXPONENT`.
     """
-    dimension, factor, at = NUMBER, Fraction(1), 0
-    while at < len(text) or at == 0:
-        part = _PART.match(text, at)
-        if part is None or (at == 0) == bool(part[1]):
+    dimension, factor, position = NUMBER, Fraction(1), 0
+    while position < len(text) or position == 0:
+        part = _PART.match(text, position)
+        if part is None or (position == 0) == bool(part[1]):
             raise UnitError(f"`{text}` is not a unit")
         operator, name, exponent_text = part.groups()
         if name not in BASE_UNITS:
@@ -104,10 +104,10 @@ def parse_unit(text: str) -> Unit:
         if abs(exponent) > MAX_EXPONENT:
             raise UnitError(f"exponent {exponent_text} is beyond {MAX_EXPONENT}")
         exponent = -exponent if operator == "/" else exponent
-        one, scale = BASE_UNITS[name]
-        dimension = dimension.times(one.power(exponent))
+        dimension_of_name, scale = BASE_UNITS[name]
+        dimension = dimension.times(dimension_of_name.power(exponent))
         factor *= scale**exponent
-        at = part.end()
+        position = part.end()
     return Unit(text, dimension, factor)
 
 

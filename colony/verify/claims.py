@@ -1,4 +1,4 @@
-"""Constructors for the contract expressions that proofs ask about."""
+"""Constructors for the contract expressions that proofs are about."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def fresh(sensor: str) -> ir.Expression:
     return ir.Fresh(type=BOOL, name=sensor, derived=False)
 
 
-def constant(value: ScalarValue, of: Scalar) -> ir.Expression:
+def constant(value: ScalarValue, type_: Scalar) -> ir.Expression:
     """Return a constant expression."""
-    return ir.Constant(type=of, value=value)
+    return ir.Constant(type=type_, value=value)
 
 
 def negation(e: ir.Expression) -> ir.Expression:
@@ -48,15 +48,15 @@ def implies(left: ir.Expression, right: ir.Expression) -> ir.Expression:
     return binary(Binary.IMPLIES, left, right)
 
 
-def all_of(some: Iterable[ir.Expression]) -> ir.Expression:
+def all_of(operands: Iterable[ir.Expression]) -> ir.Expression:
     """Return the conjunction of expressions."""
-    return _joined(Binary.AND, list(some), TRUE)
+    return _join(Binary.AND, list(operands), TRUE)
 
 
-def any_of(some: Iterable[ir.Expression]) -> ir.Expression:
+def any_of(operands: Iterable[ir.Expression]) -> ir.Expression:
     """Return the disjunction of expressions."""
-    return _joined(Binary.OR, list(some), FALSE)
+    return _join(Binary.OR, list(operands), FALSE)
 
 
-def _joined(operator: Binary, some: Sequence[ir.Expression], none: ir.Expression) -> ir.Expression:
-    return reduce(lambda a, b: binary(operator, a, b), some) if some else none
+def _join(operator: Binary, operands: Sequence[ir.Expression], empty: ir.Expression) -> ir.Expression:
+    return reduce(lambda a, b: binary(operator, a, b), operands) if operands else empty

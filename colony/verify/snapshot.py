@@ -17,7 +17,7 @@ class Snapshot(NamedTuple):
     """The inputs of one frame in base units, where a `Frame` has them in declared units.
 
     Proofs need base units: a reading that is converted to its unit and back may differ in the last bit, and
-    a counterexample at the edge of a comparison would then break nothing.
+    a counterexample at the edge of a comparison would then no longer break the contract.
 
     Attributes:
         t_ns: Time of the frame.

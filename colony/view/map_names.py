@@ -1,6 +1,6 @@
 """Label placement for the picture of a map: names of corners, doors and elevators, behind their walls.
 
-Every name has a few candidate places, the best first. It takes the first one where it touches no wall and no
+Every name has a few candidate positions, the best first. It takes the first at which it touches no wall or
 other name, and is left out if there is none. Names are placed in order of importance: elevators, doors, then
 corners.
 """
@@ -26,18 +26,18 @@ from colony.nav.maps.walls import walls_of
 FONT_POINTS = 8.0
 _GAP_POINTS = 3.0
 _SHIFTS = ((6.0, 0.0), (6.0, 7.0), (6.0, -7.0), (17.0, 0.0), (17.0, 8.0), (17.0, -8.0))
-"""Distances of a name behind its wall and along it, in points; the best first."""
-_HEIGHT = 1.25  # of a line of text, in font sizes
-_AXIS = 0.98  # minimum component of a wall's direction along an axis to count as parallel to it
+"""Offsets of a name behind its wall and along it, in points; the best first."""
+_LINE_HEIGHT = 1.25  # in font sizes
+_MIN_AXIS_COMPONENT = 0.98  # of the unit normal of a wall that counts as parallel to an axis
 
 Rank = Literal["elevator", "door", "corner"]
 _RANKS: tuple[Rank, ...] = ("elevator", "door", "corner")
 WEIGHTS: dict[Rank, str] = {"elevator": "bold", "door": "normal", "corner": "bold"}
-"""Weight of the font, for each rank."""
+"""Font weights by rank."""
 
 
 class Box(NamedTuple):
-    """A part of the plane, in mm."""
+    """An axis-parallel rectangle, in mm."""
 
     low_x: float
     low_y: float
@@ -45,7 +45,7 @@ class Box(NamedTuple):
     high_y: float
 
     def touches(self, other: Box) -> bool:
-        """Return True if the two have a point in common."""
+        """Return True if the two boxes have a point in common."""
         return (
             self.low_x <= other.high_x
             and other.low_x <= self.high_x
@@ -56,53 +56,60 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Name:
-    """A placed name: its text, its center, and True for `upright` if it reads upward.
+    """A placed name.
 
-    `box` is the area that it takes.
+    Attributes:
+        text: the name.
+        rank: the kind of element that it names.
+        center: the center of the text.
+        upright: True if the text reads upward.
+        box: the area that the text covers.
     """
 
     text: str
     rank: Rank
-    at: Point
+    center: Point
     upright: bool
     box: Box
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _NameRequest:
-    """A name to be placed: the place of its door or corner, and the direction behind the wall (`out`)."""
+    """A name to be placed: `anchor` is its door or corner, `out` the direction away from the floor."""
 
     text: str
     rank: Rank
-    at: Point
+    anchor: Point
     out: Point
-    line: tuple[int, int]  # ring and side, so that neighboring names have one orientation
+    line: tuple[int, int]  # ring and side, so that names on one wall have the same orientation
 
 
-def place_names(drawn: Map, mm_per_point: float) -> tuple[Name, ...]:
-    """Place the names of a map's doors, elevators and corners where there is room.
+def place_names(map_: Map, mm_per_point: float) -> tuple[Name, ...]:
+    """Place the names of a map's doors, elevators and corners where there is space.
 
     Args:
-        drawn: the map.
+        map_: the map.
         mm_per_point: millimeters of the building per typographical point.
     """
-    walls = walls_of(drawn).segments
-    wanted = sorted(_wanted(drawn), key=lambda w: _RANKS.index(w.rank))
-    turned = _crowded_lines(wanted, mm_per_point)
+    walls = walls_of(map_).segments
+    requests = sorted(_requests(map_), key=lambda w: _RANKS.index(w.rank))
+    upright_lines = _crowded_lines(requests, mm_per_point)
     taken: list[Box] = []
     placed: list[Name] = []
-    for one in wanted:
-        for upright, at, box in _places(one, one.line in turned, mm_per_point):
-            if not any(box.touches(other) for other in taken) and not _meets_wall(box, walls):
+    for request in requests:
+        for upright, center, box in _candidates(request, request.line in upright_lines, mm_per_point):
+            if not any(box.touches(other) for other in taken) and not _overlaps_wall(box, walls):
                 taken.append(box)
-                placed.append(Name(text=one.text, rank=one.rank, at=at, upright=upright, box=box))
+                placed.append(
+                    Name(text=request.text, rank=request.rank, center=center, upright=upright, box=box)
+                )
                 break
     return tuple(placed)
 
 
-def _wanted(drawn: Map) -> Iterator[_NameRequest]:
-    leads = {elevator.node: elevator.file for elevator in reversed(drawn.elevators)}
-    for i, ring in enumerate(drawn.rings):
+def _requests(map_: Map) -> Iterator[_NameRequest]:
+    elevator_files = {elevator.node: elevator.file for elevator in reversed(map_.elevators)}
+    for i, ring in enumerate(map_.rings):
         nodes, side = corners(ring), 0
         for j, (node, edge) in enumerate(zip(ring.nodes, ring.edges, strict=True)):
             here, there, last = nodes[j], nodes[(j + 1) % len(nodes)], nodes[j - 1]
@@ -110,14 +117,14 @@ def _wanted(drawn: Map) -> Iterator[_NameRequest]:
             side += node.turn_deg != 0.0
             if node.corner:
                 out = Point(after.x + before.x, after.y + before.y)
-                yield _NameRequest(text=node.name, rank="corner", at=here, out=out, line=(i, side))
+                yield _NameRequest(text=node.name, rank="corner", anchor=here, out=out, line=(i, side))
             if edge.kind is not EdgeKind.WALL:
-                middle = Point((here.x + there.x) / 2, (here.y + there.y) / 2)
+                center = Point((here.x + there.x) / 2, (here.y + there.y) / 2)
                 text = _without_side(node.name)
-                if node.name in leads:
-                    text += f" ↕ {leads[node.name].rpartition('/')[2].removesuffix('.stickrep')}"
+                if node.name in elevator_files:
+                    text += f" ↕ {elevator_files[node.name].rpartition('/')[2].removesuffix('.stickrep')}"
                 rank: Rank = "elevator" if edge.kind is EdgeKind.ELEVATOR else "door"
-                yield _NameRequest(text=text, rank=rank, at=middle, out=after, line=(i, side))
+                yield _NameRequest(text=text, rank=rank, anchor=center, out=after, line=(i, side))
 
 
 def _without_side(name: str) -> str:
@@ -126,23 +133,23 @@ def _without_side(name: str) -> str:
 
 
 def _left_of(here: Point, there: Point) -> Point:
-    """Return the unit vector to the back of a wall, on its left as traced."""
+    """Return the unit vector to the back of a wall, which is on its left as traced."""
     length = math.hypot(there.x - here.x, there.y - here.y)
     return Point(-(there.y - here.y) / length, (there.x - here.x) / length)
 
 
-def _crowded_lines(wanted: Sequence[_NameRequest], mm_per_point: float) -> set[tuple[int, int]]:
-    """Return the walls from west to east on which the names of the doors do not fit side by side."""
+def _crowded_lines(requests: Sequence[_NameRequest], mm_per_point: float) -> set[tuple[int, int]]:
+    """Return the east-west walls on which the names of the doors do not fit side by side."""
     crowded = set()
     along: dict[tuple[int, int], list[_NameRequest]] = {}
-    for one in wanted:
-        if one.rank != "corner" and abs(one.out.y) > _AXIS:
-            along.setdefault(one.line, []).append(one)
+    for request in requests:
+        if request.rank != "corner" and abs(request.out.y) > _MIN_AXIS_COMPONENT:
+            along.setdefault(request.line, []).append(request)
     for line, names in along.items():
-        names.sort(key=lambda w: w.at.x)
+        names.sort(key=lambda w: w.anchor.x)
         for left, right in pairwise(names):
-            room = (_width(left.text, left.rank) + _width(right.text, right.rank)) / 2 + _GAP_POINTS
-            if right.at.x - left.at.x < room * mm_per_point:
+            min_distance = (_width(left.text, left.rank) + _width(right.text, right.rank)) / 2 + _GAP_POINTS
+            if right.anchor.x - left.anchor.x < min_distance * mm_per_point:
                 crowded.add(line)
     return crowded
 
@@ -154,32 +161,38 @@ def _width(text: str, rank: Rank) -> float:
     return float(TextPath((0, 0), text, size=FONT_POINTS, prop=font).get_extents().width)
 
 
-def _places(one: _NameRequest, turned: bool, mm_per_point: float) -> Iterator[tuple[bool, Point, Box]]:
-    """Yield the candidate places of a name: True if upright, its center, and the area that it takes."""
-    width, height = _width(one.text, one.rank), _HEIGHT * FONT_POINTS
-    length = math.hypot(one.out.x, one.out.y) or 1.0
-    out = Point(one.out.x / length, one.out.y / length)
-    horizontal = abs(out.y) > _AXIS and one.rank != "corner"
-    for upright in (turned, not turned) if horizontal else (False,):
+def _candidates(
+    request: _NameRequest, prefer_upright: bool, mm_per_point: float
+) -> Iterator[tuple[bool, Point, Box]]:
+    """Yield the candidate positions of a name: True if upright, the text's center, and its area."""
+    width, height = _width(request.text, request.rank), _LINE_HEIGHT * FONT_POINTS
+    length = math.hypot(request.out.x, request.out.y) or 1.0
+    out = Point(request.out.x / length, request.out.y / length)
+    horizontal = abs(out.y) > _MIN_AXIS_COMPONENT and request.rank != "corner"
+    for upright in (prefer_upright, not prefer_upright) if horizontal else (False,):
         wide, high = (height, width) if upright else (width, height)
         for gap, aside in _SHIFTS:
-            reach_x = (gap + wide / 2) * out.x + aside * out.y
-            reach_y = (gap + high / 2) * out.y - aside * out.x
-            at = Point(one.at.x + reach_x * mm_per_point, one.at.y + reach_y * mm_per_point)
+            shift_x = (gap + wide / 2) * out.x + aside * out.y
+            shift_y = (gap + high / 2) * out.y - aside * out.x
+            x = request.anchor.x + shift_x * mm_per_point
+            y = request.anchor.y + shift_y * mm_per_point
             half_x, half_y = (0.5 * mm_per_point * (side + _GAP_POINTS) for side in (wide, high))
-            yield upright, at, Box(at.x - half_x, at.y - half_y, at.x + half_x, at.y + half_y)
+            yield upright, Point(x, y), Box(x - half_x, y - half_y, x + half_x, y + half_y)
 
 
-def _meets_wall(box: Box, walls: NDArray[np.float64]) -> bool:
+def _overlaps_wall(box: Box, walls: NDArray[np.float64]) -> bool:
     """Return True if a box touches one of the wall segments, (n, 4) in mm."""
     low_x, high_x = np.minimum(walls[:, 0], walls[:, 2]), np.maximum(walls[:, 0], walls[:, 2])
     low_y, high_y = np.minimum(walls[:, 1], walls[:, 3]), np.maximum(walls[:, 1], walls[:, 3])
-    near = (low_x <= box.high_x) & (high_x >= box.low_x) & (low_y <= box.high_y) & (high_y >= box.low_y)
-    across_x, across_y = walls[near, 2] - walls[near, 0], walls[near, 3] - walls[near, 1]
-    if not near.any():
+    candidates = (low_x <= box.high_x) & (high_x >= box.low_x) & (low_y <= box.high_y) & (high_y >= box.low_y)
+    across_x, across_y = (
+        walls[candidates, 2] - walls[candidates, 0],
+        walls[candidates, 3] - walls[candidates, 1],
+    )
+    if not candidates.any():
         return False
     sides = [
-        across_x * (y - walls[near, 1]) - across_y * (x - walls[near, 0])
+        across_x * (y - walls[candidates, 1]) - across_y * (x - walls[candidates, 0])
         for x in (box.low_x, box.high_x)
         for y in (box.low_y, box.high_y)
     ]

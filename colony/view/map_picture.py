@@ -25,7 +25,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
-from colony.nav.maps.stickrep.geometry import Point, corners, link_places, shared_lights
+from colony.nav.maps.stickrep.geometry import Point, corners, link_endpoints, shared_lights
 from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import Walls, lights_of, walls_of
 from colony.view.map_names import FONT_POINTS, WEIGHTS, Box, Name, Rank, place_names
@@ -37,15 +37,15 @@ _DOOR, _ELEVATOR, _LIGHT, _LINK = "#c8752a", "#7a4fb5", "#f2c53d", "#0f8f86"
 _PATHS = ("#1769d6", "#0f9d76", "#c2335f", "#5d6b00", "#8a3fb8", "#00879e")
 _MIN_INCHES, _MAX_INCHES = 11.0, 24.0
 _MM_PER_INCH = 6_500.0  # pictures of large buildings are larger, so that names are legible
-_EDGE_POINTS = 16.0
+_MARGIN_POINTS = 16.0
 _TITLE_POINTS, _STRIP_POINTS = 40.0, 28.0
-_LEGEND_MARK_POINTS, _LETTER_POINTS = 38.0, 4.6  # at most, in the legend
-_SCALE_PART = 6.0
+_LEGEND_MARK_POINTS, _LETTER_POINTS = 38.0, 4.6  # maximum widths, in the legend
+_SCALE_DIVISOR = 6.0
 _DPI = 150
 
 
 def picture_format(path: str | os.PathLike[str]) -> PictureFormat:
-    """Return the format that a file's suffix asks for.
+    """Return the picture format for a file's suffix.
 
     Raises:
         ValueError: the suffix is neither `.png` nor `.svg`.
@@ -60,7 +60,7 @@ def picture_format(path: str | os.PathLike[str]) -> PictureFormat:
 
 
 def draw_map(
-    drawn: Map,
+    map_: Map,
     paths: Sequence[NDArray[np.float64]] = (),
     title: str | None = None,
     names: Sequence[str] = (),
@@ -68,20 +68,20 @@ def draw_map(
     """Draw a map, and return the figure.
 
     Args:
-        drawn: the map.
+        map_: the map.
         paths: the paths of robots, each (n, 2) or (n, 3), x and y in mm, in driving order; points that are
             not finite are left out.
         title: the title; the map's name by default.
         names: names of the robots in the legend.
     """
-    walls = walls_of(drawn)
-    sheet, placed = _sheet_for(drawn, walls)
+    walls = walls_of(map_)
+    sheet, placed = _sheet_for(map_, walls)
     figure = Figure(dpi=_DPI, facecolor=_PAPER)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    _draw_floor(axes, drawn)
+    _draw_floor(axes, map_)
     _draw_edges(axes, walls)
-    _draw_links(axes, drawn)
-    _draw_lights(axes, drawn)
+    _draw_links(axes, map_)
+    _draw_lights(axes, map_)
     _draw_names(axes, placed)
     if paths:
         for i, path in enumerate(paths):
@@ -90,10 +90,10 @@ def draw_map(
             label = name if i < len(_PATHS) else "_"
             _draw_path(axes, path, _PATHS[i % len(_PATHS)], label)
     else:
-        _draw_start(axes, drawn)
+        _draw_start(axes, map_)
     _draw_scale(axes, sheet)
     axes.text(
-        sheet.low_x, sheet.above(_TITLE_POINTS / 2), title or drawn.name,
+        sheet.low_x, sheet.above(_TITLE_POINTS / 2), title or map_.name,
         fontsize=13, color=_INK, weight="bold", va="center",
     )  # fmt: skip
     _fit(figure, axes, sheet, _draw_legend(axes, sheet))
@@ -124,12 +124,12 @@ class _Sheet:
         return self.low_y - points * self.mm_per_point
 
 
-def _sheet_for(drawn: Map, walls: Walls) -> tuple[_Sheet, tuple[Name, ...]]:
+def _sheet_for(map_: Map, walls: Walls) -> tuple[_Sheet, tuple[Name, ...]]:
     """Return the sheet for a map, and the placed names on it."""
     low_x, low_y, high_x, high_y = walls.bounds
     long_side = max(high_x - low_x, high_y - low_y)
     scale = long_side / (72.0 * min(max(_MIN_INCHES, long_side / _MM_PER_INCH), _MAX_INCHES))
-    names = place_names(drawn, scale)
+    names = place_names(map_, scale)
     boxes = [Box(low_x, low_y, high_x, high_y), *(name.box for name in names)]
     sheet = _Sheet(
         low_x=min(box.low_x for box in boxes),
@@ -142,14 +142,14 @@ def _sheet_for(drawn: Map, walls: Walls) -> tuple[_Sheet, tuple[Name, ...]]:
 
 
 def _draw_legend(axes: Axes, sheet: _Sheet) -> float:
-    """Explain the marks, beside the scale bar if there is room, else in rows below it.
+    """Draw the legend, beside the scale bar if it fits there, otherwise in rows below it.
 
     Returns:
-        Height that the sheet needs below the building and its names, in points.
+        Height needed below the building and its names, in points.
     """
     labels = axes.get_legend_handles_labels()[1]
     widths = [_LEGEND_MARK_POINTS + _LETTER_POINTS * len(label) for label in labels]
-    beside = sum(widths) < sheet.width_points * (1.0 - 1.0 / _SCALE_PART) - 50.0
+    beside = sum(widths) < sheet.width_points * (1.0 - 1.0 / _SCALE_DIVISOR) - 50.0
     columns = len(labels) if beside else max(1, min(4, int(sheet.width_points / max(widths))))
     axes.legend(
         loc="center right" if beside else "upper left", ncols=columns,
@@ -163,7 +163,7 @@ def _draw_legend(axes: Axes, sheet: _Sheet) -> float:
 
 def _fit(figure: Figure, axes: Axes, sheet: _Sheet, below_points: float) -> None:
     """Set the size of a figure so that it shows exactly the drawn area, to scale."""
-    edge = _EDGE_POINTS * sheet.mm_per_point
+    edge = _MARGIN_POINTS * sheet.mm_per_point
     low_x, high_x = sheet.low_x - edge, sheet.high_x + edge
     low_y, high_y = sheet.below(below_points), sheet.above(_TITLE_POINTS)
     per_inch = 72.0 * sheet.mm_per_point
@@ -173,11 +173,11 @@ def _fit(figure: Figure, axes: Axes, sheet: _Sheet, below_points: float) -> None
     axes.axis("off")
 
 
-def encode_picture(figure: Figure, form: PictureFormat) -> bytes:
+def encode_picture(figure: Figure, format_: PictureFormat) -> bytes:
     """Encode a figure as the content of a file."""
     image = io.BytesIO()
     canvas: Any
-    if form == "svg":
+    if format_ == "svg":
         canvas = FigureCanvasSVG(figure)
         with matplotlib.rc_context({"svg.hashsalt": "colony", "svg.fonttype": "path"}):
             canvas.print_svg(image, metadata={"Date": None})
@@ -187,11 +187,11 @@ def encode_picture(figure: Figure, form: PictureFormat) -> bytes:
     return image.getvalue()
 
 
-def _draw_floor(axes: Axes, drawn: Map) -> None:
-    """Fill the free space; outlines and blocks run opposite ways, which leaves the blocks out."""
+def _draw_floor(axes: Axes, map_: Map) -> None:
+    """Fill the free space; outlines and blocks wind in opposite directions, which leaves the blocks out."""
     vertices: list[Point] = []
     codes: list[np.uint8] = []
-    for ring in drawn.rings:
+    for ring in map_.rings:
         nodes = corners(ring)
         vertices += [*nodes, nodes[0]]
         codes += [Outline.MOVETO, *([Outline.LINETO] * (len(nodes) - 1)), Outline.CLOSEPOLY]
@@ -205,11 +205,11 @@ def _draw_edges(axes: Axes, walls: Walls) -> None:
         (EdgeKind.ELEVATOR, _ELEVATOR, 4.5, "elevator"),
     )
     for kind, color, width, label in styles:
-        chosen = walls.segments[[k is kind for k in walls.kinds]].reshape(-1, 2, 2)
-        if len(chosen):
-            capped = "projecting" if kind is EdgeKind.WALL else "butt"
+        segments = walls.segments[[k is kind for k in walls.kinds]].reshape(-1, 2, 2)
+        if len(segments):
+            capstyle = "projecting" if kind is EdgeKind.WALL else "butt"
             lines = LineCollection(
-                list(chosen), colors=color, linewidths=width, label=label, capstyle=capped, zorder=2
+                list(segments), colors=color, linewidths=width, label=label, capstyle=capstyle, zorder=2
             )
             axes.add_collection(lines)
 
@@ -218,56 +218,56 @@ _NAME_COLORS: dict[Rank, str] = {"elevator": _ELEVATOR, "door": _MUTED, "corner"
 
 
 def _draw_names(axes: Axes, names: Sequence[Name]) -> None:
-    """Write the names of corners, doors and elevators behind their walls."""
+    """Draw the names of corners, doors and elevators behind their walls."""
     for name in names:
         axes.text(
-            name.at.x, name.at.y, name.text, fontsize=FONT_POINTS, color=_NAME_COLORS[name.rank],
+            name.center.x, name.center.y, name.text, fontsize=FONT_POINTS, color=_NAME_COLORS[name.rank],
             weight=WEIGHTS[name.rank], ha="center", va="center", rotation=90.0 if name.upright else 0.0,
         )  # fmt: skip
 
 
-def _draw_lights(axes: Axes, drawn: Map) -> None:
+def _draw_lights(axes: Axes, map_: Map) -> None:
     """Draw discs for the lights of the corridors, diamonds for those of the turning spaces."""
-    lights = lights_of(drawn)
-    shared = sum(len(shared_lights(ring) or ()) for ring in drawn.rings)
+    lights = lights_of(map_)
+    shared = sum(len(shared_lights(ring) or ()) for ring in map_.rings)
     own = len(lights) - shared
-    for chosen, marker, label in (
+    for group, marker, label in (
         (lights[:own], "o", "ceiling light"),
         (lights[own:], "D", "light of a turning space"),
     ):
-        if len(chosen):
+        if len(group):
             axes.plot(
-                chosen[:, 0], chosen[:, 1], marker, color=_LIGHT, markersize=5, markeredgecolor="#b08a10",
+                group[:, 0], group[:, 1], marker, color=_LIGHT, markersize=5, markeredgecolor="#b08a10",
                 markeredgewidth=0.6, label=label, zorder=3,
             )  # fmt: skip
 
 
-def _draw_links(axes: Axes, drawn: Map) -> None:
-    """Draw a line between the two places of each link."""
-    places = link_places(drawn)
-    if places:
+def _draw_links(axes: Axes, map_: Map) -> None:
+    """Draw a line between the two ends of each link."""
+    links = link_endpoints(map_)
+    if links:
         lines = LineCollection(
-            list(places), colors=_LINK, linewidths=1.2, linestyles=(0, (2, 2)), label="link", zorder=2.5
+            list(links), colors=_LINK, linewidths=1.2, linestyles=(0, (2, 2)), label="link", zorder=2.5
         )
         axes.add_collection(lines)
 
 
 def _draw_path(axes: Axes, path: NDArray[np.float64], color: str, name: str) -> None:
-    places = np.asarray(path, dtype=np.float64)
-    if places.ndim != 2 or places.shape[1] < 2:
-        raise ValueError(f"a path has the shape {places.shape}; expected (n, 2) or (n, 3)")
-    places = places[np.isfinite(places[:, :2]).all(axis=1)]
-    if not len(places):
+    points = np.asarray(path, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] < 2:
+        raise ValueError(f"a path has the shape {points.shape}; expected (n, 2) or (n, 3)")
+    points = points[np.isfinite(points[:, :2]).all(axis=1)]
+    if not len(points):
         return
-    axes.plot(places[:, 0], places[:, 1], "-", color=color, linewidth=1.4, alpha=0.9, label=name, zorder=4)
-    begin, end = places[0, :2], places[-1, :2]
+    axes.plot(points[:, 0], points[:, 1], "-", color=color, linewidth=1.4, alpha=0.9, label=name, zorder=4)
+    begin, end = points[0, :2], points[-1, :2]
     axes.plot(*begin, "o", color="white", markeredgecolor=color, markeredgewidth=1.6, markersize=8, zorder=5)
     axes.plot(*end, "s", color=color, markeredgecolor="white", markersize=9, zorder=6)
 
 
-def _draw_start(axes: Axes, drawn: Map) -> None:
+def _draw_start(axes: Axes, map_: Map) -> None:
     """Draw the robot where it starts, as a disc with a line to the front."""
-    start = drawn.start
+    start = map_.start
     axes.plot(
         start.x_mm, start.y_mm, marker=(3, 0, start.heading_deg), color=_PATHS[0], markersize=11,
         linestyle="none", markeredgecolor="white", label="start", zorder=5,
@@ -276,7 +276,7 @@ def _draw_start(axes: Axes, drawn: Map) -> None:
 
 def _draw_scale(axes: Axes, sheet: _Sheet) -> None:
     """Draw a scale bar of a round length, at most a sixth of the building."""
-    rough = (sheet.high_x - sheet.low_x) / _SCALE_PART
+    rough = (sheet.high_x - sheet.low_x) / _SCALE_DIVISOR
     power = 10.0 ** math.floor(math.log10(rough))
     length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= rough)
     x, y = sheet.low_x, sheet.below(_STRIP_POINTS / 2)

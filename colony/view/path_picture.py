@@ -27,33 +27,33 @@ class DrivenPath(NamedTuple):
     seed: int
 
 
-def draw_paths(drawn: Map, drives: Sequence[DrivenPath], title: str) -> Figure:
-    """Draw a map with the paths of many runs: failed ones on top, a cross where each ended."""
-    figure = draw_map(drawn, [np.empty((0, 2))], title, ["runs"])
+def draw_paths(map_: Map, drives: Sequence[DrivenPath], title: str) -> Figure:
+    """Draw a map with the paths of many runs: failed ones on top, each ending in a cross."""
+    figure = draw_map(map_, [np.empty((0, 2))], title, ["runs"])
     axes = figure.axes[0]
     for legend in [axes.get_legend(), *figure.legends]:
         if legend is not None:
             legend.remove()
     for reached, color, width, alpha in ((True, _REACHED, 1.2, 0.6), (False, _FAILED, 1.8, 0.9)):
-        some = [np.array(d.path, dtype=float) for d in drives if d.reached is reached and len(d.path) > 1]
+        paths = [np.array(d.path, dtype=float) for d in drives if d.reached is reached and len(d.path) > 1]
         axes.add_collection(
-            LineCollection(some, colors=color, linewidths=width, alpha=alpha, zorder=6, capstyle="round")
+            LineCollection(paths, colors=color, linewidths=width, alpha=alpha, zorder=6, capstyle="round")
         )
-        ends = np.array([path[-1] for path in some]).reshape(-1, 2)
+        ends = np.array([path[-1] for path in paths]).reshape(-1, 2)
         axes.scatter(
             ends[:, 0], ends[:, 1], marker="o" if reached else "x", s=14, c=color, zorder=7, linewidths=1.2
         )
     return figure
 
 
-def draw_errors(along_mm: Sequence[float], title: str) -> Figure:
+def draw_errors(overshoots_mm: Sequence[float], title: str) -> Figure:
     """Draw a histogram of the distances by which robots overshot their goals, up to a meter."""
     figure = Figure(figsize=(8.0, 4.0), dpi=_DPI, facecolor=_PAPER, layout="constrained")
     axes = figure.add_subplot()
-    values = np.clip(np.array(along_mm, dtype=float), -1000.0, 1000.0)
-    reach = max(200.0, _BIN_MM * math.ceil(np.abs(values).max(initial=0.0) / _BIN_MM))
+    values = np.clip(np.array(overshoots_mm, dtype=float), -1000.0, 1000.0)
+    limit = max(200.0, _BIN_MM * math.ceil(np.abs(values).max(initial=0.0) / _BIN_MM))
     axes.hist(
-        values / 1000.0, bins=list(np.arange(-reach, reach + _BIN_MM, _BIN_MM) / 1000.0), color=_REACHED
+        values / 1000.0, bins=list(np.arange(-limit, limit + _BIN_MM, _BIN_MM) / 1000.0), color=_REACHED
     )
     axes.axvline(0.0, color=_INK, linewidth=0.8)
     axes.set_xlabel("beyond the goal, along the last leg (m)", color=_INK)

@@ -18,21 +18,21 @@ _COLORS = {
     GoalKind.DEAD_RECKONING: "#5d6b00",
     GoalKind.ELEVATOR: "#7a4fb5",
 }
-_LETTER_APART_MM = 1400.0
-"""Minimum length of a segment that has room for its letter."""
+_MIN_LETTERED_MM = 1400.0
+"""Minimum length of a segment that shows its letter."""
 
 
-def draw_plan(drawn: Map, plan: Plan, title: str | None = None) -> Figure:
+def draw_plan(map_: Map, plan: Plan, title: str | None = None) -> Figure:
     """Draw the part of a plan on one floor: L, E, C and D are the modes of the Navigator.
 
     Args:
-        drawn: the map of the floor.
+        map_: the map of the floor.
         plan: a plan for that map, or for a building with that floor.
         title: the title.
     """
-    segments = [s for s in plan.segments if drawn.name in (s.start.floor, s.end.floor)]
-    stretches = _path_parts(segments, drawn.name)
-    figure = draw_map(drawn, stretches, title or f"{plan.origin} to {plan.goal}", ["plan"])
+    segments = [s for s in plan.segments if map_.name in (s.start.floor, s.end.floor)]
+    path_parts = _path_parts(segments, map_.name)
+    figure = draw_map(map_, path_parts, title or f"{plan.origin} to {plan.goal}", ["plan"])
     axes = figure.axes[0]
     for segment in segments:
         if segment.start.floor == segment.end.floor:
@@ -60,12 +60,12 @@ def _draw_segment(axes: Axes, segment: Segment) -> None:
     axes.plot([x0, x1], [y0, y1], "-", color=color, linewidth=3.0, solid_capstyle="butt", zorder=4.5)
     length = segment.length_mm
     for light in segment.lights_mm:
-        at = light / length
+        fraction = light / length
         axes.plot(
-            x0 + at * (x1 - x0), y0 + at * (y1 - y0), "o",
+            x0 + fraction * (x1 - x0), y0 + fraction * (y1 - y0), "o",
             markerfacecolor="none", markeredgecolor=color, markersize=9, zorder=5,
         )  # fmt: skip
-    if length >= _LETTER_APART_MM:
+    if length >= _MIN_LETTERED_MM:
         axes.text(
             (x0 + x1) / 2, (y0 + y1) / 2, chr(segment.kind), fontsize=7, weight="bold", color="white",
             ha="center", va="center", zorder=7,

@@ -13,10 +13,10 @@ from colony.vision.detectors import Detection, Detector
 from colony.vision.image_files import MAX_PIXELS, MAX_SIDE, Rgb
 
 MIN_COLUMNS = 480
-"""Least width of a drawn image: a smaller one is enlarged, so that the labels in it can be read."""
+"""Minimum width of a drawn image: smaller ones are enlarged, so that their labels are legible."""
 
 _COLORS = {Detector.PLATES: (40, 220, 60), Detector.MARKERS: (255, 150, 0), Detector.LIGHTS: (255, 60, 200)}
-"""Red, green and blue."""
+"""Colors as red, green and blue."""
 
 _SUBPIXEL_BITS = 4
 
@@ -24,19 +24,21 @@ _SUBPIXEL_BITS = 4
 def annotate(image: Rgb, found: Iterable[tuple[Detector, Detection]]) -> Rgb:
     """Return the image with the outline of each detection and its label above it, (rows, columns, 3).
 
-    An image of less than 480 columns is enlarged by a whole number, within the largest size of an image.
+    An image of less than 480 columns is enlarged by a whole number, up to the maximum size of an image.
     """
     import cv2
 
     rows, columns = image.shape[:2]
-    most = min(math.isqrt(MAX_PIXELS // (rows * columns)), MAX_SIDE // max(rows, columns))
-    factor = max(1, min(-(-MIN_COLUMNS // columns), most))
+    max_factor = min(math.isqrt(MAX_PIXELS // (rows * columns)), MAX_SIDE // max(rows, columns))
+    factor = max(1, min(-(-MIN_COLUMNS // columns), max_factor))
     canvas = np.ascontiguousarray(image.repeat(factor, axis=0).repeat(factor, axis=1))
     for detector, detection in found:
         corners = (np.array(detection.corners) + 0.5) * factor - 0.5
-        fixed = np.rint(np.clip(corners, -1e4, 1e4 + canvas.shape[1]) * 2**_SUBPIXEL_BITS).astype(np.int32)
+        fixed_point = np.rint(np.clip(corners, -1e4, 1e4 + canvas.shape[1]) * 2**_SUBPIXEL_BITS).astype(
+            np.int32
+        )
         color, thick = _COLORS[detector], max(1, canvas.shape[1] // 480)
-        cv2.polylines(canvas, [fixed], True, color, thick, cv2.LINE_AA, _SUBPIXEL_BITS)
+        cv2.polylines(canvas, [fixed_point], True, color, thick, cv2.LINE_AA, _SUBPIXEL_BITS)
         _write(canvas, label_of(detector, detection), corners, color)
     return canvas
 
@@ -61,7 +63,7 @@ def encode_png(image: Rgb) -> bytes:
 
 
 def _write(canvas: Rgb, text: str, corners: NDArray[Any], color: tuple[int, int, int]) -> None:
-    """Write text above a detection, on black, and within the image."""
+    """Write text above a detection on a black background, kept within the image."""
     import cv2
 
     rows, columns = canvas.shape[:2]

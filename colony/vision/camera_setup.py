@@ -1,4 +1,4 @@
-"""The setup of a level camera."""
+"""Sets up a level camera."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from colony.vision.lights.observing import NO_ANSWER_ERRORS, ensure_period
 def prepare_camera(name: str, geometry: LevelCamera, period_s: float) -> Generator[Step, Any, bool]:
     """Make a camera take an image at least every `period_s`; return False if it does not answer.
 
-    Repeat this if the camera was away or had no new image after a period: it may have restarted.
+    Call it again if the camera did not answer or had no new image after a period: it may have restarted.
 
     Raises:
-        ValueError: the size of its images is not that of `geometry`.
+        ValueError: the camera's images do not have the size given by `geometry`.
     """
     yield from ensure_period((name,), period_s)
     try:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 Corner = tuple[float, float]
-"""A place in an image: column and row, in pixels."""
+"""A position in an image: column and row, in pixels."""
 
 
 class Reading(NamedTuple):
     """The reading of a plate.
 
-    `text` is "" if nothing can be read; `confidence` is from 0 to 1. `alternatives` are the next most
+    `text` is "" if the plate is illegible; `confidence` is from 0 to 1. `alternatives` are the next most
     probable texts with their confidences, best first.
     """
 
@@ -27,13 +27,13 @@ class PlateBox(NamedTuple):
     score: float
 
     @property
-    def middle(self) -> Corner:
+    def center(self) -> Corner:
         """The mean of the corners."""
         columns, rows = zip(*self.corners, strict=True)
         return sum(columns) / 4.0, sum(rows) / 4.0
 
-    def lowered(self, rows: float) -> PlateBox:
-        """Return the box in an image that begins `rows` rows higher up."""
+    def shifted_down(self, rows: float) -> PlateBox:
+        """Return the box shifted down by `rows` rows, as when rows are added above a band."""
         first, second, third, fourth = ((column, row + rows) for column, row in self.corners)
         return PlateBox((first, second, third, fourth), self.score)
 
@@ -41,8 +41,11 @@ class PlateBox(NamedTuple):
 class MarkerBox(NamedTuple):
     """A marker in an image.
 
-    It has its outer edges in columns, the first and last row in which it was found, and its code of three
-    bits, the leftmost first. `edges` are those of all its stripes, from left to right.
+    Attributes:
+        left, right: columns of its outer edges.
+        first_row, last_row: first and last row in which it was found.
+        code: its three bits, the leftmost first.
+        edges: columns of the edges of all its stripes, from left to right.
     """
 
     left: float

@@ -1,7 +1,7 @@
 """Runs all detectors on one image of any size, for `colony vision`.
 
-Plates and markers are searched as in an image of a level camera, lights as in one of the ceiling camera.
-Large images are reduced first; places are given in the original image.
+Plates and markers are searched as if a level camera had taken the image, lights as if the ceiling camera had.
+Large images are reduced first; positions refer to the original image.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from colony.vision.gray_images import MIN_PIXELS, Gray, gray_image
 from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, UPWARD, CeilingCamera
 
 MAX_COLUMNS, MAX_ROWS = 640, 2560
-"""Largest size of an image in which plates and markers are searched; larger ones are reduced to it."""
+"""Maximum size of an image in which plates and markers are searched; larger ones are reduced to it."""
 
 
 class Detector(StrEnum):
@@ -35,11 +35,11 @@ class Detection(NamedTuple):
     """A detection in an image.
 
     Attributes:
-        corners: from the upper left one clockwise, in pixels of the image; pixel i reaches from i - 0.5 to
-            i + 0.5.
+        corners: corners clockwise from the upper left, in pixels of the image; pixel i extends from i - 0.5
+            to i + 0.5.
         label: text of a plate, "" if it cannot be read; bits of a marker.
         confidence: confidence from 0 to 1 in a plate or a light; None for a marker.
-        label_confidence: confidence from 0 to 1 in the text of a plate; None for all else.
+        label_confidence: confidence from 0 to 1 in the text of a plate; None for other detections.
     """
 
     corners: tuple[Corner, Corner, Corner, Corner]
@@ -49,7 +49,7 @@ class Detection(NamedTuple):
 
 
 class DetectorRun(NamedTuple):
-    """The result of a detector, and its duration."""
+    """The result of a detector run, and its duration."""
 
     detector: Detector
     found: tuple[Detection, ...]
@@ -61,22 +61,22 @@ def run_detectors(image: Gray, chosen: Set[Detector]) -> Iterator[DetectorRun]:
 
     Lights are then searched only if nothing else is found: an image shows a wall or the ceiling.
     """
-    seen = False
+    any_found = False
     for detector in Detector:
-        if detector not in chosen if chosen else detector is Detector.LIGHTS and seen:
+        if detector not in chosen if chosen else detector is Detector.LIGHTS and any_found:
             continue
-        detect(detector, image)  # a first run, not timed, loads what the detector needs
+        detect(detector, image)  # an untimed first run loads the code and weights of the detector
         start = time.perf_counter()
         found = detect(detector, image)
         yield DetectorRun(detector, found, (time.perf_counter() - start) * 1e3)
-        seen = seen or bool(found)
+        any_found = any_found or bool(found)
 
 
 def detect(detector: Detector, image: Gray) -> tuple[Detection, ...]:
     """Return a detector's detections in an image, the best first.
 
     Raises:
-        ValueError: `image` is not (rows, columns) of uint8, or has less than 4 x 4 pixels.
+        ValueError: `image` is not (rows, columns) of uint8, or has fewer than 4 x 4 pixels.
     """
     gray = gray_image(image)
     rows, columns = gray.shape
@@ -150,7 +150,7 @@ def _lights(gray: Gray) -> tuple[Detection, ...]:
 
 
 def _column_of_line(camera: CeilingCamera, along_mm: float, tilt: float, row: float) -> float:
-    """Return the column of a line across the corridor in a row, limited to the image."""
+    """Return the column at which a line across the corridor is in a row, clipped to the image."""
     ahead_mm = (along_mm + camera.left_of(row) * math.sin(tilt)) / math.cos(tilt)
     return min(max(camera.column_of(ahead_mm), -0.5), camera.columns - 0.5)
 

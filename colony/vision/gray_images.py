@@ -10,29 +10,29 @@ from numpy.typing import NDArray
 from colony.vision.level_camera import LevelCamera
 
 Gray = NDArray[np.uint8]
-"""(rows, columns), from 0, black, to 255."""
+"""An image: (rows, columns), from 0 (black) to 255 (white)."""
 
 MIN_PIXELS = 4
-"""Least number of rows and of columns of an image for a detector."""
+"""Minimum number of rows and of columns that a detector accepts."""
 
-_WEIGHTS = np.array([77, 150, 29], dtype=np.uint16)  # of 256: red, green, blue
+_WEIGHTS = np.array([77, 150, 29], dtype=np.uint16)  # in 256ths: red, green, blue
 
 
 def gray_image(image: NDArray[Any]) -> Gray:
     """Convert an image to gray: (rows, columns), or with a last axis of 1 or 3 (RGB).
 
     Raises:
-        ValueError: `image` is no array of uint8 of such a shape, or too small.
+        ValueError: `image` is not a uint8 array of such a shape, or is too small.
     """
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
         found = f"dtype {image.dtype}" if isinstance(image, np.ndarray) else type(image).__name__
         raise ValueError(f"an image of {found}; expected an array of uint8, from 0 to 255")
     channels = image.shape[2] if image.ndim == 3 else 1
     if image.ndim not in (2, 3) or channels not in (1, 3) or min(image.shape[:2]) < MIN_PIXELS:
-        least = f"{MIN_PIXELS} x {MIN_PIXELS}"
+        min_size = f"{MIN_PIXELS} x {MIN_PIXELS}"
         raise ValueError(
             f"an image of shape {image.shape}; expected (rows, columns), (rows, columns, 1) or "
-            f"(rows, columns, 3) with at least {least} pixels"
+            f"(rows, columns, 3) with at least {min_size} pixels"
         )
     if image.ndim == 2:
         return image
@@ -43,13 +43,13 @@ def gray_image(image: NDArray[Any]) -> Gray:
 
 
 def gray_band(image: NDArray[Any], camera: LevelCamera | None, first_row: int) -> tuple[Gray, LevelCamera]:
-    """Return an image as gray, with its camera.
+    """Return an image in gray, with its camera.
 
-    The image is a whole one, or a band that begins with row `first_row` of it. The default camera has 60
-    degrees and images of this size.
+    The image is complete, or a band that begins with row `first_row`. The default camera has a field of view
+    of 60 degrees and images of this size.
 
     Raises:
-        ValueError: it is no image, or not one of this camera.
+        ValueError: `image` is not an image, or not one of this camera.
     """
     gray = gray_image(image)
     camera = camera or LevelCamera(columns=gray.shape[1], rows=gray.shape[0])

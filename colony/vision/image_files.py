@@ -1,7 +1,7 @@
 """Decoding of image files: PNG, JPEG, BMP, WebP or TIFF.
 
-Images are gray or in color, with 8 or 16 bits per channel, with or without transparency. Errors about files
-that are no image, damaged, or too large for the detectors are one line.
+Images are gray or in color, with 8 or 16 bits per channel, with or without transparency. The errors about
+files that are not images, are damaged, or are too large have one line.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
     from PIL import Image
 
 Rgb = NDArray[np.uint8]
-"""(rows, columns, 3), each channel from 0 to 255."""
+"""An image: (rows, columns, 3), each channel from 0 to 255."""
 
 MAX_BYTES = 64 * 2**20
-"""Largest size of a file."""
+"""Maximum size of a file, in bytes."""
 
 MAX_PIXELS, MAX_SIDE = 50_000_000, 30_000
-"""Largest size of an image: pixels in all, and pixels in a row or a column."""
+"""Maximum size of an image: total number of pixels, and number of rows or columns."""
 
 _AT_MOST = f"at most {MAX_PIXELS // 10**6} million"
 _FORMATS = ("PNG", "JPEG", "BMP", "WEBP", "TIFF")
 
 
 class ImageFormatError(ValueError):
-    """Bytes are not a usable image; the message says why."""
+    """The bytes are not a usable image; the message says why."""
 
 
 def decode_image(data: bytes) -> Rgb:
-    """Decode an image file: upright by its orientation tag, and on white where it is transparent.
+    """Decode an image file; apply its orientation tag, and put a white background behind transparent pixels.
 
     A file with several images gives the first one. Levels of 16 bits are reduced to 8.
 
@@ -51,7 +51,7 @@ def decode_image(data: bytes) -> Rgb:
     if len(data) > MAX_BYTES:
         raise ImageFormatError(f"more than {MAX_BYTES // 2**20} MB; expected a smaller image file")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about oddities of files that can still be read
+        warnings.simplefilter("ignore")  # about oddities of files that are still readable
         try:
             with Image.open(io.BytesIO(data), formats=_FORMATS) as file:
                 _check_size(*file.size)
@@ -64,7 +64,7 @@ def decode_image(data: bytes) -> Rgb:
             raise ImageFormatError(f"not a readable image; expected {expected}") from None
         except Image.DecompressionBombError:
             raise ImageFormatError(f"an image of far more pixels than expected: {_AT_MOST}") from None
-        # Decoders raise errors of many kinds for damaged data: of zlib, struct, indices.
+        # For damaged data, decoders raise errors of many kinds: from zlib, from struct, IndexError.
         except Exception as problem:
             why = str(problem).splitlines()
             raise ImageFormatError(
@@ -87,17 +87,17 @@ def _rgb(image: Image.Image) -> Rgb:
     from PIL import Image
 
     if image.mode == "F" or image.mode.startswith("I"):
-        return np.repeat(_narrowed(np.asarray(image))[:, :, None], 3, axis=2)
+        return np.repeat(_to_8_bits(np.asarray(image))[:, :, None], 3, axis=2)
     if image.has_transparency_data:
         white = Image.new("RGBA", image.size, (255, 255, 255, 255))
         image = Image.alpha_composite(white, image.convert("RGBA"))
     return np.array(image.convert("RGB"))
 
 
-def _narrowed(levels: NDArray[np.generic]) -> NDArray[np.uint8]:
-    """Convert levels of 16 bits, or parts of 1, to 8 bits."""
+def _to_8_bits(levels: NDArray[np.generic]) -> NDArray[np.uint8]:
+    """Convert 16-bit levels, or floats from 0 to 1, to 8 bits."""
     values = np.nan_to_num(levels.astype(np.float64))
-    is_part = np.issubdtype(levels.dtype, np.floating) and values.max(initial=0.0) <= 1.0
-    full = 1.0 if is_part else 65535.0 if values.max(initial=0.0) > 255.0 else 255.0
-    narrowed: NDArray[np.uint8] = np.rint(np.clip(values / full, 0.0, 1.0) * 255.0).astype(np.uint8)
-    return narrowed
+    is_fraction = np.issubdtype(levels.dtype, np.floating) and values.max(initial=0.0) <= 1.0
+    full = 1.0 if is_fraction else 65535.0 if values.max(initial=0.0) > 255.0 else 255.0
+    result: NDArray[np.uint8] = np.rint(np.clip(values / full, 0.0, 1.0) * 255.0).astype(np.uint8)
+    return result

@@ -1,8 +1,9 @@
 """The geometry of level cameras, which look along the floor (thesis sections 5.4.6 and 5.7).
 
-One looks to the left, as sonar 18 does, for door plates, and one ahead for the markers of elevators. Their
-optical axes are level. A column of the image is a direction, rows grow downward, pixels are square, and pixel
-i reaches from i - 0.5 to i + 0.5. Bearings count counterclockwise from the optical axis, in degrees.
+One looks to the left, like sonar 18, for door plates, and one ahead, for the markers of elevators. Their
+optical axes are level. A column of the image is a direction, row indices increase downward, pixels are
+square, and pixel i extends from i - 0.5 to i + 0.5. Bearings count counterclockwise from the optical axis, in
+degrees.
 
 The simulator's cameras are rendered with the same geometry; a test compares the two.
 """
@@ -15,16 +16,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelCamera:
-    """A camera on the robot's axis.
+    """A level camera above the robot's center.
 
     Attributes:
         columns, rows: size of the image, in pixels.
         view_deg: full horizontal angle of view, below 180.
-        yaw_deg: its direction, counterclockwise from ahead: 90 is to the left.
+        yaw_deg: direction of the optical axis, counterclockwise from ahead: 90 is to the left.
         height_mm: height of the lens above the floor.
 
     Raises:
-        ValueError: a number is not in its range.
+        ValueError: a parameter is out of range.
     """
 
     columns: int = 240
@@ -53,7 +54,7 @@ class LevelCamera:
         return math.degrees(math.atan(((self.columns - 1) / 2.0 - column) / self.focal))
 
     def column_of(self, bearing_deg: float) -> float:
-        """Return the column that looks in a direction; it may be outside of the image.
+        """Return the column that looks in a direction; it may be outside the image.
 
         The bearing is within 90 degrees of the optical axis.
         """

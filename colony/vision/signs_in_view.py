@@ -1,6 +1,6 @@
-"""The plates and markers of a map in the view of a camera at a pose, and their places in its image.
+"""The plates and markers of a map in the view of a camera at a pose, and their positions in its image.
 
-Doors are assumed to be shut, and no people in the way.
+Doors are assumed to be closed, and people absent.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class SignInView(NamedTuple):
 def signs_in_view(
     floor: Map, pose: tuple[float, float, float], camera: LevelCamera
 ) -> tuple[SignInView, ...]:
-    """Return the signs that are in the image as a whole and not hidden by a wall, the nearest one first.
+    """Return the signs that are entirely in the image and not hidden by a wall, the nearest one first.
 
     Args:
         floor: the map.
@@ -52,12 +52,12 @@ def signs_in_view(
         corners = corners_of(sign, pose, camera)
         if corners is None or not all(_inside(corner, camera) for corner in corners):
             continue
-        dx, dy = sign.middle.x - pose[0], sign.middle.y - pose[1]
+        dx, dy = sign.center.x - pose[0], sign.center.y - pose[1]
         distance = math.hypot(dx, dy)
-        way = Point(dx / distance, dy / distance)
-        if free_distance(segments, Point(pose[0], pose[1]), way) >= distance - _SLACK_MM:
+        ray = Point(dx / distance, dy / distance)
+        if free_distance(segments, Point(pose[0], pose[1]), ray) >= distance - _SLACK_MM:
             seen.append(SignInView(sign, corners, distance))
-    return tuple(sorted(seen, key=lambda one: one.distance_mm))
+    return tuple(sorted(seen, key=lambda view: view.distance_mm))
 
 
 def corners_of(
@@ -65,25 +65,25 @@ def corners_of(
 ) -> tuple[Corner, Corner, Corner, Corner] | None:
     """Return the corners of a sign in the image, clockwise from the upper left, even if the sign is hidden.
 
-    None if the camera is behind the sign, or nearer than 50 mm.
+    None if the camera is behind the sign, or a corner is less than 50 mm ahead of the camera.
     """
-    wide = sign.end_mm - sign.start_mm
-    high = PLATE_HEIGHT_MM if isinstance(sign, Plate) else STRIPE_HEIGHT_MM
+    width = sign.end_mm - sign.start_mm
+    height = PLATE_HEIGHT_MM if isinstance(sign, Plate) else STRIPE_HEIGHT_MM
     ahead, into = direction(pose[2] + camera.yaw_deg), direction(sign.heading_deg)
-    if (sign.middle.x - pose[0]) * into.x + (sign.middle.y - pose[1]) * into.y <= 0.0:
+    if (sign.center.x - pose[0]) * into.x + (sign.center.y - pose[1]) * into.y <= 0.0:
         return None
     ends = []
-    for half in (-wide / 2, wide / 2):  # the left end first, facing the sign
-        dx = sign.middle.x + half * into.y - pose[0]
-        dy = sign.middle.y - half * into.x - pose[1]
+    for half in (-width / 2, width / 2):  # the left end first, facing the sign
+        dx = sign.center.x + half * into.y - pose[0]
+        dy = sign.center.y - half * into.x - pose[1]
         depth, right = dx * ahead.x + dy * ahead.y, dx * ahead.y - dy * ahead.x
         if depth < _MIN_DEPTH_MM:
             return None
         column = (camera.columns - 1) / 2.0 + camera.focal * right / depth
-        rows = [camera.row_of(SIGN_HEIGHT_MM + side * high / 2, depth) for side in (1.0, -1.0)]
+        rows = [camera.row_of(SIGN_HEIGHT_MM + side * height / 2, depth) for side in (1.0, -1.0)]
         ends.append((column, *rows))
-    (left, left_top, left_bottom), (end, top, bottom) = ends
-    return (left, left_top), (end, top), (end, bottom), (left, left_bottom)
+    (left, left_top, left_bottom), (right, right_top, right_bottom) = ends
+    return (left, left_top), (right, right_top), (right, right_bottom), (left, left_bottom)
 
 
 def _inside(corner: Corner, camera: LevelCamera) -> bool:

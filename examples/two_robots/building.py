@@ -16,7 +16,7 @@ from contextlib import ExitStack
 from threading import Event
 
 from colony.nav.maps.stickrep.reader import load_map
-from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.robot_address import local
 from colony.sim.plant.child import SIMULATOR, plant_socket
 from colony.sim.plant.process import PlantOptions, serve_plant
 

@@ -19,7 +19,12 @@ from typing import Literal, get_args
 import msgspec
 import zenoh
 
-from colony.runtime.assembly.processes.spec import LocalPlaceSpec, RemotePlaceSpec, place_of, place_spec
+from colony.runtime.assembly.processes.spec import (
+    LocalAddressSpec,
+    RemoteAddressSpec,
+    address_of,
+    address_spec,
+)
 from colony.runtime.library.robot import Drive
 from colony.runtime.protocol import codec
 from colony.runtime.protocol.calls import NoArguments, Open
@@ -27,7 +32,7 @@ from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.protocol.messages import Call, Fetch, Right
 from colony.runtime.transport.live import configuration
 from colony.runtime.transport.live.network import local_user
-from colony.runtime.transport.live.place import Place, Remote, local
+from colony.runtime.transport.live.robot_address import Remote, RobotAddress, local
 from tests.attack.lab import Lab
 from tests.cli.machine import ROBOT
 
@@ -59,7 +64,7 @@ class Order(msgspec.Struct, frozen=True, kw_only=True):
     """What to send, where, and as which user. `rate` is messages a second, 0 as many as there go."""
 
     kind: Kind
-    place: LocalPlaceSpec | RemotePlaceSpec
+    robot_address: LocalAddressSpec | RemoteAddressSpec
     user: str
     seconds: float
     most: int = 1_000_000
@@ -104,14 +109,16 @@ def flood(
     lab: Lab, kind: Kind, *, seconds: float, rate: float = 0.0, most: int = 1_000_000
 ) -> Iterator[Flood]:
     """A flood until the end of the block, or until its bounds."""
-    place: Place
+    robot_address: RobotAddress
     if WHO[kind]:
         who = lab.authority.user(WHO[kind])
-        place, user = Remote(robot=ROBOT, endpoint=lab.endpoint, credentials=who), who.user
+        robot_address, user = Remote(robot=ROBOT, endpoint=lab.endpoint, credentials=who), who.user
     else:
-        place, user = local(ROBOT, lab.machine.environment), local_user()
+        robot_address, user = local(ROBOT, lab.machine.environment), local_user()
         rate = rate or LOCAL_RATE
-    order = Order(kind=kind, place=place_spec(place), user=user, seconds=seconds, rate=rate, most=most)
+    order = Order(
+        kind=kind, robot_address=address_spec(robot_address), user=user, seconds=seconds, rate=rate, most=most
+    )
     made = Flood(order)
     try:
         yield made
@@ -163,7 +170,7 @@ def pour(order: Order, ended: Callable[[], bool]) -> int:
             time.sleep(wait)
         return sent < order.most and not ended() and time.monotonic() < due
 
-    settings = configuration.configuration(configuration.settings(place_of(order.place)))
+    settings = configuration.configuration(configuration.settings(address_of(order.robot_address)))
     if order.kind == "strangers":
         print("flows", flush=True)
         while on_time():

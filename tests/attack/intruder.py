@@ -12,7 +12,7 @@ from typing import Any
 
 import zenoh
 
-from colony.runtime.transport.live.place import Credentials
+from colony.runtime.transport.live.robot_address import Credentials
 from tests.attack.lab import MARK, USERS, Lab
 from tests.runtime.transport.live.certificates import Authority, free_port
 

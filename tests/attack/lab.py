@@ -14,7 +14,7 @@ import zenoh
 
 from colony.runtime.kit.connection import Session
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.place import Credentials, local
+from colony.runtime.transport.live.robot_address import Credentials, local
 from colony.runtime.transport.live.security import Permission
 from tests.cli.machine import MAP, ROBOT, Machine, children_of
 from tests.runtime.transport.live.certificates import Authority, free_port

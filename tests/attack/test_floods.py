@@ -11,7 +11,7 @@ import pytest
 
 from colony.runtime.library import robot
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.place import Remote
+from colony.runtime.transport.live.robot_address import Remote
 from tests.attack.flood import KINDS, Kind, flood
 from tests.attack.lab import Lab
 from tests.attack.stops import stop_times

@@ -279,7 +279,7 @@ def test_texts_are_those_that_were_run(colony: Colony, behavior: Path) -> None:
     behavior.write_text("# gone")
     compiled = compile_program(program).compiled
     (source,) = compiled.sources
-    assert (compiled.root, source.place, source.data.decode()) == ("b.colony", "b.colony", text)
+    assert (compiled.root, source.path, source.data.decode()) == ("b.colony", "b.colony", text)
 
 
 PYTHON = """
@@ -342,9 +342,9 @@ def foreign() -> bytes:
 
 MISUSE: list[tuple[bytes | None, str]] = [
     (None, "run.mcap:1:1: error[A001]: cannot read the recording: No such file or directory"),
-    (b"\x89PNG....", "run.mcap:1:1: error[A002]: this is no recording: neither MCAP nor JSON lines"),
-    (foreign(), "run.mcap:1:1: error[A002]: this is MCAP, but no recording of a run"),
-    (b"\x89MCAP0\r\n\x01", "error[A002]: this is MCAP, but no recording of a run: it breaks off"),
+    (b"\x89PNG....", "run.mcap:1:1: error[A002]: this is not a recording: neither MCAP nor JSON lines"),
+    (foreign(), "run.mcap:1:1: error[A002]: this is MCAP, but not a recording of a run"),
+    (b"\x89MCAP0\r\n\x01", "error[A002]: this is MCAP, but not a recording of a run: it breaks off"),
     (b'{"t": 0, "bumper": true}\n', "error[A003]: the recording contains no decision"),
     (b'{"t": 0, "near": 1}\n', "run.mcap:1:10: error[F005]: unknown sensor `near`"),
     (

@@ -1,5 +1,5 @@
 """A view of lowered code as text for people: an op a line, in prefix notation, then memory and what values
-are for. The variants of guards (`heard_guard` and so on) are left out: in a view they equal the guards.
+are for. The variants of guards (`loss_aware_guard` and so on) are left out: in a view they equal the guards.
 
 20 number  select 18 11 13  # turned        value 20: 11 where 18 is true, else 13
 cell 3 `turned`: number 0.0, then 11 where 19
@@ -39,7 +39,7 @@ def _lines(code: Code) -> Iterator[str]:
     for at, cell in enumerate(code.cells):
         start = f"{cell.kind.value} {cell.initial!r}"
         yield f"cell {at} `{cell.name}`: {start}, then {cell.value} where {cell.condition}"
-    for name, at in code.places.items():
+    for name, at in code.memory_cells.items():
         yield f"place `{name}`: cell {at}"
     for call in code.python:
         yield from _python(call)

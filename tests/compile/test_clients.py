@@ -10,8 +10,8 @@ CLIENT = Client(module="m", priority=1, guard=0, exclusive=0)
 
 
 def test_how_many_ways_a_command_has_makes_no_other_client() -> None:
-    assert CLIENT.several_ways is False
-    assert replace(CLIENT, several_ways=True) == CLIENT
+    assert CLIENT.has_several_paths is False
+    assert replace(CLIENT, has_several_paths=True) == CLIENT
     assert replace(CLIENT, guard=1) != CLIENT
 
 

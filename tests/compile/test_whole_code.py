@@ -22,7 +22,7 @@ from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code
-from colony.execute.views import of_clients, of_module, whole
+from colony.execute.views import clients_view, module_view, whole_view
 from colony.verify.testing.agreement import client_disagreement, disagreement
 from colony.verify.testing.strategies import traces
 from tests.compile.listing import listing
@@ -43,19 +43,19 @@ def made_of(path: Path) -> dict[str, str]:
         ".generated.txt": generate(lower(program, clients)),
     }
     code = lower(program, clients).code
-    if len(whole(code).ops) < LONGEST:
+    if len(whole_view(code).ops) < LONGEST:
         texts[".code.txt"] = _listed(code)
     return texts
 
 
 def _listed(code: Code) -> str:
-    parts = [listing(whole(code))]
+    parts = [listing(whole_view(code))]
     for one in code.actuators:
         for client in one.clients:
-            alone = of_clients(code, [(one.actuator.name, client.module)])
+            alone = clients_view(code, [(one.actuator.name, client.module)])
             parts.append(f"--- {client.module} for {one.actuator.name}\n{listing(alone)}")
     for call in code.python:
-        alone = of_module(code, call.module)
+        alone = module_view(code, call.module)
         parts.append(f"--- {call.module}, which is in Python\n{listing(alone)}")
     return "\n".join(parts)
 

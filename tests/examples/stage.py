@@ -17,7 +17,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from colony.runtime.kit.connection import Session
-from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.robot_address import local
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
 from tests.paths import ROOT

@@ -6,7 +6,7 @@ from hypothesis import given
 
 from colony.compile.pipeline import compile_program
 from colony.execute.needs import needs_of_clients, python_modules
-from colony.execute.views import of_clients
+from colony.execute.views import clients_view
 from colony.ir.program import Program
 from colony.verify.testing.strategies import networks, programs
 
@@ -14,11 +14,11 @@ from colony.verify.testing.strategies import networks, programs
 def needs_are_those_of_views(program: Program) -> None:
     compiled = compile_program(program).compiled
     keys = [(actuator, module) for actuator, module, _ in compiled.clients]
-    code = of_clients(compiled.code, keys)
+    code = clients_view(compiled.code, keys)
     found = needs_of_clients(code)
     assert [*found] == keys
     for key, needs in found.items():
-        alone = of_clients(compiled.code, [key])
+        alone = clients_view(compiled.code, [key])
         assert needs.sensors == tuple(s.name for s in alone.sensors)
         assert set(needs.python_modules) == set(python_modules(alone))
         assert {code.cells[i].name for i in needs.cells} == {c.name for c in alone.cells}

@@ -30,7 +30,7 @@ def test_a_run_to_another_floor_reaches_its_goal_there(tmp_path: Path) -> None:
     run.close()
     found = run.result()
     assert (found.failure, found.remark, run.site.floor) == ("", "", "upper")
-    assert (found.letters, found.completed) == ("dvd", 3)
+    assert (found.planned_modes, found.completed) == ("dvd", 3)
     assert found.off_mm < 200.0
     assert found.contacts.fastest_mm_s == 0.0
     assert "slips" not in found.hazards
@@ -39,10 +39,10 @@ def test_a_run_to_another_floor_reaches_its_goal_there(tmp_path: Path) -> None:
 def test_who_is_at_the_goal_of_another_floor_is_astray(tmp_path: Path) -> None:
     """The place below the goal is not the goal."""
     run = Run(specified(tmp_path))
-    run.loop.scripts.ended = lambda name: True  # type: ignore[method-assign]
+    run.loop.scripts.has_ended = lambda name: True  # type: ignore[method-assign]
     goal = run.plan.segments[-1].end
     run.world.place(0, (goal.x_mm, 1100.0, 90.0))
-    assert run.off_mm < 1000.0
+    assert run.goal_error_mm < 1000.0
     assert not run.step()
     run.close()
     assert (run.failure, run.remark) == ("astray", "on ground")

@@ -12,7 +12,7 @@ from colony.dsl.load import load_text
 from colony.experiment.behavior import behavior_from
 from colony.experiment.record import Contacts, LightCount
 from colony.experiment.run_monitor import RunMonitor, mode_of
-from colony.nav.plan.plan import Place, Plan, Segment
+from colony.nav.plan.plan import FloorPoint, Plan, Segment
 from colony.nav.shared import CEILING_LIGHT, GoalKind
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data
@@ -27,8 +27,8 @@ def _segment(kind: GoalKind, start: float, end: float, *lights: float) -> Segmen
     return Segment(
         kind=kind,
         heading_deg=270.0,
-        start=Place(start, 0.0, "floor"),
-        end=Place(end, 0.0, "floor"),
+        start=FloorPoint(start, 0.0, "floor"),
+        end=FloorPoint(end, 0.0, "floor"),
         width_mm=4000.0,
         lights_mm=lights,
     )
@@ -104,11 +104,11 @@ def test_modes_are_counted_as_they_are_entered_and_completed() -> None:
         ((1, 1, 1), (1, 1, 0), 2, "D"),
         ((1, 1, 1), (1, 1, 1), 3, "D"),
     ]
-    assert [mode.needed for mode in stage.monitor.modes()] == [1, 1, 1]
+    assert [mode.needed for mode in stage.monitor.mode_counts()] == [1, 1, 1]
 
 
 def _modes(monitor: RunMonitor) -> tuple[object, ...]:
-    modes = monitor.modes()
+    modes = monitor.mode_counts()
     entered, completed = (tuple(getattr(mode, name) for mode in modes) for name in ("entered", "completed"))
     return entered, completed, monitor.completed, monitor.mode
 
@@ -164,7 +164,7 @@ def test_patience_ends_after_three_times_what_was_expected() -> None:
 
 
 def test_slips_are_noticed_where_wheels_count_what_is_not_driven() -> None:
-    slip = Slip(probability=1.0, turn_deg=0.0, least_mm=30.0, most_mm=80.0)
+    slip = Slip(probability=1.0, turn_deg=0.0, min_mm=30.0, max_mm=80.0)
     plain = bare_scenery(np.array([[50e3, -2e3, 50e3, 2e3]]))
     joints = tuple(Joint(x0_mm=x, y0_mm=-2e3, x1_mm=x, y1_mm=2e3) for x in (2e3, 4e3, 7e3))
     scenery = Scenery(seed=1, walls=plain.walls, silent=plain.silent, joints=joints, slip=slip)

@@ -60,8 +60,8 @@ def test_a_run_around_a_corner_in_a_quiet_building(quiet: RunResult) -> None:
     assert quiet.off_mm < 100.0
     assert abs(quiet.along_mm) <= quiet.off_mm
     assert quiet.distance_mm == pytest.approx(15_113.0, abs=1.0)
-    assert quiet.modes == (ModeCount(1, 1, 1), ModeCount(1, 1, 1), ModeCount(1, 1, 1))
-    assert (quiet.letters, quiet.completed, quiet.failed_mode) == ("lcd", 3, "")
+    assert quiet.mode_counts == (ModeCount(1, 1, 1), ModeCount(1, 1, 1), ModeCount(1, 1, 1))
+    assert (quiet.planned_modes, quiet.completed, quiet.failed_mode) == ("lcd", 3, "")
     assert quiet.lights == LightCount(2, 0, 0)
     assert quiet.contacts == (0, 0.0)
     assert quiet.top_mm_s <= 510.0
@@ -125,7 +125,7 @@ def test_a_robot_that_nobody_sends_anywhere_is_stuck(monkeypatch: pytest.MonkeyP
     found = run(_spec())
     assert (found.failure, found.failed_mode, found.completed) == ("stuck", "L", 0)
     assert found.time_s == pytest.approx(60.0, abs=0.1)
-    assert found.modes[0] == ModeCount(0, 0, 1)
+    assert found.mode_counts[0] == ModeCount(0, 0, 1)
     assert not found.reached
 
 

@@ -67,5 +67,5 @@ def test_confidence_is_counted_from_the_modes() -> None:
     followed = rows["the lights of a corridor are followed to the last one, once the first was found"]
     assert followed[:2] == ["2 of 3", "0.6667"]
     assert path_table(results) == ""  # nobody has passed a corner yet
-    around = [replace(REACHED, letters="lcld", completed=4)]
+    around = [replace(REACHED, planned_modes="lcld", completed=4)]
     assert _cells(path_table(around))[2][:3] == ["350R to 376L", "ld", "1.0000"]

@@ -1,11 +1,11 @@
-"""The walks over a whole program: every expression once, and the network joint by joint."""
+"""The walks over a whole program: every expression once, and the network node by node."""
 
 from __future__ import annotations
 
 from colony.ir.expression import Constant, MemoryCall, SensorValue, subexpressions
 from colony.ir.program import Module
 from colony.ir.walk import all_subexpressions, expressions, expressions_of
-from colony.ir.wiring import joints_of
+from colony.ir.wiring import wiring_graph
 from tests.programs import MS, program
 
 OF = program(
@@ -37,16 +37,16 @@ def test_an_expression_comes_before_its_parts_in_the_order_written() -> None:
 
 
 def test_each_joint_stands_behind_what_it_joins() -> None:
-    wired = joints_of(OF)
-    inner, outer, most, root = wired.joints
-    assert [(j.dominant, j.inferior) for j in wired.joints] == [
+    wired = wiring_graph(OF)
+    inner, outer, most, root = wired.nodes
+    assert [(j.dominant, j.inferior) for j in wired.nodes] == [
         ("m1", "m2"),
         ("m2", inner.name),
         ("m1", outer.name),
         ("m2", most.name),
     ]
-    assert [j.place for j in wired.joints] == [("w", 1, 1), ("w", 1, 0), ("w", 0), ("out", 0)]
-    assert [j.window_ns for j in wired.joints] == [1000 * MS, 0, 2000 * MS, 0]
-    assert [j.relation for j in wired.joints] == ["inhibits", "inhibits", "suppresses", "suppresses"]
+    assert [j.path for j in wired.nodes] == [("w", 1, 1), ("w", 1, 0), ("w", 0), ("out", 0)]
+    assert [j.window_ns for j in wired.nodes] == [1000 * MS, 0, 2000 * MS, 0]
+    assert [j.relation for j in wired.nodes] == ["inhibits", "inhibits", "suppresses", "suppresses"]
     assert (wired.wires, wired.roots) == ({"w": most.name}, {"out": root.name})
     assert most.wire("n", "m1", "m2").wiring.windows_ns == (2000 * MS,)  # type: ignore[union-attr]

@@ -33,7 +33,7 @@ class Stage(ScriptStage):
     @property
     def ended(self) -> set[str]:
         """Who has come to the end."""
-        return {name for name in self.names if self.scripts.ended(name)}
+        return {name for name in self.names if self.scripts.has_ended(name)}
 
     def run(self, seconds: float, each_frame: Callable[[], None] = lambda: None) -> None:
         """Frame by frame, until the time is over or all scripts have ended."""

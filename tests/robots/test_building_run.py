@@ -80,7 +80,7 @@ def test_a_run_tells_what_came_of_it() -> None:
     assert not driven.summary.interrupted
     assert driven.mission_result is None
     (floor,) = driven.floors
-    places = driven.places[floor.name]
+    places = driven.paths[floor.name]
     assert places[0] == (floor.start.x_mm, floor.start.y_mm)
     length_mm = sum(map(math.dist, places, places[1:]))
     assert length_mm == pytest.approx(driven.summary.distance_mm, rel=0.02)

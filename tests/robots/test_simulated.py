@@ -10,7 +10,7 @@ import pytest
 
 from colony.robots.simulated import TruthLog
 from colony.runtime.observe.summary import Travel
-from colony.runtime.transport.live.place import Local
+from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.run_directory import RobotDirectory
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
@@ -22,16 +22,16 @@ FRAME_NS = 50_000_000
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> Local:
+def robot_address(tmp_path: Path) -> Local:
     folder = tmp_path / "rome"
     folder.mkdir(mode=0o700)
     return Local(RobotDirectory(folder, "rome"))
 
 
 @pytest.fixture
-def plant(place: Local) -> Iterator[PlantProcess]:
+def plant(robot_address: Local) -> Iterator[PlantProcess]:
     """A plant whose time passes by commands alone, so that the way is the same in every run."""
-    path = plant_socket(place.directory.path)
+    path = plant_socket(robot_address.directory.path)
     with PlantProcess(path, {"rome": START}, logical_ns=FRAME_NS) as running:
         yield running
 
@@ -51,17 +51,19 @@ def drive(plant: PlantProcess, frames: int) -> Travel:
 
 def seen(log: TruthLog, travel: Travel) -> None:
     """ViewDirection until the log has got this far: it looks not too often."""
-    wait_for(lambda: log.look() and log.travel == travel)
+    wait_for(lambda: log.poll() and log.travel == travel)
 
 
-def test_the_way_of_a_plant_that_was_frozen_is_counted_once(place: Local, plant: PlantProcess) -> None:
-    log = TruthLog(place)
+def test_the_way_of_a_plant_that_was_frozen_is_counted_once(
+    robot_address: Local, plant: PlantProcess
+) -> None:
+    log = TruthLog(robot_address)
     seen(log, drive(plant, 40))
     first = log.travel
     assert first.distance_mm > 500.0
     plant.process.send_signal(signal.SIGSTOP)
     wait_for(lambda: is_frozen(plant.process.pid))
-    wait_for(lambda: not log.look())  # its answer does not come, and the connection is given up
+    wait_for(lambda: not log.poll())  # its answer does not come, and the connection is given up
     assert log.travel == first
     plant.process.send_signal(signal.SIGCONT)
     second = drive(plant, 40)
@@ -71,12 +73,14 @@ def test_the_way_of_a_plant_that_was_frozen_is_counted_once(place: Local, plant:
     assert log.travel == second
 
 
-def test_the_way_of_a_plant_that_died_is_added_to_that_of_the_next(place: Local, plant: PlantProcess) -> None:
-    log = TruthLog(place)
+def test_the_way_of_a_plant_that_died_is_added_to_that_of_the_next(
+    robot_address: Local, plant: PlantProcess
+) -> None:
+    log = TruthLog(robot_address)
     seen(log, drive(plant, 40))
     first = log.travel
     plant.kill()
-    wait_for(lambda: not log.look())
+    wait_for(lambda: not log.poll())
     assert log.travel == first
     plant.start_again()
     second = drive(plant, 20)
@@ -87,8 +91,10 @@ def test_the_way_of_a_plant_that_died_is_added_to_that_of_the_next(place: Local,
     assert log.travel == both
 
 
-def test_a_plant_that_is_asked_by_another_connection_is_the_same(place: Local, plant: PlantProcess) -> None:
-    log = TruthLog(place)
+def test_a_plant_that_is_asked_by_another_connection_is_the_same(
+    robot_address: Local, plant: PlantProcess
+) -> None:
+    log = TruthLog(robot_address)
     seen(log, drive(plant, 10))
     log.close()
     whole = drive(plant, 10)

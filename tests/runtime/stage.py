@@ -14,7 +14,7 @@ from colony.runtime.assembly.sharing import client_processes
 from colony.runtime.frames.publishing import Fields, Publisher
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding, Bindings, SensorBinding
-from colony.runtime.protocol.deployment import ActuatorTable, actuators_of, deployment
+from colony.runtime.protocol.deployment import ActuatorSpec, actuators_of, deployment
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Announcement,
@@ -32,7 +32,7 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.servers.commanding import CommandDispatcher
 from colony.runtime.servers.relaying import ActivityRelay
-from colony.runtime.transport.virtual import Link, VirtualClock, VirtualTransport, perfect
+from colony.runtime.transport.virtual import Link, VirtualClock, VirtualTransport, deliver_immediately
 from tests.runtime.scripted import Log
 
 TIMES = Timing(deadline_ns=40_000_000, grace_ns=5_000_000)
@@ -68,7 +68,7 @@ class TraceServer(QuietNode):
     address = SERVER
 
     def __init__(
-        self, trace: Sequence[Frame], commanded: tuple[ActuatorTable, ...], announced: tuple[str, ...]
+        self, trace: Sequence[Frame], commanded: tuple[ActuatorSpec, ...], announced: tuple[str, ...]
     ) -> None:
         self._trace = trace
         self._publisher = Publisher(SERVER, self._read, keep=100)
@@ -101,7 +101,7 @@ class TraceServer(QuietNode):
         readings = self._trace[tick.k].readings
         return {n: None if r is None else Sample(r, tick.t_ns) for n, r in readings.items()}  # type: ignore[arg-type]
 
-    def _perform(self, actuator: ActuatorTable, values: tuple[ScalarValue, ...], now_ns: int) -> None:
+    def _perform(self, actuator: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> None:
         self.performed.append((now_ns, actuator.name, values))
 
 
@@ -125,7 +125,7 @@ def play(
     *,
     isolate: bool = False,
     order_seed: int = 0,
-    link: Link = perfect,
+    link: Link = deliver_immediately,
 ) -> Played:
     """Run a program's clients over a trace in virtual time, together or each alone."""
     compiled = compile_program(program).compiled
@@ -137,20 +137,20 @@ def play(
             for s in program.robot.sensors
         ),
         actuators=tuple(
-            ActuatorBinding(actuator=a.name, server=SERVER, command=a.name, places=())
+            ActuatorBinding(actuator=a.name, server=SERVER, command=a.name, field_indices=())
             for a in program.robot.actuators
         ),
     )
     log = Log()
     deployed = deployment(compiled, bindings, run="", seed=0)
-    server = TraceServer(trace, actuators_of(deployed, SERVER), compiled.announced)
+    server = TraceServer(trace, actuators_of(deployed, SERVER), compiled.python_modules)
     observer = build_observer(compiled, bindings, (log,), "")
     transport = VirtualTransport(VirtualClock(trace[0].t_ns), seed=order_seed, link=link)
     processes = client_processes(compiled, isolate=isolate)
     nodes: tuple[Node, ...] = (
         server,
         *(node for process in processes for node in build_clients(compiled, bindings, process.clients, "")),
-        *(build_announcer(compiled, bindings, module, "") for module in compiled.announced),
+        *(build_announcer(compiled, bindings, module, "") for module in compiled.python_modules),
         observer,
         TraceClock(trace),
     )

@@ -17,13 +17,13 @@ def test_case_makes_no_difference() -> None:
 
 
 def test_names_that_differ_in_case_alone_are_all_known() -> None:
-    assert did_you_mean("aa", ["AA", "Aa"], most=3) == "did you mean `AA` or `Aa`?"
+    assert did_you_mean("aa", ["AA", "Aa"], max_names=3) == "did you mean `AA` or `Aa`?"
 
 
 def test_the_closest_come_first_and_no_more_than_asked_for() -> None:
     known = ["sonar", "sonars", "bumper", "sonar2"]
     assert did_you_mean("sonarx", known) == "did you mean `sonar`?"
-    assert did_you_mean("sonarx", known, most=2) in (
+    assert did_you_mean("sonarx", known, max_names=2) in (
         "did you mean `sonar` or `sonars`?",
         "did you mean `sonar` or `sonar2`?",
     )

@@ -34,7 +34,7 @@ def test_names_touch_neither_each_other_nor_walls_and_stand_behind_them(path: Pa
         wall = Box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1))
         assert not any(wall.touches(box) for box in boxes)  # walls of these maps run along the axes
     outlines = tuple(corners(ring) for ring in drawn.rings)
-    assert not any(in_free_space(outlines, *name.at) for name in names)
+    assert not any(in_free_space(outlines, *name.center) for name in names)
 
 
 def test_names_are_turned_where_they_would_not_fit_beside_each_other() -> None:

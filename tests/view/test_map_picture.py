@@ -5,7 +5,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 
-from colony.nav.maps.stickrep.geometry import link_places
+from colony.nav.maps.stickrep.geometry import link_endpoints
 from colony.nav.maps.stickrep.reader import load_map
 from colony.view.map_picture import draw_map, encode_picture, picture_format
 from tests.paths import MAPS
@@ -43,7 +43,7 @@ def test_links_are_drawn_between_their_places() -> None:
     [links] = [c for c in draw_map(LOOP).axes[0].collections if c.get_label() == "link"]
     assert isinstance(links, LineCollection)
     drawn = [segment.tolist() for segment in links.get_segments()]
-    assert drawn == [[list(one), list(other)] for one, other in link_places(LOOP)]
+    assert drawn == [[list(one), list(other)] for one, other in link_endpoints(LOOP)]
     assert drawn[0] == [[0.0, 0.0], [2540.0, 2540.0]]
 
 

@@ -28,8 +28,8 @@ def before(
 ) -> tuple[float, float, float]:
     """A pose from which the camera sees a sign: so far from the wall, so far to the right of its middle."""
     angle = math.radians(sign.heading_deg)
-    x = sign.middle.x + away * math.sin(angle) + aside * math.cos(angle)
-    y = sign.middle.y - away * math.cos(angle) + aside * math.sin(angle)
+    x = sign.center.x + away * math.sin(angle) + aside * math.cos(angle)
+    y = sign.center.y - away * math.cos(angle) + aside * math.sin(angle)
     return x, y, (sign.heading_deg - yaw + turned) % 360.0
 
 

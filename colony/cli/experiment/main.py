@@ -127,15 +127,15 @@ def command(
     plot: Path | None,
     write: Path | None,
     format_: str,
-    **asked_for: Any,
+    **options: Any,
 ) -> None:
     """Simulate a list of runs, each with many seeds, and report the results.
 
     LIST is `thesis`, the forty published runs; `random`, random pairs of rooms on a map; `floors`, random
-    pairs of rooms on different floors, connected by elevators; or a CSV file with two columns, from and to.
-    Three more lists are studies: `plates` measures how well door plates are found on the eleven published
-    walks, `lights` how well ceiling lights are detected on the forty runs, and `sources` how much each source
-    of the pose estimate contributes.
+    pairs of rooms on different floors, connected by elevators; or the name of a CSV file with two
+    columns, from and to. Three more lists are studies: `plates` measures how well door plates are found
+    on the eleven published walks, `lights` how well ceiling lights are detected on the forty runs, and
+    `sources` how much each source of the pose estimate contributes.
 
     The seed determines all randomness of a run: an experiment can be repeated bit for bit, with any number of
     workers. With --output, Ctrl-C loses no finished run.
@@ -154,7 +154,7 @@ def command(
       colony experiment plates --seeds 10 -o plates.sqlite --write docs/plates.md
     """
     expect_extras("sim", "vision")
-    _check_map(asked_for["map_path"])
+    _check_map(options["map_path"])
     from colony.sim.compiling import announcing_compilation
 
     with announcing_compilation(say):
@@ -162,19 +162,19 @@ def command(
         from colony.experiment.request import ExperimentRequest, experiment_of
 
     with _reporting_errors():
-        study, asked = experiment_of(ExperimentRequest(**asked_for))
-        _check(study, asked, audit, plot)
-        check_outputs(asked, output, plot, write)
-        found = _carry_out(study, asked, output, _engine(engine, workers), audit)
-        write_outputs(study, asked, found, plot=plot, page=write, as_json=format_ == "json")
-    if found.differences:
+        study, experiment = experiment_of(ExperimentRequest(**options))
+        _check(study, experiment, audit, plot)
+        check_outputs(experiment, output, plot, write)
+        outcome = _carry_out(study, experiment, output, _engine(engine, workers), audit)
+        write_outputs(study, experiment, outcome, plot=plot, page=write, as_json=format_ == "json")
+    if outcome.differences:
         raise click.exceptions.Exit(EXIT_ERRORS)
-    if found.interrupted:
+    if outcome.interrupted:
         raise click.exceptions.Exit(EXIT_INTERRUPTED)
 
 
 def _check_map(path: str | None) -> None:
-    """Refuse a bad map before the simulator is imported, which takes long."""
+    """Refuse an invalid map before the simulator is imported, which takes long."""
     from colony.nav.maps.building import load_building
     from colony.text.diagnostics import DiagnosticError
 
@@ -206,16 +206,16 @@ def _reporting_errors() -> Iterator[None]:
         raise click.exceptions.Exit(EXIT_MISUSE) from None
 
 
-def _check(study: Study[Any], asked: Experiment, audit: float, plot: Path | None) -> None:
+def _check(study: Study[Any], experiment: Experiment, audit: float, plot: Path | None) -> None:
     """Refuse impossible drawings and audits."""
     from colony.experiment.request import MisuseError
 
-    if study.has_own_variant and (plot is not None or audit or asked.variant != "ours"):
+    if study.has_own_variant and (plot is not None or audit or experiment.variant != "ours"):
         raise MisuseError(f"`{study.name}` has its own variant; leave out --plot, --audit and --variant")
-    for run in asked.runs if plot is not None else ():
+    for run in experiment.runs if plot is not None else ():
         if run.rides:
-            instead = f"`colony run ... --from {run.origin} --to {run.goal}` draws each floor"
-            raise MisuseError(f"--plot cannot draw elevator rides; run {run.number} has one: {instead}")
+            alternative = f"`colony run ... --from {run.origin} --to {run.goal}` draws each floor"
+            raise MisuseError(f"--plot cannot draw elevator rides; run {run.number} has one: {alternative}")
 
 
 def _engine(text: str, workers: int | None) -> Engine:
@@ -236,7 +236,7 @@ def _engine(text: str, workers: int | None) -> Engine:
 
 
 def _carry_out(
-    study: Study[Any], asked: Experiment, output: Path | None, engine: Engine, part: float
+    study: Study[Any], experiment: Experiment, output: Path | None, engine: Engine, fraction: float
 ) -> ExperimentOutcome:
     """Run the missing runs and the audits; return the results, even if interrupted."""
     from colony.cli.experiment.outputs import ExperimentOutcome
@@ -249,10 +249,12 @@ def _carry_out(
     with Results(output, study.table) as results:
         try:
             with progress("run") as on_progress:
-                conduct(asked, study.work, results, engine, on_progress=on_progress)
-            if part > 0.0:
+                conduct(experiment, study.work, results, engine, on_progress=on_progress)
+            if fraction > 0.0:
                 with progress("audited") as on_audit_progress:
-                    audits = conduct_audit(asked, engine, part, on_progress=on_audit_progress)
+                    audits = conduct_audit(experiment, engine, fraction, on_progress=on_audit_progress)
         except KeyboardInterrupt:
             interrupted = True
-        return ExperimentOutcome(results=results_of(asked, results), audits=audits, interrupted=interrupted)
+        return ExperimentOutcome(
+            results=results_of(experiment, results), audits=audits, interrupted=interrupted
+        )

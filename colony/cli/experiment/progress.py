@@ -1,4 +1,4 @@
-"""The progress of an experiment on standard error: a bar on a terminal, else a line every tenth."""
+"""Progress of an experiment on stderr: a bar on a terminal, otherwise a line per tenth of the runs."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ AnyResult = RunResult | AuditedRun | PlateResult | LightResult | SourceResult
 
 
 class ReportProgress(Protocol):
-    """A function that takes the number of finished runs, the number of all runs, and the latest result."""
+    """A function that takes the number of finished runs, the total, and the latest result."""
 
-    def __call__(self, done: int, of: int, latest: AnyResult) -> None:
-        """Report that `done` of `of` runs are finished."""
+    def __call__(self, completed: int, total: int, latest: AnyResult) -> None:
+        """Report that `completed` of `total` runs are finished."""
         ...
 
 
@@ -30,11 +30,11 @@ def progress(what: str) -> Iterator[ReportProgress]:
     """Report the progress of `what` ("run", "audited") inside the `with`; the bar is removed at the end."""
     failed = 0
 
-    def line(done: int, of: int, latest: AnyResult) -> None:
+    def line(completed: int, total: int, latest: AnyResult) -> None:
         nonlocal failed
         failed += is_bad(latest)
-        if done * 10 // of > (done - 1) * 10 // of:
-            say(f"{100 * done // of} %: {done} of {of} {what}, {failed} bad")
+        if completed * 10 // total > (completed - 1) * 10 // total:
+            say(f"{100 * completed // total} %: {completed} of {total} {what}, {failed} bad")
 
     if not sys.stderr.isatty():
         yield line
@@ -52,11 +52,11 @@ def progress(what: str) -> Iterator[ReportProgress]:
     )
     task = display.add_task(what, total=None)
 
-    def bar(done: int, of: int, latest: AnyResult) -> None:
+    def bar(completed: int, total: int, latest: AnyResult) -> None:
         nonlocal failed
         failed += is_bad(latest)
-        text = f"{what}, {failed} bad; latest: {described(latest)}"
-        display.update(task, completed=done, total=of, description=text)
+        text = f"{what}, {failed} bad; latest: {describe(latest)}"
+        display.update(task, completed=completed, total=total, description=text)
 
     with display:
         yield bar
@@ -67,15 +67,15 @@ def is_bad(latest: AnyResult) -> bool:
     return bool(latest.difference if isinstance(latest, AuditedRun) else latest.failure)
 
 
-def described(latest: AnyResult) -> str:
+def describe(latest: AnyResult) -> str:
     """Return a short description of a run."""
-    which = f"run {latest.key.number}, seed {latest.key.seed}"
+    run = f"run {latest.key.number}, seed {latest.key.seed}"
     match latest:
         case AuditedRun():
-            return f"{which}, {latest.frames} frames"
+            return f"{run}, {latest.frames} frames"
         case RunResult():
-            return f"{which}, {latest.failure or 'reached'}, {latest.off_mm / 1000:.2f} m off"
+            return f"{run}, {latest.failure or 'reached'}, {latest.off_mm / 1000:.2f} m off"
         case PlateResult() | LightResult() | SourceResult():
-            return f"{which}, {latest.failure or 'reached'}"
+            return f"{run}, {latest.failure or 'reached'}"
         case _:
             assert_never(latest)

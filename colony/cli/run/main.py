@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
-from colony.cli.places import (
+from colony.cli.reporting import refuse, report, say
+from colony.cli.robot_options import (
     connect_option,
-    place_of,
     reporting_connection_errors,
+    robot_address_of,
     robot_option,
     security_option,
 )
-from colony.cli.reporting import refuse, report, say
 from colony.cli.run.options import DURATION, OptionError, Options, objection, request_of
 from colony.cli.shipped_files import BEHAVIOR, map_option
 from colony.extras import expect_extras
@@ -48,7 +48,7 @@ PICTURE = "run.png"
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
-    help="The seed of chance and of the sensors' noise.",
+    help="The seed of all random numbers, such as the sensors' noise.",
 )
 @click.option(
     "--duration",
@@ -114,15 +114,15 @@ def command(**given: Any) -> None:
 
     With --from and --to a planner and its helpers lead the robot from room to room, for a behavior that takes
     goals, such as navigator.colony. The run ends when the robot has arrived; the exit code is 1 if it has
-    not. A room on another floor that elevators lead to is `2:250R` or `msu_engineering_2:250R`. In one
-    process an operator who presses the elevator buttons is simulated; with --connect you are asked at the
+    not. A room on another floor that elevators lead to is written `2:250R` or `msu_engineering_2:250R`. In
+    one process an operator who presses the elevator buttons is simulated; with --connect you are asked at the
     terminal to press them. With --connect the robot must stand before the room --from, on the map --map
     (docs/missions.md).
 
     At the end the command prints a summary (how long each client drove, the distance, the bumps, the broken
-    contracts) and draws the path. Ctrl-C stops the robot, closes the recording and prints the summary, with
-    exit code 130. A recording that fails, for example on a full disk, ends the run in the same way, with exit
-    code 1.
+    contracts) and draws the path. Ctrl-C stops the robot, closes the recording and prints the summary; the
+    exit code is then 130. A recording that fails, for example on a full disk, ends the run in the same way,
+    with exit code 1.
 
     Exit code: 0 if all contracts held, 1 if a contract was broken, the program has errors or the run broke
     off, 2 for misuse or if the picture cannot be written.
@@ -140,9 +140,9 @@ def command(**given: Any) -> None:
       colony run wander --connect tls/rome.lab:7447 --security ada.toml
     """
     options = Options(**given)
-    wrong = objection(options)
-    if wrong is not None:
-        raise click.UsageError(wrong, click.get_current_context())
+    reason = objection(options)
+    if reason is not None:
+        raise click.UsageError(reason, click.get_current_context())
     from colony.cli.programs import load_compiled
 
     if options.map_path is not None:
@@ -150,20 +150,20 @@ def command(**given: Any) -> None:
     compiled = load_compiled(options.file)
     picture = None if options.no_picture or options.connect is not None else options.picture or PICTURE
     with _reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
-        from colony.cli.run.outputs import check_outputs, drawn
+        from colony.cli.run.outputs import check_outputs, draw
         from colony.nav.maps.stickrep.reader import load_map
 
         request = request_of(compiled.robot, options)
         check_outputs(options.record, picture, [p for p in (options.file, options.map_path) if p is not None])
         if options.map_path is not None:
             load_map(options.map_path)  # before the simulator is imported, which takes long
-        result = _driven(compiled, request, options)
+        result = _drive(compiled, request, options)
         if picture is not None:
-            result = drawn(result, compiled.name, picture)
+            result = draw(result, compiled.name, picture)
     _print_summary(result, options.record, picture, options.format_)
 
 
-def _driven(compiled: Compiled, request: RunRequest, options: Options) -> RunReport:
+def _drive(compiled: Compiled, request: RunRequest, options: Options) -> RunReport:
     from colony.cli.run.user_interface import TERMINAL_INTERFACE
 
     if not options.processes and options.connect is None:
@@ -174,13 +174,13 @@ def _driven(compiled: Compiled, request: RunRequest, options: Options) -> RunRep
         return run_in_building(compiled, request, TERMINAL_INTERFACE)
     with reporting_connection_errors():
         from colony.robots.process_run import run_served, run_simulated
-        from colony.runtime.transport.live.place import Local
+        from colony.runtime.transport.live.robot_address import Local
 
         name = compiled.name if options.robot is None else options.robot
-        place = place_of(name, options.connect, options.security)
-        if options.connect is None and isinstance(place, Local):
-            return run_simulated(compiled, place, request, TERMINAL_INTERFACE)
-        return run_served(compiled, place, request, TERMINAL_INTERFACE)
+        robot_address = robot_address_of(name, options.connect, options.security)
+        if options.connect is None and isinstance(robot_address, Local):
+            return run_simulated(compiled, robot_address, request, TERMINAL_INTERFACE)
+        return run_served(compiled, robot_address, request, TERMINAL_INTERFACE)
 
 
 @contextmanager
@@ -208,10 +208,10 @@ def _reporting_failures() -> Iterator[None]:
 def _print_summary(result: RunReport, record: str | None, picture: str | None, format_: str) -> None:
     summary, mission_result = result.summary, result.mission_result
     if format_ == "json":
-        written: dict[str, object] = {"recording": record, "picture": picture}
+        outputs: dict[str, object] = {"recording": record, "picture": picture}
         if mission_result is not None:
-            written["arrival"] = mission_result._asdict()
-        click.echo(json.dumps(summary.as_json() | written, indent=2))
+            outputs["arrival"] = mission_result._asdict()
+        click.echo(json.dumps(summary.as_json() | outputs, indent=2))
     else:
         from colony.runtime.observe.summary import render
 

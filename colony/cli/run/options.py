@@ -25,7 +25,7 @@ DURATION = "60"
 
 
 class OptionError(ValueError):
-    """An option's value is invalid; the message says what was found and what was expected."""
+    """An option's value is invalid; the message has what was found and what was expected."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,8 +60,8 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
     Raises:
         OptionError: an option's value is invalid.
     """
-    endless = options.connect is not None or options.goal is not None
-    duration = options.duration or (None if endless else DURATION)
+    is_open_ended = options.connect is not None or options.goal is not None
+    duration = options.duration or (None if is_open_ended else DURATION)
     return RunRequest(
         file=options.file,
         map_path=options.map_path,
@@ -80,7 +80,7 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
 
 
 def objection(options: Options) -> str | None:
-    """Return the reason why options exclude each other, None if they do not."""
+    """Return the reason why the options cannot be combined; None if they can."""
     connected, mapped = options.connect is not None, options.map_path is not None
     has_goal = options.goal is not None
     if not connected and not mapped:
@@ -126,15 +126,16 @@ MAX_CAMERAS = 8
 
 
 def cameras(texts: tuple[str, ...]) -> dict[str, ViewDirection]:
-    """Parse cameras: their servers with viewing directions in degrees counterclockwise from ahead, or up.
+    """Parse cameras; return their viewing directions by server name.
 
-    A text is a direction, or a name and one: `left=90`, `CServerUp=up`. A single camera without a name is
-    `CServer`, one with a name `CServer_name`, unless the name is that of a server already.
+    A direction is `up`, or degrees counterclockwise from ahead. A text is a direction, or a name and a
+    direction: `left=90`, `CServerUp=up`. The server of a camera without a name is `CServer`, that of a camera
+    with a name `CServer_name`, unless the name already begins with `CServer`.
 
     Raises:
-        OptionError: a text is not of this form, or two cameras have one name.
+        OptionError: a text is not of this form, or two cameras have the same name.
     """
-    out: dict[str, ViewDirection] = {}
+    directions: dict[str, ViewDirection] = {}
     for text in texts:
         name, equals, direction = text.rpartition("=")
         view = _view_direction(direction)
@@ -142,14 +143,14 @@ def cameras(texts: tuple[str, ...]) -> dict[str, ViewDirection]:
             expected = "degrees, `up`, or a name and one of these: left=90"
             raise OptionError(f"--camera: found `{text}`; expected {expected}")
         server = name if name.startswith("CServer") else f"CServer_{name}" if name else "CServer"
-        if server in out:
+        if server in directions:
             raise OptionError(
                 f"--camera: two cameras are named `{name}`" if name else "--camera: two cameras have no name"
             )
-        out[server] = view
-    if len(out) > MAX_CAMERAS:
-        raise OptionError(f"--camera: found {len(out)} cameras; expected at most {MAX_CAMERAS}")
-    return out
+        directions[server] = view
+    if len(directions) > MAX_CAMERAS:
+        raise OptionError(f"--camera: found {len(directions)} cameras; expected at most {MAX_CAMERAS}")
+    return directions
 
 
 def _view_direction(text: str) -> ViewDirection | None:
@@ -162,13 +163,14 @@ def _view_direction(text: str) -> ViewDirection | None:
 def variables(robot: Robot, settings: tuple[str, ...]) -> dict[str, Value]:
     """Parse DServer's variables from texts `NAME=VALUE`, in the units of the sensors that read them.
 
-    A value is a number, with or without a unit, true or false, an enumerator, or a list `[1, 2]` of those.
+    A value is a number, with or without a unit; true or false; an enumerator; or a list of such values: `[1,
+    2]`.
 
     Raises:
         OptionError: a text is not of this form, no sensor reads the variable, or the value has another type.
     """
     readers = {s.field: s for s in robot.sensors if s.server == "DServer"}
-    out: dict[str, Value] = {}
+    values: dict[str, Value] = {}
     for setting in settings:
         name, equals, text = setting.partition("=")
         name = name.strip().removeprefix("DServer.")
@@ -178,8 +180,8 @@ def variables(robot: Robot, settings: tuple[str, ...]) -> dict[str, Value]:
         if sensor is None:
             hint = name_hint(name, readers)
             raise OptionError(f"--set: no sensor reads DServer.{name}; {hint}")
-        out[name] = _value(sensor, text.strip())
-    return out
+        values[name] = _value(sensor, text.strip())
+    return values
 
 
 def _value(sensor: Sensor, text: str) -> Value:
@@ -195,8 +197,8 @@ def _value(sensor: Sensor, text: str) -> Value:
     return _scalar(sensor, sensor.type, text)
 
 
-def _scalar(sensor: Sensor, type: Scalar, text: str) -> ScalarValue:
-    match type:
+def _scalar(sensor: Sensor, type_: Scalar, text: str) -> ScalarValue:
+    match type_:
         case Bool():
             if text in ("true", "false"):
                 return text == "true"
@@ -218,7 +220,7 @@ def _scalar(sensor: Sensor, type: Scalar, text: str) -> ScalarValue:
 
 
 def _quantity(text: str, dimension: Dimension, factor: float) -> float | None:
-    """Parse a number, or one with a unit of this dimension; return it in units of `factor` base units.
+    """Parse a number, with or without a unit of this dimension; return it in units of `factor` base units.
 
     Returns None for any other text.
     """

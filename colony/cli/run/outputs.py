@@ -38,11 +38,12 @@ def check_outputs(record: str | None, picture: str | None, inputs: Iterable[str]
             check_output(path, list(inputs))
 
 
-def drawn(result: RunReport, robot: str, path: str) -> RunReport:
-    """Draw each floor with the robot's path on it: the first one into `path`, the others beside it.
+def draw(result: RunReport, robot: str, path: str) -> RunReport:
+    """Draw each floor with the robot's path: the first floor into `path`, each other one into a file beside
+    it.
 
-    The others are named after their floors: run.png and run.msu_engineering_2.png. The returned result lists
-    them, or the first picture that could not be written, which has been reported.
+    The other files are named after their floors: run.png and run.msu_engineering_2.png. The returned result
+    lists them. If a picture cannot be written, that has been reported, and the result lists it as unwritten.
     """
     import numpy as np
 
@@ -51,7 +52,7 @@ def drawn(result: RunReport, robot: str, path: str) -> RunReport:
     target = Path(path)
     others: list[str] = []
     for number, floor in enumerate(result.floors):
-        path_xy = np.array(result.places.get(floor.name, ()), dtype=np.float64).reshape(-1, 2)
+        path_xy = np.array(result.paths.get(floor.name, ()), dtype=np.float64).reshape(-1, 2)
         picture = draw_map(floor, [path_xy], names=[robot])
         file = target if number == 0 else target.with_suffix(f".{floor.name}{target.suffix}")
         try:

@@ -1,4 +1,7 @@
-"""Progress of a run on standard error: a bar on a terminal, else a line every tenth."""
+"""Progress of a run on standard error: a bar on a terminal, otherwise lines.
+
+A run of fixed length prints a line per tenth, another one a line every `REPORT_INTERVAL_NS`.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +15,18 @@ REPORT_INTERVAL_NS = 10_000_000_000
 
 
 class Progress:
-    """A sink that reports the progress of a run of `length_ns`, None for one without a fixed length.
+    """A sink that reports the progress of a run. Stateful: remembers the last report.
 
-    Mutable: the last report. On a terminal it shows a bar of rich, which is imported only there and removed
-    at the end.
+    On a terminal it shows a progress bar, which is removed at the end. Only then is `rich` imported.
+
+    Args:
+        length_ns: length of the run; None if it is not fixed.
     """
 
     def __init__(self, length_ns: int | None) -> None:
         self._length_ns = length_ns
-        self._part_ns = REPORT_INTERVAL_NS if length_ns is None else length_ns / 10
-        self._parts = 0
+        self._interval_ns = REPORT_INTERVAL_NS if length_ns is None else length_ns / 10
+        self._intervals = 0
         self._bar = _Bar(length_ns) if sys.stderr.isatty() else None
 
     def take(self, log: FrameLog) -> None:
@@ -29,10 +34,14 @@ class Progress:
         if self._bar is not None:
             self._bar.show(log)
             return
-        parts = int(log.tick.t_ns // self._part_ns)
-        if parts > self._parts:
-            self._parts = parts
-            say(_progress_text(log) if self._length_ns is None else f"{10 * parts} %: {_progress_text(log)}")
+        intervals = int(log.tick.t_ns // self._interval_ns)
+        if intervals > self._intervals:
+            self._intervals = intervals
+            say(
+                _progress_text(log)
+                if self._length_ns is None
+                else f"{10 * intervals} %: {_progress_text(log)}"
+            )
 
     def close(self) -> None:
         """Remove the bar."""
@@ -46,7 +55,7 @@ def _progress_text(log: FrameLog) -> str:
 
 
 class _Bar:
-    """A progress bar. Mutable: rich's display."""
+    """A progress bar. Mutable."""
 
     def __init__(self, length_ns: int | None) -> None:
         from rich.console import Console

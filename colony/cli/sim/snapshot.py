@@ -1,4 +1,4 @@
-"""`colony sim snapshot`: the views of a robot's cameras at a place."""
+"""`colony sim snapshot`: the views of a robot's cameras at a position."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _speed(context: click.Context, option: click.Parameter, value: float) -> flo
     "where",
     required=True,
     metavar="PLACE",
-    help="The robot's place: in the corridor before a room (376), a jamb (376L) or an elevator; "
+    help="The robot's position: in the corridor before a room (376), a jamb (376L) or an elevator; "
     "or X,Y,HEADING, in mm and degrees.",
 )
 @click.option(
@@ -123,7 +123,7 @@ def snapshot_command(
     """
     expect_extras("sim")
     from colony.nav.maps.stickrep.reader import load_map
-    from colony.nav.maps.viewpoints import NoPlaceError
+    from colony.nav.maps.viewpoints import NoViewpointError
     from colony.text.diagnostics import DiagnosticError
 
     try:
@@ -132,7 +132,7 @@ def snapshot_command(
     except DiagnosticError as failure:
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_MISUSE) from None
-    except NoPlaceError as problem:
+    except NoViewpointError as problem:
         say(f"{path}: error: {problem}")
         raise click.exceptions.Exit(EXIT_MISUSE) from None
     names = (*_YAWS, "up")
@@ -159,15 +159,15 @@ def _pose(floor: Map, where: str, facing: float | None) -> _Pose:
     """Return the robot's pose.
 
     Raises:
-        NoPlaceError: the map has no such place, it has no corridor, or there are two headings.
+        NoViewpointError: the map has no such position, it is not in a corridor, or there are two headings.
     """
-    from colony.nav.maps.viewpoints import NoPlaceError, parse_pose, pose_before
+    from colony.nav.maps.viewpoints import NoViewpointError, parse_pose, viewpoint_of
 
     if "," in where:
         if facing is not None:
-            raise NoPlaceError(f"`{where}` has a heading already; leave out --facing")
+            raise NoViewpointError(f"`{where}` has a heading already; leave out --facing")
         return parse_pose(floor, where)
-    x, y, heading = pose_before(floor, where)
+    x, y, heading = viewpoint_of(floor, where)
     return x, y, heading if facing is None else facing % 360.0
 
 
@@ -179,8 +179,8 @@ def _view_text(floor: Map, pose: _Pose, name: str, size: tuple[int, int]) -> str
     if name not in _YAWS:
         return "the ceiling"
     camera = LevelCamera(columns=size[0], rows=size[1], yaw_deg=_YAWS[name])
-    seen = [sign for sign in signs_in_view(floor, pose, camera) if _width(sign) >= _MIN_SIGN_WIDTH_PX]
-    return "; ".join(map(_sign, seen)) or "neither plate nor marker"
+    signs = [sign for sign in signs_in_view(floor, pose, camera) if _width(sign) >= _MIN_SIGN_WIDTH_PX]
+    return "; ".join(map(_sign, signs)) or "neither plate nor marker"
 
 
 def _width(sign: SignInView) -> float:
@@ -192,10 +192,10 @@ def _sign(sign: SignInView) -> str:
 
     match sign.sign:
         case Plate(text=text):
-            what = f"plate {text}"
+            label = f"plate {text}"
         case Marker(code=code, node=node):
-            what = f"marker {code:0{MARKER_BITS}b} of {node}"
+            label = f"marker {code:0{MARKER_BITS}b} of {node}"
         case _:
             assert_never(sign.sign)
     (left, _), (right, _), *_ = sign.corners
-    return f"{what}, columns {left:.0f} to {right:.0f}, {sign.distance_mm / 1000:.2f} m away"
+    return f"{label}, columns {left:.0f} to {right:.0f}, {sign.distance_mm / 1000:.2f} m away"

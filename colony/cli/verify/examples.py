@@ -19,7 +19,7 @@ from colony.verify.testing.differential import Breach, Nondeterministic, Report,
 
 
 def reports(program: Program, count: int, seed: int, *, faults: bool = False) -> Iterator[Report]:
-    """Draw `count` traces from `seed`; yield the results so far after each.
+    """Draw `count` traces from `seed`, and yield the results so far after each trace.
 
     Every trace goes through all executors and the runtime in virtual time; with `faults`, also through a run
     in which processes die and messages get lost.
@@ -40,12 +40,12 @@ def reports(program: Program, count: int, seed: int, *, faults: bool = False) ->
     )
 
 
-# --- for people ------------------------------------------------------------------------------------
+# --- text ------------------------------------------------------------------------------------
 
 
 def lines(program: Program, report: Report, known: Collection[str] = ()) -> tuple[str, ...]:
     """Return the results as text, without the traces of contracts that are `known` to be broken."""
-    text = [_tried(report)]
+    text = [_headline(report)]
     if report.disagreement is not None:
         text += ["this is a bug in colony; please report it with the file and the trace:"]
         text += str(report.disagreement).splitlines()
@@ -61,14 +61,14 @@ def bug(report: Report) -> str | None:
     return None if report.disagreement is None else f"executors disagree: {report.disagreement}"
 
 
-def _tried(report: Report) -> str:
+def _headline(report: Report) -> str:
     drawn = f"{counted(report.drawn, 'trace')} of {report.asked}" if report.drawn < report.asked else ""
     what = f"{drawn or counted(report.drawn, 'trace')} with {counted(report.frames, 'frame')}"
     what += f" from seed {report.seed}"
     if report.disagreement is not None:
         return f"{what}: executors DISAGREE"
     if report.nondeterministic is not None:
-        return f"{what}: given up, as {report.nondeterministic.module.name} is not deterministic"
+        return f"{what}: stopped, as {report.nondeterministic.module.name} is not deterministic"
     return f"{what}: all executors agree"
 
 
@@ -104,26 +104,26 @@ def findings(
     """Return the errors that the traces revealed, each with the frames that lead to it.
 
     There is one for every broken contract, except those `known` to be broken, and one for a Python module
-    that is not deterministic. `file` is the file that hints offer to add tests to, if any.
+    that is not deterministic. `file` is the file to which hints suggest adding tests, if any.
     """
-    made: dict[Diagnostic, tuple[TraceStep, ...]] = {}
+    errors: dict[Diagnostic, tuple[TraceStep, ...]] = {}
     for breach in report.breaches:
         if breach.contract.name not in known:
             steps = _steps(program, breach.trace, breach.contract.span)
-            made[_broken(program, breach, file)] = steps
+            errors[_broken(program, breach, file)] = steps
     if report.nondeterministic is not None:
         steps = _steps(program, report.nondeterministic.trace, report.nondeterministic.module.span)
-        made[_nondeterministic(report.nondeterministic)] = steps
-    return made
+        errors[_nondeterministic(report.nondeterministic)] = steps
+    return errors
 
 
 def _broken(program: Program, breach: Breach, file: str | None) -> Diagnostic:
     from colony.verify.contracts.breach import refutation
     from colony.verify.contracts.report import finding
 
-    found = finding(refutation(program, breach), file)
-    assert found is not None, "it is refuted"
-    return found
+    diagnostic = finding(refutation(program, breach), file)
+    assert diagnostic is not None, "it is refuted"
+    return diagnostic
 
 
 def _nondeterministic(nondeterministic: Nondeterministic) -> Diagnostic:
@@ -141,12 +141,12 @@ def _steps(program: Program, frames: Sequence[Frame], span: Span) -> tuple[Trace
     """Return a step per frame: its time, the commands of all actuators, and the sensors' values."""
     from colony.verify.contracts.report import readable_frames
 
-    snapshots = (snapshot_of(program, x)._replace(t_ns=x.t_ns - frames[0].t_ns) for x in frames)
+    snapshots = (snapshot_of(program, frame)._replace(t_ns=frame.t_ns - frames[0].t_ns) for frame in frames)
     steps = readable_frames(program, snapshots, reference(program, frames))
-    return tuple(TraceStep(span, happens, given) for happens, given in steps)
+    return tuple(TraceStep(span, event, values) for event, values in steps)
 
 
-# --- for programs ----------------------------------------------------------------------------------
+# --- JSON ----------------------------------------------------------------------------------
 
 
 def row(program: Program, report: Report) -> dict[str, object]:

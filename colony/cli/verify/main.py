@@ -89,7 +89,7 @@ def command(
         for verified in loaded:
             done.append(verified)
             with progress() as on_progress, reliable_interrupts():
-                work.on(verified, on_progress)
+                work.run(verified, on_progress)
             if format_ == "text":
                 show(verified)
     except KeyboardInterrupt:
@@ -102,7 +102,7 @@ def command(
 
 
 def _check_names(names: Sequence[str], files: Sequence[Verified], context: click.Context) -> None:
-    """Refuse the name of an unknown contract, unless a file has errors, which may explain it."""
+    """Refuse the name of an unknown contract, unless a file has errors: it may declare the contract."""
     if any(verified.program is None for verified in files):
         return
     known = {c.name for verified in files if verified.program for c in verified.program.contracts}
@@ -115,6 +115,6 @@ def _check_names(names: Sequence[str], files: Sequence[Verified], context: click
 def _exit_code(done: Sequence[Verified]) -> int:
     from colony.text.diagnostics import has_errors
 
-    if any(is_unreadable(verified.found) for verified in done):
+    if any(is_unreadable(verified.diagnostics) for verified in done):
         return EXIT_MISUSE
-    return EXIT_ERRORS if any(has_errors(verified.found) or verified.bug for verified in done) else 0
+    return EXIT_ERRORS if any(has_errors(verified.diagnostics) or verified.bug for verified in done) else 0

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 def show(verified: Verified) -> None:
     """Print one line per contract, with any refuting run, and the diagnostics on standard error."""
     if verified.program is None:
-        if is_unreadable(verified.found):
-            say(one_line(verified.found[0]))
+        if is_unreadable(verified.diagnostics):
+            say(one_line(verified.diagnostics[0]))
         else:
-            report(verified.found)
+            report(verified.diagnostics)
         return
     from colony.verify.contracts.prove import in_order
     from colony.verify.contracts.report import lines
@@ -37,22 +37,22 @@ def show(verified: Verified) -> None:
         for line in below:
             click.echo(f"  {line}")
     if verified.report is not None:
-        from colony.cli.verify.examples import lines as tried
+        from colony.cli.verify.examples import lines as example_lines
 
-        for line in tried(verified.program, verified.report, verified.known):
+        for line in example_lines(verified.program, verified.report, verified.known):
             click.echo(f"{verified.file}: {line}" if not line.startswith(" ") else f"  {line}")
-    if verified.left_open:
-        click.echo(f"{verified.file}: {_left_open(verified)}")
-    report(verified.found)
+    if verified.undecided_questions:
+        click.echo(f"{verified.file}: {_undecided_text(verified)}")
+    report(verified.diagnostics)
 
 
-def _left_open(verified: Verified) -> str:
-    questions = counted(verified.left_open, "question")
+def _undecided_text(verified: Verified) -> str:
+    questions = counted(verified.undecided_questions, "question")
     return f"not decided in time: {questions} about modules that can never act; raise --timeout"
 
 
 def close(done: Sequence[Verified], format_: Format, interrupted: bool = False) -> None:
-    """Print the end of the output: a summary as text, or everything as JSON or SARIF."""
+    """Print the rest of the output: a summary as text, or everything as JSON or SARIF."""
     match format_:
         case "text":
             _summary(done, interrupted)
@@ -71,7 +71,7 @@ def _summary(done: Sequence[Verified], interrupted: bool) -> None:
     if not any(verified.program for verified in done):
         return
     counts = [f"{verdicts.count(word)} {word}" for word in ("proved", "refuted", "unknown")]
-    warnings = sum(d.severity == "warning" for verified in done for d in verified.found)
+    warnings = sum(d.severity == "warning" for verified in done for d in verified.diagnostics)
     counts += [counted(warnings, "warning")] if warnings else []
     click.echo(", ".join(counts) + (": interrupted before the end" if interrupted else ""))
 
@@ -85,19 +85,21 @@ def _json(done: Sequence[Verified], interrupted: bool) -> str:
     for verified in done:
         results = in_order(verified.program, verified.results) if verified.program else []
         contracts = [row(verified.program, r) for r in results] if verified.program else []
-        made: dict[str, object] = {"file": verified.file, "contracts": contracts}
+        entry: dict[str, object] = {"file": verified.file, "contracts": contracts}
         if verified.program is not None and verified.report is not None:
-            from colony.cli.verify.examples import row as tried
+            from colony.cli.verify.examples import row as example_row
 
-            made["examples"] = tried(verified.program, verified.report)
-        files.append({**made, "left_open": verified.left_open, "diagnostics": to_rows(verified.found)})
+            entry["examples"] = example_row(verified.program, verified.report)
+        files.append(
+            {**entry, "left_open": verified.undecided_questions, "diagnostics": to_rows(verified.diagnostics)}
+        )
     return json.dumps({"interrupted": interrupted, "files": files}, indent=2)
 
 
 def _sarif(done: Sequence[Verified]) -> str:
     from colony.cli.sarif import sarif
 
-    found = [d for verified in done for d in verified.found]
+    found = [d for verified in done for d in verified.diagnostics]
     traces: dict[Diagnostic, Sequence[TraceStep]] = {}
     for verified in done:
         traces |= _traces(verified)
@@ -112,19 +114,21 @@ def _traces(verified: Verified) -> dict[Diagnostic, Sequence[TraceStep]]:
     from colony.verify.contracts.report import finding, readable_frames
     from colony.verify.contracts.results import Proved
 
-    made: dict[Diagnostic, Sequence[TraceStep]] = {}
+    traces: dict[Diagnostic, Sequence[TraceStep]] = {}
     if verified.program is None:
-        return made
+        return traces
     for result in verified.results:
-        diagnostic = finding(result, verified.offered)
+        diagnostic = finding(result, verified.suggested_file)
         if diagnostic is not None and not isinstance(result, Proved) and result.trace is not None:
             span = result.contract.span
-            made[diagnostic] = [
-                TraceStep(span, happens, given)
-                for happens, given in readable_frames(
+            traces[diagnostic] = [
+                TraceStep(span, event, values)
+                for event, values in readable_frames(
                     verified.program, result.trace.snapshots, result.trace.outcomes
                 )
             ]
     if verified.report is not None:
-        made |= examples.findings(verified.program, verified.report, verified.offered, verified.known)
-    return made
+        traces |= examples.findings(
+            verified.program, verified.report, verified.suggested_file, verified.known
+        )
+    return traces

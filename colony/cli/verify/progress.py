@@ -9,18 +9,18 @@ from typing import Protocol
 
 
 class ReportProgress(Protocol):
-    """A function that reports progress: finished items, all items, and the current one."""
+    """A function that reports progress: the number of finished items, the total, and the current item."""
 
-    def __call__(self, done: int, of: int, now: str) -> None:
-        """Report that `done` of `of` items are finished, and that `now` is the current one."""
+    def __call__(self, completed: int, total: int, current: str) -> None:
+        """Report that `completed` of `total` items are finished, and `current` is in progress."""
         ...
 
 
 @contextmanager
 def progress() -> Iterator[ReportProgress]:
-    """Show a bar inside the `with` if standard error is a terminal; it is removed at the end."""
+    """Show a progress bar inside the `with` if standard error is a terminal."""
     if not sys.stderr.isatty():
-        yield lambda done, of, now: None
+        yield lambda completed, total, current: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -35,4 +35,6 @@ def progress() -> Iterator[ReportProgress]:
     )
     task = display.add_task("", total=None)
     with display:
-        yield lambda done, of, now: display.update(task, completed=done, total=of, description=now)
+        yield lambda completed, total, current: display.update(
+            task, completed=completed, total=total, description=current
+        )

@@ -13,14 +13,14 @@ _MAX_SECONDS = 1e6
 _Command = TypeVar("_Command", bound=Callable[..., object])
 
 
-def depth_option(longer: str) -> Callable[[_Command], _Command]:
-    """Return the option `--depth`; `longer` names the runs that may be longer than it."""
+def depth_option(runs: str) -> Callable[[_Command], _Command]:
+    """Return the option `--depth`; `runs` names the runs that may be longer than the depth."""
     return click.option(
         "--depth",
         type=click.IntRange(0, 64),
         default=4,
         show_default=True,
-        help=f"The greatest number of frames that induction looks back; {longer} may be six times as long.",
+        help=f"The maximum number of frames that induction looks back; {runs} may be six times as long.",
     )
 
 
@@ -38,10 +38,10 @@ def timeout_option(default: float, each: str = "") -> Callable[[_Command], _Comm
 
 
 class ProverSeconds(click.FloatRange):
-    """A parameter type for at most 11 days in seconds, above 0 unless `none` allows 0."""
+    """A parameter type for a time in seconds, above 0 (or 0, with `allow_zero`) and at most 11 days."""
 
-    def __init__(self, *, none: bool = False) -> None:
-        super().__init__(min=0, max=_MAX_SECONDS, min_open=not none)
+    def __init__(self, *, allow_zero: bool = False) -> None:
+        super().__init__(min=0, max=_MAX_SECONDS, min_open=not allow_zero)
 
     def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Return the number; refuse `nan`, which no range excludes."""

@@ -34,19 +34,19 @@ def append_tests(file: str, program: Program, refuted: Sequence[Refuted]) -> Non
     path = Path(file)
     before = _bytes(path)
     text = before.decode("utf-8-sig").replace("\r\n", "\n")
-    titles = {test.name for test in program.tests}
+    titles = {existing.name for existing in program.tests}
     blocks: list[str] = []
     written: list[str] = []
     for result in refuted:
-        made = _new_test(program, result, titles, text)
-        if made is None:
+        test = _new_test(program, result, titles, text)
+        if test is None:
             say(f"{file}: no test for {result.contract.name}: the language cannot express one of its values")
-        elif made.block in text:
-            say(f'{file}: the test "{made.title}" already exists')
+        elif test.block in text:
+            say(f'{file}: the test "{test.title}" already exists')
         else:
-            titles.add(made.title)
-            blocks.append(made.block)
-            written.append(made.title)
+            titles.add(test.title)
+            blocks.append(test.block)
+            written.append(test.title)
     if blocks:
         _append(path, before, blocks)
     for name in written:
@@ -59,7 +59,7 @@ class _Test(NamedTuple):
 
 
 def _new_test(program: Program, result: Refuted, titles: set[str], text: str) -> _Test | None:
-    """Return the test under the first free title, or under the title that it has in `text`."""
+    """Return the test, titled with the first free title or the title of the same test in `text`."""
     from colony.verify.contracts.example_block import example_block, title
 
     number = 1
@@ -81,7 +81,7 @@ def _bytes(path: Path) -> bytes:
 
 
 def _append(path: Path, before: bytes, blocks: Sequence[str]) -> None:
-    """Append blocks to the file, with its own kind of line breaks."""
+    """Append blocks to the file, with the same kind of line breaks."""
     added = "".join(f"\n{block}" for block in blocks)
     if before and not before.endswith(b"\n"):
         added = f"\n{added}"

@@ -25,19 +25,19 @@ _LINT_TIMEOUT_FACTOR = 2
 
 @dataclass(slots=True, frozen=False)
 class Verified:
-    """The results for a file so far. Mutable: it grows during the work on the file."""
+    """The results for a file so far. Mutable."""
 
     file: str
     program: Program | None
-    found: list[Diagnostic]
+    diagnostics: list[Diagnostic]
     results: list[Result] = field(default_factory=list)
     report: Report | None = None
-    left_open: int = 0  # questions about modules that can never act
+    undecided_questions: int = 0  # questions about modules that can never act
     writes_tests: bool = False
 
     @property
-    def offered(self) -> str | None:
-        """The file to which hints offer to add tests; None if tests are added anyway."""
+    def suggested_file(self) -> str | None:
+        """The file to which hints suggest adding tests; None if tests are added anyway."""
         return None if self.writes_tests else self.file
 
     @property
@@ -49,7 +49,7 @@ class Verified:
 
     @property
     def bug(self) -> str | None:
-        """The executors' disagreement, None if there is none."""
+        """The executors' disagreement, a bug of colony; None if they agree."""
         if self.report is None:
             return None
         from colony.cli.verify.examples import bug
@@ -72,7 +72,7 @@ def load(file: str, *, write_test: bool) -> Verified:
 
 @dataclass(slots=True, frozen=True, kw_only=True)
 class Work:
-    """The requested work."""
+    """The options of `colony verify` that determine the work on each file."""
 
     names: tuple[str, ...]
     depth: int
@@ -81,7 +81,7 @@ class Work:
     seed: int
     faults: bool
 
-    def on(self, verified: Verified, on_progress: ReportProgress) -> None:
+    def run(self, verified: Verified, on_progress: ReportProgress) -> None:
         """Do all of the work on a file."""
         if verified.program is None:
             return
@@ -100,8 +100,8 @@ class Work:
         on_progress(0, len(names), names[0] if names else "")
         for result in results(program, names, options, time.monotonic):
             verified.results.append(result)
-            diagnostic = finding(result, verified.offered)
-            verified.found += [diagnostic] if diagnostic else []
+            diagnostic = finding(result, verified.suggested_file)
+            verified.diagnostics += [diagnostic] if diagnostic else []
             count = len(verified.results)
             on_progress(count, len(names), names[count] if count < len(names) else "what can never act")
         if verified.writes_tests:
@@ -113,24 +113,26 @@ class Work:
         from colony.verify.lints import TimeBudget, lint
 
         time_budget = TimeBudget(time.monotonic, _LINT_TIMEOUT_FACTOR * self.timeout)
-        verified.found += lint(program, time_budget=time_budget)
-        verified.left_open = time_budget.questions_skipped
+        verified.diagnostics += lint(program, time_budget=time_budget)
+        verified.undecided_questions = time_budget.questions_skipped
 
     def _examples(self, verified: Verified, program: Program, on_progress: ReportProgress) -> None:
         from colony.cli.verify.examples import findings, reports
 
         if self.names:
-            asked = tuple(c for c in program.contracts if c.name in self.names)
-            program = replace(program, contracts=asked)
+            selected = tuple(c for c in program.contracts if c.name in self.names)
+            program = replace(program, contracts=selected)
         try:
             with redirect_stdout(sys.stderr):  # for prints of Python modules
                 for verified.report in reports(program, self.examples, self.seed, faults=self.faults):
                     on_progress(verified.report.drawn, self.examples, "drawn traces")
         except DiagnosticError as failure:
-            verified.found += failure.diagnostics
+            verified.diagnostics += failure.diagnostics
         finally:
             if verified.report is not None:
-                verified.found += findings(program, verified.report, verified.offered, verified.known)
+                verified.diagnostics += findings(
+                    program, verified.report, verified.suggested_file, verified.known
+                )
         if verified.writes_tests and verified.report is not None:
             from colony.verify.contracts.breach import refutation
 

@@ -1,6 +1,6 @@
-"""The thesis's steps on a program, as text: wiring, inhibition elimination, binary tree, traversal, guards.
+"""The thesis's compilation steps for a program, as text, from its wiring to the guards of its clients.
 
-Large sections are cut, with a line that says how much is left out.
+Large sections are truncated; a last line says how much is left out.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _INDENT = "  "
 def explain(compilation: Compilation) -> str:
     """Explain step by step how the compiler treats this program, for `colony compile --explain`.
 
-    Plain text without a line break at its end.
+    The text has no line break at its end.
     """
     guards = GuardText(compilation.clients.guards)
     sections = [
@@ -41,19 +41,19 @@ def explain(compilation: Compilation) -> str:
             _without_inhibitors(compilation, guards),
         ),
     ]
-    for (actuator, root), one in zip(
+    for (actuator, root), clients in zip(
         compilation.suppression.outputs, compilation.clients.actuators, strict=True
     ):
         sections += [
             _section(
                 f"The binary tree of {actuator}: dominant link right, inferior link left (Table 4.2)",
-                _tree(compilation.suppression, root, one),
+                _tree(compilation.suppression, root, clients),
             ),
             _section(
                 f"The forward traversal of {actuator}: left before right, last visited is highest",
-                _visits(one),
+                _visits(clients),
             ),
-            f"The clients of {actuator}\n{rows(one, guards, MAX_LINES)}",
+            f"The clients of {actuator}\n{rows(clients, guards, MAX_LINES)}",
         ]
     sections.append(legend(guards, MAX_LINES))
     return "\n\n".join(sections)
@@ -77,14 +77,17 @@ def _wires(program: Program) -> list[str]:
     return [*lines, f"({left_out} more wires left out)"] if left_out else lines or ["(nothing is wired)"]
 
 
-def wiring_text(wiring: Wiring, most: int = MAX_LINES) -> str:
-    """Return wiring in the language, with the first `most` operands per chain. Only parentheses nest."""
+def wiring_text(wiring: Wiring, max_operands: int = MAX_LINES) -> str:
+    """Return a wiring as source text, with at most `max_operands` operands per chain.
+
+    The recursion is only as deep as the nesting of parentheses.
+    """
     match wiring:
         case Use(name=name):
             return name
         case _:
-            shown = wiring.operands[:most]
-            parts = [o.name if isinstance(o, Use) else f"({wiring_text(o, most)})" for o in shown]
+            shown = wiring.operands[:max_operands]
+            parts = [o.name if isinstance(o, Use) else f"({wiring_text(o, max_operands)})" for o in shown]
             windows = [f"[{duration_text(ns)}]" if ns else "" for ns in wiring.windows_ns]
             text = parts[0]
             for window, part in zip(windows, parts[1:], strict=False):
@@ -94,9 +97,9 @@ def wiring_text(wiring: Wiring, most: int = MAX_LINES) -> str:
 
 
 def _hanging(head: str, text: str) -> list[str]:
-    """Return `head` and `text` in lines, with continuation lines indented to the start of the text."""
-    first, *more = wrapped(text, max(_WIDTH - len(head), 40))
-    return [head + first, *(" " * len(head) + line for line in more)]
+    """Return `head` and `text` as lines; continuation lines are indented to the start of the text."""
+    first, *continuation = wrapped(text, max(_WIDTH - len(head), 40))
+    return [head + first, *(" " * len(head) + line for line in continuation)]
 
 
 # --- inhibition elimination ----------------------------------------------------------------------
@@ -104,7 +107,7 @@ def _hanging(head: str, text: str) -> list[str]:
 
 def _without_inhibitors(compilation: Compilation, guards: GuardText) -> list[str]:
     """Return each module that can command, with the guard that results from the gates on its path."""
-    clients = [client for one in compilation.clients.actuators for client in one.clients]
+    clients = [client for actuator in compilation.clients.actuators for client in actuator.clients]
     width = max((len(client.module) for client in clients[:MAX_LINES]), default=0)
     lines: list[str] = []
     for client in clients[:MAX_LINES]:
@@ -128,15 +131,15 @@ def _listed(head: str, names: list[str]) -> list[str]:
 # --- tree and traversal --------------------------------------------------------------------------
 
 
-def _tree(suppression: SuppressionNetwork, root: Link, one: ActuatorClients) -> list[str]:
-    """Return the tree, left child first, so that its leaves are in the order of visit.
+def _tree(suppression: SuppressionNetwork, root: Link, clients: ActuatorClients) -> list[str]:
+    """Return the tree, left child first, so that its leaves are in visiting order.
 
-    A shared node is drawn at its last visit, and only marked at earlier ones.
+    A shared node is expanded at its last visit, and only marked at earlier ones.
     """
     nodes = suppression.nodes
-    priorities = {client.module: client.priority for client in one.clients}
+    priorities = {client.module: client.priority for client in clients.clients}
     guards = GuardText(suppression.guards)
-    last_users = _last_users(suppression, root)
+    last_parents = _last_parents(suppression, root)
     lines: list[str] = []
     stack = [_Branch(link=root)]
     while stack and len(lines) < MAX_LINES:
@@ -146,17 +149,17 @@ def _tree(suppression: SuppressionNetwork, root: Link, one: ActuatorClients) -> 
         text = node.module if isinstance(node, ModuleLeaf) else "suppressor"
         if not isinstance(suppression.guards[gate], Always):
             text += f"  when {guards.text(gate)}"
-        last = last_users[branch.link.node] == (branch.user, branch.side)
-        if not last:
+        is_last = last_parents[branch.link.node] == (branch.parent, branch.side)
+        if not is_last:
             text += "  (visited again below)"
         elif isinstance(node, ModuleLeaf):
             text += f"  priority {priorities[node.module]}"
-        lines.append(branch.before + branch.side + text)
-        if last and not isinstance(node, ModuleLeaf):
-            if len(branch.below) < len(_FORK) * MAX_DEPTH:
+        lines.append(branch.prefix + branch.side + text)
+        if is_last and not isinstance(node, ModuleLeaf):
+            if len(branch.prefix_below) < len(_FORK) * MAX_DEPTH:
                 stack += _branches(branch, node)
             else:
-                lines.append(f"{branch.below}... (deeper nodes left out)")
+                lines.append(f"{branch.prefix_below}... (deeper nodes left out)")
     if stack:
         lines.append("... (the rest is left out)")
     return lines + definitions(guards, MAX_LINES)
@@ -170,44 +173,56 @@ _LEFT, _RIGHT = "left:  ", "right: "
 class _Branch:
     """A link of the tree that is still to be printed.
 
-    `user` and `side` are the node that uses the link, and its side; `before` and `below` are the prefixes of
-    its own line and of those below it.
+    `parent` is the node that uses the link, on its `side`. `prefix` starts the line of the link,
+    `prefix_below` those below it.
     """
 
     link: Link
-    user: int = -1
+    parent: int = -1
     side: str = ""
-    before: str = ""
-    below: str = ""
+    prefix: str = ""
+    prefix_below: str = ""
 
 
 def _branches(branch: _Branch, node: GatedSuppressor) -> tuple[_Branch, _Branch]:
-    """Return the children, the left one on top of a stack."""
-    user, below = branch.link.node, branch.below
-    right = _Branch(link=node.dominant, user=user, side=_RIGHT, before=below + _LAST, below=below + _BLANK)
-    left = _Branch(link=node.inferior, user=user, side=_LEFT, before=below + _FORK, below=below + _TRUNK)
+    """Return the children in stacking order: the left one, last, is printed first."""
+    parent, prefix_below = branch.link.node, branch.prefix_below
+    right = _Branch(
+        link=node.dominant,
+        parent=parent,
+        side=_RIGHT,
+        prefix=prefix_below + _LAST,
+        prefix_below=prefix_below + _BLANK,
+    )
+    left = _Branch(
+        link=node.inferior,
+        parent=parent,
+        side=_LEFT,
+        prefix=prefix_below + _FORK,
+        prefix_below=prefix_below + _TRUNK,
+    )
     return right, left
 
 
-def _last_users(suppression: SuppressionNetwork, root: Link) -> dict[int, tuple[int, str]]:
+def _last_parents(suppression: SuppressionNetwork, root: Link) -> dict[int, tuple[int, str]]:
     """Return, for each node, the suppressor and the side by which a forward traversal visits it last."""
-    users: dict[int, tuple[int, str]] = {}
+    parents: dict[int, tuple[int, str]] = {}
     stack = [(root.node, -1, "")]
     while stack:
-        at, user, side = stack.pop()
-        if at in users:
+        at, parent, side = stack.pop()
+        if at in parents:
             continue
-        users[at] = (user, side)
+        parents[at] = (parent, side)
         node = suppression.nodes[at]
         if not isinstance(node, ModuleLeaf):
             stack.append((node.inferior.node, at, _LEFT))
             stack.append((node.dominant.node, at, _RIGHT))
-    return users
+    return parents
 
 
-def _visits(one: ActuatorClients) -> list[str]:
-    """Return the order of visit, first (lowest priority) to last."""
-    order = [client.module for client in reversed(one.clients)]
+def _visits(clients: ActuatorClients) -> list[str]:
+    """Return the modules in visiting order, the lowest priority first."""
+    order = [client.module for client in reversed(clients.clients)]
     lines = wrapped(" ".join(order[:MAX_LINES]), _WIDTH)
     if len(order) > MAX_LINES:
         lines.append(f"... ({len(order) - MAX_LINES} more visits left out)")

@@ -1,4 +1,4 @@
-"""Clients as JSON, `colony-clients/1`: for other programs. The runtime itself reads `.colonyc` files.
+"""Clients as JSON (`colony-clients/1`) for other programs; the runtime itself reads `.colonyc` files.
 
     {"format": "colony-clients/1",
      "actuators": {"drive": {"clients": [
@@ -16,13 +16,13 @@ references into `nodes`, and nodes refer only to earlier nodes, so one pass eval
 is
 
     always, never    true, false
-    active           the module `module` puts a command on its output
-    not              not the node `of`
-    and, or          all, any of the nodes in the list `of`, two or more
-    recently         true from a frame in which the node `of` is, until, and not including, `window_ns`
-                     nanoseconds after the last one; it has memory, which moves on in every frame
+    active           true while the module `module` puts a command on its output
+    not              the negation of the node `of`
+    and, or          all, any of the nodes in the list `of`, which has two or more
+    recently         true from a frame in which the node `of` is true until, but not including, `window_ns`
+                     nanoseconds after the last such frame; its memory is updated in every frame
 
-`observed` gives, by name, the activity of the wires and modules that contracts and examples refer to.
+`observed` gives, by name, the node for the activity of each wire or module that contracts and tests name.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ FORMAT = "colony-clients/1"
 
 
 def to_json(clients: ClientList) -> str:
-    """Return a client list as `colony-clients/1`, one client and one node a line."""
-    actuators = _braced((one.actuator, _actuator_json(one)) for one in clients.actuators)
+    """Return a client list as `colony-clients/1`, one client or node per line."""
+    actuators = _braced((actuator.actuator, _actuator_json(actuator)) for actuator in clients.actuators)
     observed = json.dumps(dict(clients.observed))
     nodes = ",\n".join(f"    {json.dumps(_node_json(guard))}" for guard in clients.guards)
     return (
@@ -53,8 +53,8 @@ def _braced(members: Iterable[tuple[str, str]]) -> str:
     return f"{{\n{text}\n  }}" if text else "{}"
 
 
-def _actuator_json(one: ActuatorClients) -> str:
-    clients = ",\n".join(f"      {json.dumps(_client_json(client))}" for client in one.clients)
+def _actuator_json(actuator: ActuatorClients) -> str:
+    clients = ",\n".join(f"      {json.dumps(_client_json(client))}" for client in actuator.clients)
     return f'{{"clients": [\n{clients}\n    ]}}'
 
 

@@ -10,7 +10,7 @@ from colony.compile.clients import ActuatorClients
 from colony.compile.pipeline import Compilation
 
 GUARD_WIDTH = 48
-"""Width in characters beyond which guards continue on the next line."""
+"""Maximum width of a line of a guard, in characters."""
 
 _HEADER = ("priority", "module", "guard", "exclusive guard")
 _GAP = "  "
@@ -19,11 +19,11 @@ _GAP = "  "
 def client_table(compilation: Compilation) -> str:
     """Return the clients of each actuator, highest priority first, with both guards; then the named parts.
 
-    Plain text without a line break at its end. Its size is linear in the clients and their guards.
+    The text has no line break at its end. Its size is linear in the clients and their guards.
     """
     guards = GuardText(compilation.clients.guards)
-    blocks = [f"{one.actuator}\n{rows(one, guards)}" for one in compilation.clients.actuators]
-    driven = {one.actuator for one in compilation.clients.actuators}
+    blocks = [f"{actuator.actuator}\n{rows(actuator, guards)}" for actuator in compilation.clients.actuators]
+    driven = {actuator.actuator for actuator in compilation.clients.actuators}
     idle = [a.name for a in compilation.program.robot.actuators if a.name not in driven]
     blocks += [f"{name}\n{_GAP}nothing drives it" for name in idle]
     if compilation.clients.actuators:
@@ -31,32 +31,32 @@ def client_table(compilation: Compilation) -> str:
     return "\n\n".join(blocks)
 
 
-def rows(one: ActuatorClients, guards: GuardText, limit: int | None = None) -> str:
-    """Return the table of one actuator, down to `limit` clients."""
-    shown = one.clients[:limit]
+def rows(actuator: ActuatorClients, guards: GuardText, limit: int | None = None) -> str:
+    """Return the table of one actuator, with at most `limit` clients."""
+    shown = actuator.clients[:limit]
     cells: list[tuple[list[str], ...]] = [tuple([name] for name in _HEADER)]
     for client in shown:
         texts = (guards.text(ref, client.module) for ref in (client.guard, client.exclusive))
         cells.append(([str(client.priority)], [client.module], *(wrapped(text) for text in texts)))
     text = _aligned(cells)
-    left_out = len(one.clients) - len(shown)
+    left_out = len(actuator.clients) - len(shown)
     return f"{text}\n{_GAP}({left_out} more clients left out)" if left_out else text
 
 
 def legend(guards: GuardText, limit: int | None = None) -> str:
-    """Return the meaning of `P`, and up to `limit` of the parts of guards that were named so far."""
+    """Return the meaning of `P`, and at most `limit` definitions of guard parts named since the last call."""
     lines = [f"{OWN}: the client's own activity. Both guards give the same winner."]
     return "\n".join(lines + definitions(guards, limit))
 
 
 def definitions(guards: GuardText, limit: int | None = None) -> list[str]:
-    """Return lines for the parts of guards that were named since the last call."""
+    """Return the definitions of the parts of guards named since the last call, as lines."""
     lines = []
     taken = guards.take_definitions(limit)
     for name, text in taken:
-        first, *more = wrapped(text, 2 * GUARD_WIDTH)
+        first, *continuation = wrapped(text, 2 * GUARD_WIDTH)
         lines.append(f"{name} = {first}")
-        lines += [f"{'':{len(name)}}   {line}" for line in more]
+        lines += [f"{'':{len(name)}}   {line}" for line in continuation]
     if len(taken) == limit:
         lines.append("(more parts of guards left out)")
     return lines
@@ -68,12 +68,12 @@ def wrapped(text: str, width: int = GUARD_WIDTH) -> list[str]:
 
 
 def _aligned(cells: Sequence[Sequence[list[str]]]) -> str:
-    """Return aligned columns, the first one to the right; a cell is a list of lines."""
+    """Return aligned columns, the first right-aligned; a cell is a list of lines."""
     widths = [max(len(line) for row in cells for line in row[i]) for i in range(len(_HEADER))]
     lines = []
     for row in cells:
-        for at in range(max(map(len, row))):
-            texts = [cell[at] if at < len(cell) else "" for cell in row]
+        for i in range(max(map(len, row))):
+            texts = [cell[i] if i < len(cell) else "" for cell in row]
             padded = [texts[0].rjust(widths[0])]
             padded += [text.ljust(width) for text, width in zip(texts[1:], widths[1:], strict=True)]
             lines.append((_GAP + _GAP.join(padded)).rstrip())

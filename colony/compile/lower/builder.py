@@ -1,4 +1,4 @@
-"""Construction of `Code`: equal ops have one number, and constants are folded."""
+"""Construction of `Code`: equal ops share one number, and constants are folded."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class _OpenCell:
 
 @dataclass(slots=True)
 class Builder:
-    """A growing list of ops and cells. Mutable; `views.trimmed` makes the finished Code smaller."""
+    """A growing list of ops and cells. Mutable; `views.trimmed` removes what is not needed."""
 
     ops: list[Op] = field(default_factory=list)
     kinds: list[Kind] = field(default_factory=list)
@@ -36,27 +36,27 @@ class Builder:
     # --- ops -------------------------------------------------------------------------------------
 
     def add(self, op: Op, kind: Kind, key: Hashable = None) -> int:
-        """Return the number of `op`, added if it is new. `key` replaces `op` where `==` is too coarse."""
+        """Return the number of `op`, added if it is new. `key` identifies `op` where `==` is too coarse."""
         key = op if key is None else key
-        at = self._index.get(key)
-        if at is None:
-            at = self._index[key] = len(self.ops)
+        index = self._index.get(key)
+        if index is None:
+            index = self._index[key] = len(self.ops)
             self.ops.append(op)
             self.kinds.append(kind)
-        return at
+        return index
 
     def literal(self, value: ScalarValue) -> int:
-        """Return a number or bool; 0.0 and -0.0 differ."""
+        """Return the number of a constant; 0.0 and -0.0 differ."""
         if isinstance(value, bool):
             return self.add(Literal(value), Kind.BOOL, ("bool", value))
         return self.add(Literal(float(value)), Kind.NUMBER, ("number", pack("<d", value)))
 
     def time(self, nanoseconds: int) -> int:
-        """Return a time or duration."""
+        """Return the number of a constant time or duration."""
         return self.add(Literal(nanoseconds), Kind.TIME, ("time", nanoseconds))
 
     def table(self, elements: tuple[int, ...]) -> int:
-        """Return a table of the given elements."""
+        """Return the number of a table of the given elements."""
         return self.add(Table(elements), Kind.TABLE)
 
     def apply(self, operator: Operator, *arguments: int) -> int:
@@ -68,10 +68,10 @@ class Builder:
             if type(ops[i]) is not Literal:
                 break
         else:
-            return self._folded(operator, arguments)
+            return self._fold(operator, arguments)
         return self.add(Apply(operator, arguments), RESULTS[operator])
 
-    def _folded(self, operator: Operator, arguments: tuple[int, ...]) -> int:
+    def _fold(self, operator: Operator, arguments: tuple[int, ...]) -> int:
         values = []
         for i in arguments:
             op = self.ops[i]
@@ -89,14 +89,14 @@ class Builder:
         return self.add(Apply(Operator.SELECT, (condition, yes, no)), self.kinds[yes])
 
     def both(self, *conditions: int) -> int:
-        """Return the conjunction; true without conditions."""
-        return self._joined(Operator.AND, conditions, neutral=True)
+        """Return the conjunction, which is true without conditions."""
+        return self._connect(Operator.AND, conditions, neutral=True)
 
     def either(self, *conditions: int) -> int:
-        """Return the disjunction; false without conditions."""
-        return self._joined(Operator.OR, conditions, neutral=False)
+        """Return the disjunction, which is false without conditions."""
+        return self._connect(Operator.OR, conditions, neutral=False)
 
-    def _joined(self, operator: Operator, conditions: Sequence[int], neutral: bool) -> int:
+    def _connect(self, operator: Operator, conditions: Sequence[int], neutral: bool) -> int:
         kept = []
         for condition in dict.fromkeys(conditions):
             op = self.ops[condition]
@@ -122,18 +122,18 @@ class Builder:
 
     # --- memory ----------------------------------------------------------------------------------
 
-    def cell(self, name: str, kind: Kind, initial: ScalarValue | int, *places: str) -> int:
-        """Return the old value of the cell `name`, added if it is new; `keep` must be called for it once.
+    def cell(self, name: str, kind: Kind, initial: ScalarValue | int, *memory_names: str) -> int:
+        """Return the old value of the cell `name`, added if it is new; `keep` must be called once for it.
 
-        `places` are its names in `ir.memory`.
+        `memory_names` are its names in `ir.memory`.
         """
-        at = self._cell_names.get(name)
-        if at is None:
-            at = self._cell_names[name] = len(self._cells)
+        index = self._cell_names.get(name)
+        if index is None:
+            index = self._cell_names[name] = len(self._cells)
             never = self.literal(False)
             self._cells.append(_OpenCell(name, kind, initial, never, never))
-        self.places.update(dict.fromkeys(places, at))
-        return self.add(OldCell(at), kind)
+        self.places.update(dict.fromkeys(memory_names, index))
+        return self.add(OldCell(index), kind)
 
     def keep(self, old: int, condition: int, value: int) -> None:
         """Write `value` to the cell read by `old`, at the end of a frame in which `condition` is true."""

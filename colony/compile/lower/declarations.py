@@ -1,6 +1,6 @@
-"""Lets, states, machines and modules in terms of ops, each lowered on first use.
+"""Lowering of lets, states, machines and modules to ops, each on first use.
 
-Lets are lowered before what reads them, so that nothing recurses over chains of lets.
+Lets are lowered before the expressions that read them, so that nothing recurses over chains of lets.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from colony.ir.memory import state_cell
 
 
 @dataclass(frozen=True, slots=True)
-class _LetPlace:
+class _OwnedLet:
     let: ir.Let
     module: ir.Module | None
 
 
 @dataclass(frozen=True, slots=True)
-class _StatePlace:
+class _OwnedState:
     state: ir.State
     module: ir.Module | None
 
@@ -35,7 +35,7 @@ class _StatePlace:
 class Declarations:
     """The lets, states and modules of a program, each lowered on first use. Mutable.
 
-    It resolves the names of its expressions (`Names`).
+    It implements `Names`: it resolves the names in the expressions being lowered.
     """
 
     def __init__(self, program: ir.Program, clients: ClientList) -> None:
@@ -51,26 +51,26 @@ class Declarations:
         self._lets: dict[str, Values] = {}
         self._let_present: dict[str, int] = {}
         self._states: dict[str, int] = {}
-        self._states_to_move: list[str] = []
+        self._states_to_update: list[str] = []
         self._present: dict[str, int] = {}
         self._active: dict[str, int] = {}
 
     @staticmethod
-    def _lets_of(program: ir.Program) -> Iterator[tuple[str, _LetPlace]]:
+    def _lets_of(program: ir.Program) -> Iterator[tuple[str, _OwnedLet]]:
         for derived in program.derived:
             if isinstance(derived, ir.Let):
-                yield derived.name, _LetPlace(derived, None)
+                yield derived.name, _OwnedLet(derived, None)
         for module in program.modules:
             if isinstance(module, ir.Module):
                 for let in module.lets:
-                    yield let.name, _LetPlace(let, module)
+                    yield let.name, _OwnedLet(let, module)
 
     @staticmethod
-    def _states_of(program: ir.Program) -> Iterator[tuple[str, _StatePlace | ir.Machine]]:
+    def _states_of(program: ir.Program) -> Iterator[tuple[str, _OwnedState | ir.Machine]]:
         for derived in program.derived:
             match derived:
                 case ir.State():
-                    yield derived.name, _StatePlace(derived, None)
+                    yield derived.name, _OwnedState(derived, None)
                 case ir.Machine():
                     yield derived.name, derived
                 case ir.Let():
@@ -80,7 +80,7 @@ class Declarations:
         for module in program.modules:
             if isinstance(module, ir.Module):
                 for state in module.states:
-                    yield state.name, _StatePlace(state, module)
+                    yield state.name, _OwnedState(state, module)
 
     # --- names -----------------------------------------------------------------------------------
 
@@ -117,18 +117,18 @@ class Declarations:
         return kind_of(self.actuators[actuator].fields[index].type)
 
     def state(self, name: str) -> int:
-        """Return the old value of a state or machine, and record that it moves on."""
+        """Return the old value of a state or machine, and record that it must be updated."""
         if name not in self._states:
-            place = self._all_states[name]
-            if isinstance(place, ir.Machine):
-                old = self.builder.cell(name, Kind.NUMBER, place.start, state_cell(name))
-                self._states_to_move.append(name)
-            elif place.state.next is None:
-                old = self.builder.literal(place.state.initial)
+            declaration = self._all_states[name]
+            if isinstance(declaration, ir.Machine):
+                old = self.builder.cell(name, Kind.NUMBER, declaration.start, state_cell(name))
+                self._states_to_update.append(name)
+            elif declaration.state.next is None:
+                old = self.builder.literal(declaration.state.initial)
             else:
-                kind = kind_of(place.state.type)
-                old = self.builder.cell(name, kind, place.state.initial, state_cell(name))
-                self._states_to_move.append(name)
+                kind = kind_of(declaration.state.type)
+                old = self.builder.cell(name, kind, declaration.state.initial, state_cell(name))
+                self._states_to_update.append(name)
             self._states[name] = old
         return self._states[name]
 
@@ -141,66 +141,68 @@ class Declarations:
     # --- derived values --------------------------------------------------------------------------
 
     def prepare(self, *expressions: e.Expression) -> None:
-        """Lower the lets that the expressions read, each after those that it reads itself."""
+        """Lower the lets that the expressions read, dependencies first."""
         if not self._all_lets:
             return
-        work = [name for expression in expressions for name in _lets_read(expression)]
-        while work:
-            name = work[-1]
+        pending = [name for expression in expressions for name in _lets_read(expression)]
+        while pending:
+            name = pending[-1]
             if name in self._lets:
-                work.pop()
+                pending.pop()
                 continue
-            first = [n for n in _lets_read(self._all_lets[name].let.expression) if n not in self._lets]
-            if first:
-                work.extend(first)
+            dependencies = [n for n in _lets_read(self._all_lets[name].let.expression) if n not in self._lets]
+            if dependencies:
+                pending.extend(dependencies)
             else:
-                work.pop()
+                pending.pop()
                 self._let(self._all_lets[name])
 
-    def _let(self, place: _LetPlace) -> None:
-        let = place.let
-        if place.module is None:
+    def _let(self, owned: _OwnedLet) -> None:
+        let = owned.let
+        if owned.module is None:
             scope = self.file_scope(let.name, (let.expression,))
             self._let_present[let.name] = scope.ready
         else:
-            scope = self.module_scope(place.module, let.name)
+            scope = self.module_scope(owned.module, let.name)
         values = self._lets[let.name] = self.expressions.lower(let.expression, scope)
         for i, value in enumerate(values):
             self.builder.names.setdefault(value, let.name if len(values) == 1 else f"{let.name}_{i}")
 
     def states(self) -> None:
-        """Lower the next values of all states read so far, which may read further states."""
-        while self._states_to_move:
-            name = self._states_to_move.pop()
+        """Lower the next values of all states read so far; these may read further states."""
+        while self._states_to_update:
+            name = self._states_to_update.pop()
             place = self._all_states[name]
             if isinstance(place, ir.Machine):
                 self._machine(place)
             elif place.state.next is not None:
                 self._state(place.state, place.state.next, place.module)
 
-    def _state(self, state: ir.State, following: e.Expression, module: ir.Module | None) -> None:
-        self.prepare(following)
+    def _state(self, state: ir.State, next_value: e.Expression, module: ir.Module | None) -> None:
+        self.prepare(next_value)
         if module is None:
-            scope = self.file_scope(state.name, (following,))
+            scope = self.file_scope(state.name, (next_value,))
         else:
             scope = self.module_scope(module, state.name)
-        self.builder.keep(self._states[state.name], scope.ready, self.expressions.scalar(following, scope))
+        self.builder.keep(self._states[state.name], scope.ready, self.expressions.scalar(next_value, scope))
 
     def _machine(self, machine: ir.Machine) -> None:
-        """Take the first transition from the present phase whose condition is present and true."""
+        """Take the first transition from the current phase whose condition has a value and is true."""
         builder, old = self.builder, self._states[machine.name]
         phases = frozenset(number for _, number in machine.type.members)
-        taken: list[tuple[int, int]] = []
+        transitions: list[tuple[int, int]] = []
         for i, transition in enumerate(machine.transitions):
             self.prepare(transition.condition)
             scope = self.file_scope(f"{machine.name} {i}", (transition.condition,))
             condition = self.expressions.scalar(transition.condition, scope)
-            here = self._in_phase(old, transition.sources, phases)
-            taken.append((builder.both(here, scope.ready, condition), builder.literal(transition.target)))
-        following = old
-        for applies, target in reversed(taken):
-            following = builder.apply(Operator.SELECT, applies, target, following)
-        builder.keep(old, builder.either(*[applies for applies, _ in taken]), following)
+            in_source = self._in_phase(old, transition.sources, phases)
+            transitions.append(
+                (builder.both(in_source, scope.ready, condition), builder.literal(transition.target))
+            )
+        next_phase = old
+        for applies, target in reversed(transitions):
+            next_phase = builder.apply(Operator.SELECT, applies, target, next_phase)
+        builder.keep(old, builder.either(*[applies for applies, _ in transitions]), next_phase)
 
     def _in_phase(self, old: int, sources: frozenset[float], phases: frozenset[float]) -> int:
         builder = self.builder
@@ -210,24 +212,24 @@ class Declarations:
         tests = [builder.apply(Operator.EQUAL, old, builder.literal(s)) for s in sorted(sources)]
         return builder.either(*tests)
 
-    def file_scope(self, place: str, expressions: tuple[e.Expression, ...]) -> Scope:
-        """Return the scope of file-level expressions at `place`."""
-        return Scope(owner=None, place=place, ready=self.expressions.present(expressions, None))
+    def file_scope(self, label: str, expressions: tuple[e.Expression, ...]) -> Scope:
+        """Return the scope of file-level expressions; `label` is the prefix of the names of their cells."""
+        return Scope(owner=None, label=label, ready=self.expressions.present(expressions, None))
 
     # --- modules ---------------------------------------------------------------------------------
 
     def module_present(self, module: str) -> int:
         """Return the condition that everything the module reads is present."""
         if module not in self._present:
-            expressions = _everything(self.modules[module])
+            expressions = _all_expressions(self.modules[module])
             if self._all_lets:
                 self.prepare(*[read for x in expressions for read in _file_lets_read(x)])
             self._present[module] = self.expressions.present(expressions, module)
         return self._present[module]
 
-    def module_scope(self, module: ir.Module, place: str) -> Scope:
-        """Return the scope of a module's expressions at `place`."""
-        return Scope(owner=module.name, place=place, ready=self.module_present(module.name))
+    def module_scope(self, module: ir.Module, label: str) -> Scope:
+        """Return the scope of a module's expressions; `label` is the prefix of the names of their cells."""
+        return Scope(owner=module.name, label=label, ready=self.module_present(module.name))
 
     def module_active(self, name: str) -> int:
         """Return the condition that the module puts a command on its output."""
@@ -248,7 +250,7 @@ class Declarations:
         return self._active[name]
 
     def observes(self, expression: e.Expression) -> bool:
-        """Return True if an expression asks for the activity of a wire."""
+        """Return True if an expression reads the activity of a wire."""
         return any(
             isinstance(node, e.IsActive) and node.name not in self.modules for node in _walk(expression)
         )
@@ -264,8 +266,8 @@ class Declarations:
 # --- what expressions read -----------------------------------------------------------------------
 
 
-def _everything(module: ir.AnyModule) -> tuple[e.Expression, ...]:
-    """Return all expressions of a module: it needs everything that any of them reads."""
+def _all_expressions(module: ir.AnyModule) -> tuple[e.Expression, ...]:
+    """Return all expressions of a module: it needs everything that they read."""
     match module:
         case ir.Module():
             return (
@@ -281,15 +283,15 @@ def _everything(module: ir.AnyModule) -> tuple[e.Expression, ...]:
 
 
 def _walk(expression: e.Expression) -> Iterator[e.Expression]:
-    work = [expression]
-    while work:
-        node = work.pop()
+    pending = [expression]
+    while pending:
+        node = pending.pop()
         yield node
-        work.extend(e.children(node))
+        pending.extend(e.children(node))
 
 
 def _lets_read(expression: e.Expression) -> list[str]:
-    """Return all lets, of the file and of modules, that an expression mentions."""
+    """Return all lets, of files and of modules, that an expression reads."""
     return [
         node.name
         for node in _walk(expression)

@@ -1,7 +1,7 @@
-"""Typed expressions in terms of scalar ops: arrays become their elements, loops are unrolled.
+"""Lowering of typed expressions to scalar ops: arrays become their elements, loops are unrolled.
 
-An expression has as many values as its type has elements. Whether everything that it reads is present is a
-separate value (`present`), since every op is total.
+An expression has as many values as its type has elements. That everything it reads is present is a separate
+value (`present`), since every op is total.
 """
 
 from __future__ import annotations
@@ -22,15 +22,22 @@ from colony.ir.memory import function_cell
 from colony.ir.types import Array, Bool, Type, element_type
 
 Values = tuple[int, ...]
-"""The numbers of the ops for an expression's elements; one for a scalar."""
+"""The op numbers of an expression's elements; a single one for a scalar."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scope:
-    """The context of an expression: its module, the frames in which its memory moves on, and its loops."""
+    """The context of an expression.
+
+    Attributes:
+        owner: the module that it belongs to, if any.
+        label: the prefix of the names of its memory cells.
+        ready: the condition for updating its memory.
+        loops: the variables and current indices of the enclosing reductions.
+    """
 
     owner: str | None
-    place: str
+    label: str
     ready: int
     loops: tuple[tuple[str, int], ...] = ()
 
@@ -94,7 +101,7 @@ _FUNCTIONS: dict[Function, Operator] = {
 
 
 class ExpressionLowering:
-    """A lowering of expressions into one builder."""
+    """Lowers expressions into one builder."""
 
     def __init__(self, builder: Builder, names: Names) -> None:
         self.builder = builder
@@ -104,58 +111,58 @@ class ExpressionLowering:
     # --- presence --------------------------------------------------------------------------------
 
     def present(self, expressions: tuple[ir.Expression, ...], owner: str | None) -> int:
-        """Return the condition that all inputs of `expressions` are present; `owner`'s lets count as such."""
-        found: dict[int, None] = {}
+        """Return the condition that all inputs of `expressions` are present; lets of `owner` always are."""
+        conditions: dict[int, None] = {}
         for expression in expressions:
-            self._needs(expression, owner, found)
-        return self.builder.both(*found)
+            self._needs(expression, owner, conditions)
+        return self.builder.both(*conditions)
 
-    def _needs(self, e: ir.Expression, owner: str | None, found: dict[int, None]) -> None:
+    def _needs(self, e: ir.Expression, owner: str | None, conditions: dict[int, None]) -> None:
         match e:
             case ir.SensorValue(name=name):
-                found[self.names.sensor_present(name)] = None
+                conditions[self.names.sensor_present(name)] = None
             case ir.DerivedValue(name=name):
-                found[self.names.let_present(name)] = None
+                conditions[self.names.let_present(name)] = None
             case ir.LocalValue(name=name):
                 module = self.names.module_of_let(name)
                 if module != owner:
-                    found[self.names.module_present(module)] = None
+                    conditions[self.names.module_present(module)] = None
             case ir.SentField(actuator=actuator):
                 if not self.names.has_idle_command(actuator):
-                    found[self.builder.add(Commanded(actuator), Kind.BOOL)] = None
+                    conditions[self.builder.add(Commanded(actuator), Kind.BOOL)] = None
             case ir.ValueOr(other=other):
-                self._needs(other, owner, found)
+                self._needs(other, owner, conditions)
             case _:
                 for child in ir.children(e):
-                    self._needs(child, owner, found)
+                    self._needs(child, owner, conditions)
 
     # --- values ----------------------------------------------------------------------------------
 
     def scalar(self, e: ir.Expression, scope: Scope) -> int:
-        """Return the number of a scalar expression's value."""
+        """Return the op number of a scalar expression's value."""
         (value,) = self.lower(e, scope)
         return value
 
     def lower(self, e: ir.Expression, scope: Scope) -> Values:
-        """Return the numbers of an expression's values."""
+        """Return the op numbers of an expression's values."""
         apply = self.builder.apply
         match e:
             case ir.Constant(value=value):
                 literal = self.builder.literal
                 return tuple([literal(x) for x in value]) if isinstance(value, tuple) else (literal(value),)
-            case ir.SensorValue(name=name, type=of_type):
-                return self._sensor(name, of_type)
+            case ir.SensorValue(name=name, type=type_):
+                return self._sensor(name, type_)
             case ir.UnaryOperation(operator=operator, operand=operand):
-                of = self.builder.negation if operator is Unary.NOT else partial(apply, Operator.NEGATE)
-                return self._each(of, self.lower(operand, scope))
+                function = self.builder.negation if operator is Unary.NOT else partial(apply, Operator.NEGATE)
+                return self._each(function, self.lower(operand, scope))
             case ir.BinaryOperation(operator=operator, left=left, right=right):
                 return self._each(
                     partial(self._binary, operator), self.lower(left, scope), self.lower(right, scope)
                 )
             case ir.Conditional(condition=condition, yes=yes, no=no):
-                which = self.lower(condition, scope)
+                conditions = self.lower(condition, scope)
                 return self._each(
-                    partial(apply, Operator.SELECT), which, self.lower(yes, scope), self.lower(no, scope)
+                    partial(apply, Operator.SELECT), conditions, self.lower(yes, scope), self.lower(no, scope)
                 )
             case ir.Within(operand=operand, low=low, high=high):
                 return self._each(
@@ -179,12 +186,12 @@ class ExpressionLowering:
             case _:
                 return self._leaf(e, scope)
 
-    def _each(self, of: Callable[..., int], *operands: Values) -> Values:
-        """Apply `of` to the operands, element by element; a scalar stands for all elements."""
+    def _each(self, function: Callable[..., int], *operands: Values) -> Values:
+        """Apply a function to the operands, element by element; a scalar is repeated for all elements."""
         size = max([len(x) for x in operands])
         if size == 1:
-            return (of(*[x[0] for x in operands]),)
-        return tuple(of(*[x[i] if len(x) > 1 else x[0] for x in operands]) for i in range(size))
+            return (function(*[x[0] for x in operands]),)
+        return tuple(function(*[x[i] if len(x) > 1 else x[0] for x in operands]) for i in range(size))
 
     def _binary(self, operator: Binary, x: int, y: int) -> int:
         builder = self.builder
@@ -239,15 +246,15 @@ class ExpressionLowering:
             case _:
                 return (self._decision(e),)
 
-    def _sensor(self, name: str, of: Type) -> Values:
+    def _sensor(self, name: str, type_: Type) -> Values:
         if name not in self._sensors:
             kind = self.names.sensor_kind(name)
-            size = of.size if isinstance(of, Array) else 1
+            size = type_.size if isinstance(type_, Array) else 1
             self._sensors[name] = tuple(self.builder.add(SensorElement(name, i), kind) for i in range(size))
         return self._sensors[name]
 
     def _decision(self, e: ir.Expression) -> int:
-        """Lower a property of the decision, which only contracts may read."""
+        """Lower an expression about the decision, which only contracts and tests may contain."""
         builder = self.builder
         match e:
             case ir.SentField(actuator=actuator, field_index=i):
@@ -264,11 +271,11 @@ class ExpressionLowering:
                 raise AssertionError(f"{type(e).__name__} has operands")
 
     def _value_or(self, e: ir.ValueOr, scope: Scope) -> Values:
-        there = self.present((e.expression,), scope.owner)
-        inner = replace(scope, ready=self.builder.both(scope.ready, there))
+        is_present = self.present((e.expression,), scope.owner)
+        inner = replace(scope, ready=self.builder.both(scope.ready, is_present))
         return self._each(
             partial(self.builder.apply, Operator.SELECT),
-            (there,),
+            (is_present,),
             self.lower(e.expression, inner),
             self.lower(e.other, scope),
         )
@@ -279,12 +286,12 @@ class ExpressionLowering:
         op, size = self.builder.ops[index], len(array)
         if isinstance(op, Literal) and op.value - op.value == 0:
             return array[round(op.value) % size]
-        of_bools = self.builder.kinds[array[0]] is Kind.BOOL
-        operator = Operator.PICK_BOOL if of_bools else Operator.PICK_NUMBER
+        are_bools = self.builder.kinds[array[0]] is Kind.BOOL
+        operator = Operator.PICK_BOOL if are_bools else Operator.PICK_NUMBER
         return self.builder.apply(operator, self.builder.table(array), index)
 
     def _window_indices(self, size: int, center: int, reach: int) -> Values:
-        """Return the indices as numbers, exactly: reduced modulo the size before the offset is added."""
+        """Return the indices as numbers, exact since `center` is first reduced modulo the size."""
         apply, literal = self.builder.apply, self.builder.literal
         whole = apply(Operator.MODULO, apply(Operator.ROUND, center), literal(float(size)))
         return tuple(apply(Operator.ADD, whole, literal(float(j))) for j in range(-reach, reach + 1))
@@ -293,7 +300,7 @@ class ExpressionLowering:
         return tuple(self._pick(array, i) for i in self._window_indices(len(array), center, reach))
 
     def _index_function(self, function: Function, e: ir.Expression, scope: Scope) -> int:
-        """Return the index of the least or greatest element, for a slice or window within the whole array."""
+        """Return the index of the least or greatest element, which is always an index of the whole array."""
         apply = self.builder.apply
         operator = Operator.INDEX_OF_MIN if function is Function.INDEX_OF_MIN else Operator.INDEX_OF_MAX
         match e:
@@ -327,8 +334,8 @@ class ExpressionLowering:
             case Function.ANGLE_DIFFERENCE:
                 turn = self.builder.literal(360.0)
                 d = apply(Operator.MODULO, apply(Operator.SUBTRACT, x[0], x[1]), turn)
-                small = apply(Operator.LESS_EQUAL, d, self.builder.literal(180.0))
-                return apply(Operator.SELECT, small, d, apply(Operator.SUBTRACT, d, turn))
+                is_small = apply(Operator.LESS_EQUAL, d, self.builder.literal(180.0))
+                return apply(Operator.SELECT, is_small, d, apply(Operator.SUBTRACT, d, turn))
             case _:
                 return apply(_FUNCTIONS[function], *x)
 
@@ -351,7 +358,7 @@ class ExpressionLowering:
             case Function.ALL:
                 return self.builder.both(*x)
             case _:
-                raise AssertionError(f"{function} is no reduction")
+                raise AssertionError(f"{function} is not a reduction")
 
     def _reduce(self, e: ir.Reduce, scope: Scope) -> int:
         bodies, conditions = [], []
@@ -386,16 +393,16 @@ class ExpressionLowering:
                 number = builder.apply(Operator.COUNT, *conditions)
                 return builder.apply(Operator.DIVIDE, self._fold(Operator.SUM, pairs, 0.0), number)
             case _:
-                raise AssertionError(f"{function} is no reduction")
+                raise AssertionError(f"{function} is not a reduction")
 
-    def _fold(self, operator: Operator, pairs: list[tuple[int, int]], of_none: float) -> int:
-        """Fold the taken bodies from the left. The first one taken is the initial value."""
+    def _fold(self, operator: Operator, pairs: list[tuple[int, int]], empty_value: float) -> int:
+        """Fold the bodies whose conditions are true from the left. The first of them is the initial value."""
         builder = self.builder
-        result, any_yet = builder.literal(of_none), builder.literal(False)
+        result, any_taken = builder.literal(empty_value), builder.literal(False)
         for condition, body in pairs:
-            joined = builder.apply(Operator.SELECT, any_yet, builder.apply(operator, result, body), body)
+            joined = builder.apply(Operator.SELECT, any_taken, builder.apply(operator, result, body), body)
             result = builder.apply(Operator.SELECT, condition, joined, result)
-            any_yet = builder.either(any_yet, condition)
+            any_taken = builder.either(any_taken, condition)
         return result
 
     # --- memory ----------------------------------------------------------------------------------
@@ -404,16 +411,16 @@ class ExpressionLowering:
         arguments = [self.lower(a, scope) for a in e.arguments]
         size = max((len(a) for a in arguments), default=1)
         loops = "".join(f" {variable}={k}" for variable, k in scope.loops)
-        name = f"{scope.place} {e.function.value} {e.cell}{loops}"
+        name = f"{scope.label} {e.function.value} {e.cell}{loops}"
         values = []
         for i in range(size):
             cell = function_cell(e.function.value, e.cell, tuple(k for _, k in scope.loops), i)
-            place = MemorySite(name=f"{name} [{i}]" if size > 1 else name, cells=(cell,), ready=scope.ready)
-            chosen = tuple(a[i] if len(a) > 1 else a[0] for a in arguments)
-            values.append(remember(self.builder, e, chosen, place))
+            site = MemorySite(name=f"{name} [{i}]" if size > 1 else name, cells=(cell,), ready=scope.ready)
+            elements = tuple(a[i] if len(a) > 1 else a[0] for a in arguments)
+            values.append(remember(self.builder, e, elements, site))
         return tuple(values)
 
 
-def kind_of(of: Type) -> Kind:
+def kind_of(type_: Type) -> Kind:
     """Return the kind of a value, or of an element, of this type."""
-    return Kind.BOOL if isinstance(element_type(of), Bool) else Kind.NUMBER
+    return Kind.BOOL if isinstance(element_type(type_), Bool) else Kind.NUMBER

@@ -1,4 +1,4 @@
-"""Guards of the clients' table in terms of ops."""
+"""Lowering of the guards of a client list to ops."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from colony.compile.lower.memory import MemorySite, until
 
 
 class GuardLowering:
-    """A lowering of a client list's guards, on first use.
+    """Lowers the guards of a client list, each on first use.
 
-    `name` begins the names of their cells; `active` gives the value of a module's activity.
+    `name` is the prefix of the names of their cells; `active` returns the value of a module's activity.
     """
 
     def __init__(
@@ -32,20 +32,20 @@ class GuardLowering:
         self._values: dict[int, int] = {}
 
     def guard(self, root: int) -> int:
-        """Return the value of a guard, lowered with its operands, from the front of the table."""
+        """Return the value of a guard, lowered after all of its operands."""
         if root not in self._values:
-            needed, work = {root}, [root]
-            while work:
-                for operand in g.operands(self._table[work.pop()]):
+            needed, pending = {root}, [root]
+            while pending:
+                for operand in g.operands(self._table[pending.pop()]):
                     if operand not in needed and operand not in self._values:
                         needed.add(operand)
-                        work.append(operand)
-            for at in sorted(needed):
-                self._values[at] = self._guard(at)
+                        pending.append(operand)
+            for index in sorted(needed):
+                self._values[index] = self._guard(index)
         return self._values[root]
 
-    def _guard(self, at: int) -> int:
-        node, values, builder = self._table[at], self._values, self.builder
+    def _guard(self, index: int) -> int:
+        node, values, builder = self._table[index], self._values, self.builder
         match node:
             case g.Always():
                 return builder.literal(True)
@@ -60,9 +60,9 @@ class GuardLowering:
             case g.Or(operands=operands):
                 return builder.either(*[values[i] for i in operands])
             case g.Recently(operand=operand, window_ns=window_ns):
-                place = MemorySite(
-                    name=f"{self._name} {at}", cells=self._windows[at], ready=builder.literal(True)
+                site = MemorySite(
+                    name=f"{self._name} {index}", cells=self._windows[index], ready=builder.literal(True)
                 )
-                return until(builder, values[operand], window_ns, place)
+                return until(builder, values[operand], window_ns, site)
             case _:
                 assert_never(node)

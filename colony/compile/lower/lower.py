@@ -1,7 +1,7 @@
 """Lowering: from the typed program and its clients to the compiled program, with all of its code.
 
-Everything is lowered on first use, beginning with the decisions; so the code of one client contains only what
-that client needs. Nothing recurses over chains of lets, wires or guards.
+Everything is lowered on first use, beginning with the decisions, so that the code of one client contains only
+what that client needs. Nothing recurses over chains of lets, wires or guards.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def lower(program: ir.Program, clients: ClientList, traversal: ClientList | None
 
 
 class _Lowering(Declarations):
-    """A program being lowered to one Code. Mutable."""
+    """A program being lowered to one `Code`. Mutable."""
 
     def __init__(self, program: ir.Program, clients: ClientList) -> None:
         super().__init__(program, clients)
@@ -78,7 +78,7 @@ class _Lowering(Declarations):
             actuators=tuple(self._actuator_codes),
             contracts=tuple(self._contracts),
             names=self.builder.names,
-            places=self.builder.places,
+            memory_cells=self.builder.places,
         )
 
     # --- Python modules --------------------------------------------------------------------------
@@ -94,16 +94,18 @@ class _Lowering(Declarations):
             class_name=module.class_name,
             params=module.params,
             present=scope.ready,
-            reads=tuple(self._read(read, scope) for read in module.reads),
+            reads=tuple(self._read(reading, scope) for reading in module.reads),
             fields=self.actuators[module.actuator].fields if module.actuator else (),
             rate_ns=module.rate_ns,
             span=module.span,
         )
         self._python.append(call)
 
-    def _read(self, read: ir.PythonReading, scope: Scope) -> PythonRead:
-        elements = self.expressions.lower(read.expression, scope)
-        return PythonRead(name=read.name, elements=elements, array=isinstance(read.expression.type, Array))
+    def _read(self, reading: ir.PythonReading, scope: Scope) -> PythonRead:
+        elements = self.expressions.lower(reading.expression, scope)
+        return PythonRead(
+            name=reading.name, elements=elements, array=isinstance(reading.expression.type, Array)
+        )
 
     # --- actuators and contracts -----------------------------------------------------------------
 
@@ -155,10 +157,10 @@ class _Lowering(Declarations):
             guard=guard,
             exclusive=exclusive,
             fields=self._command(client.module),
-            heard_guard=guard,
-            heard_exclusive=exclusive,
-            traversed=guard,
-            several_ways=client.several_ways,
+            loss_aware_guard=guard,
+            loss_aware_exclusive=exclusive,
+            unsimplified=guard,
+            has_several_paths=client.has_several_paths,
             span=module.span,
         )
 
@@ -166,21 +168,21 @@ class _Lowering(Declarations):
         builder = self.builder
         name = f"limit {number}"
         self.prepare(limit.bound)
-        of_bound = self.file_scope(f"{name} bound", (limit.bound,))
-        bound = self.expressions.scalar(limit.bound, of_bound)
-        missing = [builder.negation(of_bound.ready)]
+        bound_scope = self.file_scope(f"{name} bound", (limit.bound,))
+        bound = self.expressions.scalar(limit.bound, bound_scope)
+        missing = [builder.negation(bound_scope.ready)]
         condition = builder.literal(True)
         if limit.condition is not None:
             self.prepare(limit.condition)
-            of_condition = self.file_scope(f"{name} condition", (limit.condition,))
-            condition = self.expressions.scalar(limit.condition, of_condition)
-            missing.append(builder.negation(of_condition.ready))
-        sound = builder.both(of_bound.ready, builder.apply(Operator.FINITE, bound))
+            condition_scope = self.file_scope(f"{name} condition", (limit.condition,))
+            condition = self.expressions.scalar(limit.condition, condition_scope)
+            missing.append(builder.negation(condition_scope.ready))
+        is_valid = builder.both(bound_scope.ready, builder.apply(Operator.FINITE, bound))
         return LimitCode(
             field_index=limit.field_index,
             relation=limit.relation,
             applies=builder.either(*missing, condition),
-            bound=builder.apply(Operator.SELECT, sound, bound, builder.literal(0.0)),
+            bound=builder.apply(Operator.SELECT, is_valid, bound, builder.literal(0.0)),
         )
 
     def contracts(self) -> None:
@@ -189,49 +191,54 @@ class _Lowering(Declarations):
             scope = self.file_scope(f"contract {contract.name}", (contract.expression,))
             value = self.expressions.scalar(contract.expression, scope)
             self._contracts.append(
-                ContractCode(name=contract.name, present=scope.ready, value=value, traversed=value)
+                ContractCode(name=contract.name, present=scope.ready, value=value, unsimplified=value)
             )
 
     # --- variants of guards ----------------------------------------------------------------------
 
     def variants(self, clients: ClientList, traversal: ClientList) -> None:
-        """Lower the guards without lost clients, and everything that depends on guards before simplification.
+        """Lower guards that exclude lost clients, and whatever depends on guards before simplification.
 
         This comes last, so that the rest of the code is the same with and without variants.
         """
         guards = {(a.actuator, c.module): c for a in clients.actuators for c in a.clients}
-        heard = GuardLowering(self.builder, clients, self.active_unless_lost, "heard guard")
-        for i, one in enumerate(self._actuator_codes):
-            if one.actuator.on_loss == "degrade":
+        loss_aware = GuardLowering(self.builder, clients, self.active_unless_lost, "heard guard")
+        for i, actuator_code in enumerate(self._actuator_codes):
+            if actuator_code.actuator.on_loss == "degrade":
                 self._actuator_codes[i] = replace(
-                    one,
+                    actuator_code,
                     clients=tuple(
-                        _with_loss_aware_guards(c, guards[one.actuator.name, c.module], heard)
-                        for c in one.clients
+                        _with_loss_aware_guards(c, guards[actuator_code.actuator.name, c.module], loss_aware)
+                        for c in actuator_code.clients
                     ),
                 )
         if traversal is clients:
             return
-        before = {(a.actuator, c.module): c.guard for a in traversal.actuators for c in a.clients}
-        self.guards = traversed = GuardLowering(
+        traversed_guards = {(a.actuator, c.module): c.guard for a in traversal.actuators for c in a.clients}
+        self.guards = unsimplified = GuardLowering(
             self.builder, traversal, self.module_active, "traversed guard"
         )
-        for i, one in enumerate(self._actuator_codes):
+        for i, actuator_code in enumerate(self._actuator_codes):
             self._actuator_codes[i] = replace(
-                one,
+                actuator_code,
                 clients=tuple(
-                    replace(c, traversed=traversed.guard(before[one.actuator.name, c.module]))
-                    for c in one.clients
+                    replace(
+                        c,
+                        unsimplified=unsimplified.guard(
+                            traversed_guards[actuator_code.actuator.name, c.module]
+                        ),
+                    )
+                    for c in actuator_code.clients
                 ),
             )
         for i, (contract, code) in enumerate(zip(self.program.contracts, self._contracts, strict=True)):
             if self.observes(contract.expression):
                 scope = self.file_scope(f"traversed contract {code.name}", (contract.expression,))
                 value = self.expressions.scalar(contract.expression, scope)
-                self._contracts[i] = replace(code, traversed=value)
+                self._contracts[i] = replace(code, unsimplified=value)
 
 
 def _with_loss_aware_guards(code: ClientCode, client: Client, guards: GuardLowering) -> ClientCode:
     return replace(
-        code, heard_guard=guards.guard(client.guard), heard_exclusive=guards.guard(client.exclusive)
+        code, loss_aware_guard=guards.guard(client.guard), loss_aware_exclusive=guards.guard(client.exclusive)
     )

@@ -1,7 +1,7 @@
 """Memory functions in terms of cells.
 
-Each takes the numbers of its arguments in this frame and returns the number of its value. Its memory moves on
-at the end of frames in which `ready` is true (everything that its module or derived value reads is present).
+Each takes the op numbers of its arguments and returns that of its value. Its memory is updated at the
+end of frames in which `ready` is true (everything that its module or derived value reads is present).
 Times need no value for "never": frame times begin at 0, so `until = 0` is past and `due = 0` has come.
 """
 
@@ -18,9 +18,9 @@ from colony.ir.expression import MemoryCall, MemoryFunction
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MemorySite:
-    """The name of one scalar memory call, and the value that says in which frames it moves on.
+    """The name of one scalar memory call, and the condition `ready` for updating its memory.
 
-    `cells` are the prefixes of its cells' names in `ir.memory`; a guard may occur in several places.
+    `cells` are the prefixes of its cells' names in `ir.memory`; a guard may belong to several time constants.
     """
 
     name: str
@@ -28,12 +28,12 @@ class MemorySite:
     ready: int
 
     def cell_names(self, part: str) -> tuple[str, ...]:
-        """Return the names of a part of this memory in `ir.memory`."""
+        """Return the names in `ir.memory` of the cell for one part of this memory."""
         return tuple([f"{cell} {part}" for cell in self.cells])
 
 
 def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], site: MemorySite) -> int:
-    """Return the value of one scalar memory function in this frame."""
+    """Return the value of one scalar memory call in this frame."""
     match call.function:
         case MemoryFunction.PREVIOUS:
             return _previous(builder, arguments[0], arguments[1], site)
@@ -62,14 +62,14 @@ def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], sit
 
 
 def started(builder: Builder, site: MemorySite) -> int:
-    """Return the condition that an earlier frame had `site` ready; each condition has one cell."""
+    """Return the condition that `site` was ready before; sites with equal `ready` share a cell."""
     old = builder.cell(f"started {site.ready}", Kind.BOOL, False, *site.cell_names("started"))
     builder.keep(old, site.ready, builder.literal(True))
     return old
 
 
 def until(builder: Builder, holds: int, window_ns: int, site: MemorySite) -> int:
-    """Return a condition true from a frame with `holds` until `window_ns` after the last one, exclusive."""
+    """Return the condition that `holds` is true, or was true less than `window_ns` ago."""
     now = builder.add(FrameTime(), Kind.TIME)
     end = builder.cell(f"{site.name} until", Kind.TIME, 0, *site.cell_names("until"))
     later = builder.apply(Operator.TIME_ADD, now, builder.time(window_ns))
@@ -78,7 +78,7 @@ def until(builder: Builder, holds: int, window_ns: int, site: MemorySite) -> int
 
 
 def _last(builder: Builder, value: int, site: MemorySite) -> int:
-    """Return the argument in the last frame; false or 0 at first."""
+    """Return the argument's value in the previous frame; false or 0 in the first one."""
     kind = builder.kinds[value]
     old = builder.cell(
         f"{site.name} last", kind, False if kind is Kind.BOOL else 0.0, *site.cell_names("last")
@@ -118,13 +118,13 @@ def _captured(builder: Builder, value: int, key: int, site: MemorySite) -> int:
     last = builder.cell(
         f"{site.name} key", key_kind, False if key_kind is Kind.BOOL else 0.0, *site.cell_names("key")
     )
-    new = builder.either(
+    key_changed = builder.either(
         builder.negation(started(builder, site)), builder.apply(Operator.NOT_EQUAL, key, last)
     )
-    take = builder.both(site.ready, new)
-    builder.keep(held, take, value)
-    builder.keep(last, take, key)
-    return builder.apply(Operator.SELECT, new, value, held)
+    capture = builder.both(site.ready, key_changed)
+    builder.keep(held, capture, value)
+    builder.keep(last, capture, key)
+    return builder.apply(Operator.SELECT, key_changed, value, held)
 
 
 def _every(builder: Builder, interval_ns: int, site: MemorySite) -> int:

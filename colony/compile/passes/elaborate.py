@@ -25,40 +25,40 @@ def elaborate(program: Program) -> Network:
     for wire in program.wires:
         node = elaboration.wiring(wire.wiring, wire.name, ())
         if wire.actuator is None:
-            elaboration.named[wire.name] = node
+            elaboration.wires[wire.name] = node
         else:
-            elaboration.driving[wire.actuator] = node
+            elaboration.drivers[wire.actuator] = node
     observed = {name: elaboration.use(name) for name in _observed_names(program)}
-    driving = elaboration.driving
+    drivers = elaboration.drivers
     return Network(
         nodes=tuple(elaboration.nodes),
-        outputs=tuple((a.name, driving[a.name]) for a in program.robot.actuators if a.name in driving),
-        wires=tuple(elaboration.named.items()),
+        outputs=tuple((a.name, drivers[a.name]) for a in program.robot.actuators if a.name in drivers),
+        wires=tuple(elaboration.wires.items()),
         observed=tuple(observed.items()),
     )
 
 
 class _Elaboration:
-    """The nodes so far, and the nodes of names. Only parentheses nest, so recursion over wiring is safe."""
+    """Mutable. Recursion over a wiring is safe, as it is only as deep as the nesting of parentheses."""
 
     def __init__(self, program: Program) -> None:
         self.modules = {module.name for module in program.modules}
         self.nodes: list[NetworkNode] = []
         self.leaves: dict[str, int] = {}
-        self.named: dict[str, int] = {}
-        self.driving: dict[str, int] = {}
+        self.wires: dict[str, int] = {}
+        self.drivers: dict[str, int] = {}
 
-    def wiring(self, wiring: Wiring, wire: str, place: tuple[int, ...]) -> int:
+    def wiring(self, wiring: Wiring, wire: str, path: tuple[int, ...]) -> int:
         match wiring:
             case Use(name=name):
                 return self.use(name)
             case Chain():
-                return self.chain(wiring, wire, place)
+                return self.chain(wiring, wire, path)
             case _:
                 assert_never(wiring)
 
     def use(self, name: str) -> int:
-        node = self.named.get(name)
+        node = self.wires.get(name)
         if node is None:
             node = self.leaves.get(name)
         if node is None:
@@ -67,14 +67,16 @@ class _Elaboration:
             node = self.leaves[name] = self.add(ModuleLeaf(module=name))
         return node
 
-    def chain(self, chain: Chain, wire: str, place: tuple[int, ...]) -> int:
-        joint = Suppressor if chain.relation == "suppresses" else Inhibitor
-        inputs = [self.wiring(operand, wire, (*place, i)) for i, operand in enumerate(chain.operands)]
+    def chain(self, chain: Chain, wire: str, path: tuple[int, ...]) -> int:
+        node_type = Suppressor if chain.relation == "suppresses" else Inhibitor
+        inputs = [self.wiring(operand, wire, (*path, i)) for i, operand in enumerate(chain.operands)]
         node = inputs.pop()
         for i in reversed(range(len(inputs))):
-            window = window_cell(wire, (*place, i))
+            window = window_cell(wire, (*path, i))
             node = self.add(
-                joint(dominant=inputs[i], inferior=node, window_ns=chain.windows_ns[i], place=window)
+                node_type(
+                    dominant=inputs[i], inferior=node, window_ns=chain.windows_ns[i], memory_name=window
+                )
             )
         return node
 

@@ -3,8 +3,8 @@
 `A inhibits B` is B through a gate `not active(A)`. Beyond the lemma's two modules, this holds because:
 
 - Where B is a network, the gate distributes over its suppressors, so that gating the link to B gates all
-  modules in B; and B itself stays shared with its other users.
-- Where A is a network, its activity is a guard over its modules. Activities are computed once a node,
+  modules in B; and B itself stays shared with the other nodes that use it.
+- Where A is a network, its activity is a guard over its modules. Activities are computed once per node,
   from those of its inputs, in a hash-consed table: linear in the network.
 - A time constant is activity with memory: the gate is `not recently(active(A), T)`; and a suppressor with
   one is a plain suppressor over an inhibitor, `A suppresses[T] B = A suppresses (A inhibits[T] B)`.
@@ -46,7 +46,7 @@ def eliminate_inhibition(network: Network) -> SuppressionNetwork:
 
 
 class _Elimination:
-    """The suppression network so far; `activities` says when each of its nodes is active."""
+    """The suppression network so far; `activities` holds the guard of each node's activity. Mutable."""
 
     def __init__(self) -> None:
         self.table = GuardTable()
@@ -59,11 +59,11 @@ class _Elimination:
         return self.add(leaf, self.table.add(ModuleActive(leaf.module)))
 
     def inhibited(self, dominant: Link, inferior: Link, node: Inhibitor | Suppressor) -> Link:
-        """Return the inferior link, closed while the dominant one dominates."""
+        """Return the inferior link, closed while the dominant link dominates."""
         table = self.table
         dominating = table.recently(dominant.active, node.window_ns)
         if node.window_ns > 0:
-            self.windows.append((node.place, dominating))
+            self.windows.append((node.memory_name, dominating))
         gate = table.conjunction((table.negation(dominating), inferior.gate))
         active = table.conjunction((gate, self.activities[inferior.node]))
         return Link(node=inferior.node, gate=gate, active=active)

@@ -4,11 +4,11 @@ Table 4.2 reads a suppression network as a binary tree: suppressors are interior
 is the right child and the inferior link the left one. A forward traversal (definition 4.1) visits left
 before right, and the order of visit (definition 4.2) of a module is its priority: last is highest.
 
-Wires that are used in several places make the tree a graph, in which a module may be visited many times. It
-is still one client, at the position of its *last* visit, and its guard is the condition that it gets through:
+Wires that are used several times make the tree a graph, in which a module may be visited many times. It is
+still one client, at the position of its *last* visit, and its guard is the condition that it gets through:
 
     through(root)     = true
-    through(dominant) = through(suppressor) and gate                      for each use; several are or-ed
+    through(dominant) = through(suppressor) and gate                      for each use; these are or-ed
     through(inferior) = through(suppressor) and gate and not dominated
 
 To find last visits without walking every path, the traversal is run backwards, dominant side first, where
@@ -47,24 +47,24 @@ def forward_traversal(suppression: SuppressionNetwork) -> ClientList:
 def _clients(nodes: tuple[SuppressionNode, ...], root: Link, table: GuardTable) -> tuple[Client, ...]:
     """Return the clients of one output, highest priority first."""
     visits = backward_visits(nodes, root)
-    reach = _Reach(root)
-    for at in sorted(visits, reverse=True):  # users have higher references than what they use
-        node = nodes[at]
+    conditions = _Conditions(root)
+    for index in sorted(visits, reverse=True):  # nodes have higher references than their inputs
+        node = nodes[index]
         if not isinstance(node, ModuleLeaf):
-            reach.pass_on(at, node, table)
-    leaves = [(at, node) for at in visits if isinstance(node := nodes[at], ModuleLeaf)]
+            conditions.record_uses(index, node, table)
+    leaves = [(index, node) for index in visits if isinstance(node := nodes[index], ModuleLeaf)]
     clients = []
-    for priority, (at, leaf) in zip(range(len(leaves), 0, -1), leaves, strict=True):
+    for priority, (index, leaf) in zip(range(len(leaves), 0, -1), leaves, strict=True):
         active = table.add(ModuleActive(leaf.module))
-        exclusive = table.conjunction((active, reach.through(at, table)))
-        gates = reach.gates[at]
+        exclusive = table.conjunction((active, conditions.through(index, table)))
+        gates = conditions.gates[index]
         guard = exclusive if gates is None else table.conjunction((active, gates))
         client = Client(
             module=leaf.module,
             priority=priority,
             guard=guard,
             exclusive=exclusive,
-            several_ways=gates is None,
+            has_several_paths=gates is None,
         )
         clients.append(client)
     return tuple(clients)
@@ -73,51 +73,51 @@ def _clients(nodes: tuple[SuppressionNode, ...], root: Link, table: GuardTable) 
 def backward_visits(nodes: tuple[SuppressionNode, ...], root: Link) -> list[int]:
     """Return the nodes under `root` in the reverse of a forward traversal, each at its last visit there.
 
-    Nodes before their children, dominant before inferior.
+    Nodes come before their children, dominant before inferior ones.
     """
     visited: dict[int, None] = {}
     stack = [root.node]
     while stack:
-        at = stack.pop()
-        if at in visited:
+        index = stack.pop()
+        if index in visited:
             continue
-        visited[at] = None
-        node = nodes[at]
+        visited[index] = None
+        node = nodes[index]
         if not isinstance(node, ModuleLeaf):
             stack += (node.inferior.node, node.dominant.node)
     return list(visited)
 
 
-class _Reach:
-    """The conditions under which nodes are reached from the root, each complete once all users are done.
+class _Conditions:
+    """The conditions under which nodes get through to the root, each complete once all uses are recorded.
 
-    `gates` are those on the path to a node from the root, None if there are several paths.
+    `gates` are those on the path from the root to a node, None if there are several paths.
     """
 
     def __init__(self, root: Link) -> None:
-        self.first: dict[int, int] = {root.node: root.gate}  # when a node gets through by its first use
-        self.further: dict[int, list[int]] = {}  # and by its others
+        self.first: dict[int, int] = {root.node: root.gate}  # conditions of first uses
+        self.further: dict[int, list[int]] = {}  # conditions of other uses
         self.gates: dict[int, int | None] = {root.node: root.gate}
 
-    def through(self, at: int, table: GuardTable) -> int:
-        further = self.further.get(at)
-        return self.first[at] if further is None else table.disjunction((self.first[at], *further))
+    def through(self, index: int, table: GuardTable) -> int:
+        further = self.further.get(index)
+        return self.first[index] if further is None else table.disjunction((self.first[index], *further))
 
-    def pass_on(self, at: int, node: GatedSuppressor, table: GuardTable) -> None:
-        """Pass the conditions of a suppressor on to the nodes that its links use."""
-        through, gates = self.through(at, table), self.gates[at]
+    def record_uses(self, index: int, node: GatedSuppressor, table: GuardTable) -> None:
+        """Record the uses of nodes by the links of a suppressor."""
+        through, gates = self.through(index, table), self.gates[index]
         undominated = table.negation(node.dominant.active)
         for link, passing in ((node.dominant, (through,)), (node.inferior, (through, undominated))):
-            self._use(
+            self._record_use(
                 link.node,
                 table.conjunction((*passing, link.gate)),
                 None if gates is None else table.conjunction((gates, link.gate)),
             )
 
-    def _use(self, at: int, through: int, gates: int | None) -> None:
-        if at in self.first:
-            self.further.setdefault(at, []).append(through)
-            self.gates[at] = None
+    def _record_use(self, index: int, through: int, gates: int | None) -> None:
+        if index in self.first:
+            self.further.setdefault(index, []).append(through)
+            self.gates[index] = None
         else:
-            self.first[at] = through
-            self.gates[at] = gates
+            self.first[index] = through
+            self.gates[index] = gates

@@ -3,8 +3,8 @@
 A *literal* is `2 * node` for a node and `2 * node + 1` for its negation, so that complementing is `^ 1`.
 Node 0 is constantly true. The other nodes are atoms (the activity of a module, or `recently` of a literal)
 and conjunctions of two or more literals; a disjunction is the negation of a conjunction of negations.
-With that, each rule is written once. In a conjunction, a literal is a *cube* when its node is a conjunction
-and it is plain, and a *clause* when it is negated. The rules, with a, b, c literals, K a cube, w a window:
+With that, each rule is written once. In a conjunction, a literal of a conjunction node is a *cube*
+if it is plain, and a *clause* if it is negated. The rules, with a, b, c literals, K a cube, w a window:
 
     a, a       = a          a, (a or b)           = a              a, recently(a)         = a
     a, not a   = never      a, (not a or b)       = a, b           not a, not recently(a) = not recently(a)
@@ -12,9 +12,9 @@ and it is plain, and a *clause* when it is negated. The rules, with a, b, c lite
     K, not a   = never      where K has a         a, not recently(a) = never
     K, not a   = K          where K has not recently(a)
 
-Rules look at no more than `REACH` parts of a part, so that a conjunction costs about its own length. Implied
-parts are dropped all at once. The implications go down the graph (from a cube to its parts) or up (from a
-part to clauses that contain it), but never down again after going up, so no part implies itself.
+Rules inspect no parts of a part that has more than `REACH`, so that a conjunction costs about its own length.
+Implied parts are dropped all at once. Implications go down the graph (from a cube to its parts) or up (from a
+part to clauses that contain it), but never down again after going up, so that no part implies itself.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TRUE = 0
 FALSE = 1
 
 REACH = 8
-"""Maximum number of parts of a part that a rule inspects; longer ones are taken as they are."""
+"""Maximum number of parts of a part whose parts the rules inspect."""
 
 Conjunction = tuple[int, ...]
 
@@ -34,10 +34,10 @@ _MODULE, _RECENTLY, _SHORT, _LONG = range(4)  # kinds of nodes: atoms, and conju
 
 
 class InverterGraph:
-    """A growing graph that gives equal nodes one number. Nodes come after their parts."""
+    """A growing graph in which equal nodes share one number. Nodes come after their parts. Mutable."""
 
     def __init__(self) -> None:
-        self.parts: list[Conjunction] = [()]  # of each node; () of atoms
+        self.parts: list[Conjunction] = [()]  # by node; empty for atoms
         self.modules: dict[int, str] = {}
         self.recently: dict[int, tuple[int, int]] = {}  # literal and window
         self._kinds = bytearray([_MODULE])  # for speed: most accesses to a node only need its kind
@@ -67,7 +67,7 @@ class InverterGraph:
         return 2 * node
 
     def raw_conjunction(self, literals: Conjunction) -> int:
-        """Return the literal of a new node of any parts: at least one literal, in any order."""
+        """Return the literal of a new node with these parts: at least one literal, in any order."""
         return 2 * self._add(literals, _LONG)
 
     def conjunction(self, literals: Iterable[int]) -> int:
@@ -100,16 +100,16 @@ class InverterGraph:
         for clause in sorted(clauses):
             if clause in facts:
                 continue
-            parts = self.parts[clause >> 1]  # of the negation: the clause holds where one of them does not
+            parts = self.parts[clause >> 1]  # the clause holds where one of these is false
             if any(part ^ 1 in known for part in parts):
                 continue
-            left = tuple([part for part in parts if part not in known])
-            if len(left) < len(parts):
-                kept.add(self.conjunction(left) ^ 1)
+            unknown_parts = tuple([part for part in parts if part not in known])
+            if len(unknown_parts) < len(parts):
+                kept.add(self.conjunction(unknown_parts) ^ 1)
             else:
                 remaining[clause] = parts
         if not kept and len(remaining) > 1:
-            return self._factored(remaining)
+            return self._factor(remaining)
         kept.update(remaining)
         return self.conjunction(kept)
 
@@ -128,7 +128,7 @@ class InverterGraph:
         return len(self.parts) - 1
 
     def _facts(self, literals: set[int]) -> tuple[set[int], list[int]]:
-        """Return the parts that single literals imply besides the literals, and the short clauses."""
+        """Return the parts that single literals imply beyond themselves, and the short clauses."""
         facts: set[int] = set()
         clauses: list[int] = []
         kinds = self._kinds
@@ -150,24 +150,24 @@ class InverterGraph:
                     facts.add(literal)
         return facts, clauses
 
-    def _factored(self, clauses: dict[int, Conjunction]) -> int:
+    def _factor(self, clauses: dict[int, Conjunction]) -> int:
         """Factor short clauses that share literals: (a or b), (a or c) = a or (b, c)."""
         common = set.intersection(*map(set, clauses.values()))
         if not common:
             return self._conjunction(set(clauses))
-        rests = [
+        remainders = [
             self.conjunction([part for part in parts if part not in common]) ^ 1 for parts in clauses.values()
         ]
-        return self.conjunction([*common, self.conjunction(rests) ^ 1]) ^ 1
+        return self.conjunction([*common, self.conjunction(remainders) ^ 1]) ^ 1
 
 
 def zeros(length: int) -> array[int]:
-    """Return an integer for each node; in an array, since large networks do not fit a processor's cache."""
+    """Return an array of zeros; it is more compact than a list, since large networks exceed the cache."""
     return array("q", bytes(8 * length))
 
 
 def _count_uses(graph: InverterGraph, roots: Sequence[int]) -> array[int]:
-    """Count the uses of each node: 1 for a use as a cube in a conjunction in use, 2 for any other."""
+    """Count the uses of each node: 1 for a use as a cube of a used conjunction, 2 for any other."""
     uses = zeros(len(graph.parts))
     all_parts = graph.parts
     for literal in roots:
@@ -189,15 +189,15 @@ def size_in_use(graph: InverterGraph, roots: Sequence[int]) -> int:
     return 1 + sum(1 + len(graph.parts[node]) for node in range(1, len(graph)) if uses[node])
 
 
-_PENDING = -1  # in place of a literal: the node waits to be merged
+_PENDING = -1  # instead of a literal: the node is still to be merged
 
 
 def rewrite(graph: InverterGraph, roots: Sequence[int]) -> tuple[InverterGraph, list[int]]:
-    """Apply one round of the rules to all that the roots need, from the front; return the new roots, too.
+    """Apply one round of the rules to all that the roots need; return the new graph and roots.
 
-    A cube that is used in one other conjunction only is merged into it: instead of a node, its literals are
-    kept in `pending` for the user, which extends the longest of these lists with the others. A shared cube
-    stays a node, since copying its parts into all users would be quadratic.
+    A cube that is used in only one other conjunction is merged into it: its literals wait in `pending`, and
+    the conjunction extends the longest of these lists with the others. A shared cube stays a node, since
+    copying its parts into all conjunctions that use it would be quadratic.
     """
     simpler = InverterGraph()
     uses = _count_uses(graph, roots)
@@ -210,8 +210,8 @@ def rewrite(graph: InverterGraph, roots: Sequence[int]) -> tuple[InverterGraph, 
         elif uses[node]:
             literals = [to[part >> 1] ^ (part & 1) for part in parts if to[part >> 1] != _PENDING]
             if len(literals) < len(parts):
-                waiting = [pending.pop(part) for part in parts if to[part >> 1] == _PENDING]
-                literals = _concatenated([*waiting, literals])
+                merged = [pending.pop(part) for part in parts if to[part >> 1] == _PENDING]
+                literals = _concatenate([*merged, literals])
             if uses[node] == 1:
                 pending[2 * node] = literals
                 to[node] = _PENDING
@@ -227,10 +227,10 @@ def _rewrite_atom(graph: InverterGraph, node: int, simpler: InverterGraph, to: S
     return simpler.recently_literal(to[literal >> 1] ^ (literal & 1), window_ns)
 
 
-def _concatenated(lists: list[list[int]]) -> list[int]:
+def _concatenate(lists: list[list[int]]) -> list[int]:
     """Return the longest of the lists, with all others appended."""
     whole = max(lists, key=len)
-    for one in lists:
-        if one is not whole:
-            whole += one
+    for part in lists:
+        if part is not whole:
+            whole += part
     return whole

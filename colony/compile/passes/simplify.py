@@ -1,4 +1,4 @@
-"""Simplification of guards: sound, local, near-linear. `inverter_graph` has the rules."""
+"""Simplification of guards: sound, local and near-linear. The rules are in `inverter_graph`."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from colony.compile.guards import (
 from colony.compile.passes.inverter_graph import FALSE, TRUE, InverterGraph, rewrite, size_in_use, zeros
 
 WORTHWHILE = 0.01
-"""Share of a size that a round of rewriting must save for another round to follow."""
+"""Minimum relative reduction in size by a round of rewriting for another round to follow."""
 
 
 def simplify(clients: ClientList) -> ClientList:
     """Return the same clients with simpler guards, in a table without unused nodes.
 
-    Each guard holds in the same frames as before, whatever the modules do. Clients whose guard is never true
-    stay in the list: their priorities are part of the compiled form, and lints report them.
+    Each guard holds in the same frames as before, whichever modules are active. Clients whose guard is never
+    true stay in the list: their priorities are part of the compiled form, and lints report them.
     """
     references = _references(clients)
     graph, literals = rewrite(*_load(clients.guards, references))
@@ -40,26 +40,28 @@ def simplify(clients: ClientList) -> ClientList:
         saved = 1 - simpler_size / size
         if saved > 0:
             graph, literals, size = simpler, simpler_literals, simpler_size
-    guards, moved = _unload(graph, literals)
-    return _renumbered(clients, guards, dict(zip(references, moved, strict=True)))
+    guards, new_references = _unload(graph, literals)
+    return _renumbered(clients, guards, dict(zip(references, new_references, strict=True)))
 
 
 def _references(clients: ClientList) -> list[int]:
-    """Return the references that a client list makes into its table, each once."""
-    found = dict.fromkeys(
+    """Return the references of a client list into its table, each once."""
+    unique = dict.fromkeys(
         ref for actuator in clients.actuators for c in actuator.clients for ref in (c.guard, c.exclusive)
     )
-    found |= dict.fromkeys(ref for _, ref in clients.observed)
-    return list(found)
+    unique |= dict.fromkeys(ref for _, ref in clients.observed)
+    return list(unique)
 
 
-def _renumbered(clients: ClientList, guards: tuple[Guard, ...], to: dict[int, int]) -> ClientList:
-    """Return the client list over another table, `to` giving the new reference of each old one."""
+def _renumbered(clients: ClientList, guards: tuple[Guard, ...], new: dict[int, int]) -> ClientList:
+    """Return the client list over another table; `new` maps old references to new ones."""
     actuators = []
-    for one in clients.actuators:
-        moved = [replace(c, guard=to[c.guard], exclusive=to[c.exclusive]) for c in one.clients]
-        actuators.append(ActuatorClients(actuator=one.actuator, clients=tuple(moved)))
-    observed = tuple((name, to[ref]) for name, ref in clients.observed)
+    for actuator in clients.actuators:
+        new_references = [
+            replace(c, guard=new[c.guard], exclusive=new[c.exclusive]) for c in actuator.clients
+        ]
+        actuators.append(ActuatorClients(actuator=actuator.actuator, clients=tuple(new_references)))
+    observed = tuple((name, new[ref]) for name, ref in clients.observed)
     return ClientList(guards=guards, actuators=tuple(actuators), observed=observed)
 
 
@@ -68,15 +70,15 @@ def _load(guards: Sequence[Guard], references: Sequence[int]) -> tuple[InverterG
     used = bytearray(len(guards))
     for ref in references:
         used[ref] = 1
-    for at in range(len(guards) - 1, -1, -1):
-        if used[at]:
-            for operand in operands(guards[at]):
+    for index in range(len(guards) - 1, -1, -1):
+        if used[index]:
+            for operand in operands(guards[index]):
                 used[operand] = 1
     graph = InverterGraph()
     literals = zeros(len(guards))
-    for at, guard in enumerate(guards):
-        if used[at]:
-            literals[at] = _literal(guard, graph, literals)
+    for index, guard in enumerate(guards):
+        if used[index]:
+            literals[index] = _literal(guard, graph, literals)
     return graph, [literals[ref] for ref in references]
 
 
@@ -105,9 +107,9 @@ def _unload(graph: InverterGraph, literals: Sequence[int]) -> tuple[tuple[Guard,
 
     A conjunction becomes an `And`, or the `Or` of the negated parts, whichever saves more negations.
     """
-    flipped = _negated_conjunctions(graph, literals)
+    flips = _negated_conjunctions(graph, literals)
     guards: list[Guard] = []
-    references = zeros(2 * len(flipped))  # by literal: one more than its place in the table
+    references = zeros(2 * len(flips))  # by literal: one more than its index in the table
 
     def add(literal: int, guard: Guard) -> int:
         guards.append(guard)
@@ -115,14 +117,14 @@ def _unload(graph: InverterGraph, literals: Sequence[int]) -> tuple[tuple[Guard,
         return len(guards) - 1
 
     def reference(literal: int) -> int:
-        at = references[literal] - 1
-        if at >= 0:
-            return at
+        index = references[literal] - 1
+        if index >= 0:
+            return index
         if literal <= FALSE:
             return add(literal, Always() if literal == TRUE else Never())
         return add(literal, Not(references[literal ^ 1] - 1))
 
-    for node, (parts, flip) in enumerate(zip(graph.parts, flipped, strict=True)):
+    for node, (parts, flip) in enumerate(zip(graph.parts, flips, strict=True)):
         if flip < 0 or not node:
             continue
         if parts:
@@ -133,17 +135,17 @@ def _unload(graph: InverterGraph, literals: Sequence[int]) -> tuple[tuple[Guard,
             add(2 * node, Recently(reference(literal), window_ns))
         else:
             add(2 * node, ModuleActive(graph.modules[node]))
-    moved = [reference(literal) for literal in literals]
-    return tuple(guards), moved
+    new_references = [reference(literal) for literal in literals]
+    return tuple(guards), new_references
 
 
 def _negated_conjunctions(graph: InverterGraph, literals: Sequence[int]) -> array[int]:
-    """Return 1 for conjunctions that are mostly used negated, as their users will be written; else 0.
+    """Return, by node, 1 for a conjunction that is mostly used negated, 0 for others, -1 if it is unused.
 
-    -1 for nodes that are not used.
+    Uses are counted in the form in which the using nodes will be written.
     """
     balance, used = zeros(len(graph.parts)), bytearray(len(graph.parts))
-    flipped = zeros(len(graph.parts))
+    flips = zeros(len(graph.parts))
 
     def use(literal: int) -> None:
         used[literal >> 1] = 1
@@ -153,12 +155,12 @@ def _negated_conjunctions(graph: InverterGraph, literals: Sequence[int]) -> arra
         use(literal)
     for node in range(len(used) - 1, -1, -1):
         if not used[node]:
-            flipped[node] = -1
+            flips[node] = -1
             continue
         parts = graph.parts[node]
-        flip = flipped[node] = 1 if parts and balance[node] > 0 else 0
+        flip = flips[node] = 1 if parts and balance[node] > 0 else 0
         for part in parts:
             use(part ^ flip)
         if node in graph.recently:
             use(graph.recently[node][0])
-    return flipped
+    return flips

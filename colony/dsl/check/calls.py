@@ -1,4 +1,4 @@
-"""Function calls: pure functions, reductions, functions with memory."""
+"""Checking of function calls: pure functions, reductions, and functions with memory."""
 
 from __future__ import annotations
 
@@ -55,18 +55,18 @@ def check_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
 
 
 def _arguments(checker: Checker, node: ast.Call, low: int, high: int | None) -> list[ir.Expression] | None:
-    """Return the typed arguments; None after reporting a wrong number or a wrong argument."""
+    """Return the typed arguments; None after reporting a wrong number of arguments or a wrong argument."""
     count = len(node.arguments)
     if count < low or (high is not None and count > high):
-        wanted = str(low) if low == high else f"{low} or more" if high is None else f"{low} to {high}"
-        wanted, plural = "no" if high == 0 else wanted, "" if wanted == "1" else "s"
+        expected = str(low) if low == high else f"{low} or more" if high is None else f"{low} to {high}"
+        expected, plural = "no" if high == 0 else expected, "" if expected == "1" else "s"
         usage = _USAGE.get(node.function.text)
         hint = f"use: {usage}" if usage else None
-        message = f"`{node.function.text}` takes {wanted} argument{plural}, found {count}"
+        message = f"`{node.function.text}` takes {expected} argument{plural}, found {count}"
         checker.error("E203", node, message, hint)
         return None
-    found = [checker.visit(a) for a in node.arguments]
-    return None if any(f is None for f in found) else [f for f in found if f is not None]
+    arguments = [checker.visit(a) for a in node.arguments]
+    return None if any(a is None for a in arguments) else [a for a in arguments if a is not None]
 
 
 _USAGE = {
@@ -132,7 +132,7 @@ def _elementwise_result(
     match function:
         case ir.Function.SIN | ir.Function.COS | ir.Function.ANGLE_DIFFERENCE:
             for argument, element in zip(node.arguments, elements, strict=True):
-                if element.dimension != ANGLE and not element.wild:
+                if element.dimension != ANGLE and not element.wildcard:
                     _report_type(checker, argument, node, "an angle", element)
                     return None
             return DEGREES if function is ir.Function.ANGLE_DIFFERENCE else DIMENSIONLESS
@@ -164,7 +164,7 @@ def _square_root(checker: Checker, node: ast.Call, element: Quantity) -> Quantit
         message = f"the square root of a value in {element.dimension} has no unit"
         checker.error("E201", node, message, "take the root of a product such as `a * a`")
         return None
-    return Quantity(Dimension(*(exponent // 2 for exponent in element.dimension)), wild=element.wild)
+    return Quantity(Dimension(*(exponent // 2 for exponent in element.dimension)), wildcard=element.wildcard)
 
 
 def _reduction(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Expression | None:
@@ -185,7 +185,7 @@ def _reduction(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Ex
 def reduction_result(
     checker: Checker, node: ast.SyntaxNode, name: ast.Name, function: ir.Function, elements: list[Scalar]
 ) -> Scalar | None:
-    """Return the type that a reduction of these elements has."""
+    """Return the type of a reduction of these elements."""
     if function in _BOOL_REDUCTIONS:
         for element in elements:
             if not isinstance(element, Bool):
@@ -222,7 +222,7 @@ def check_comprehension(checker: Checker, node: ast.Comprehension) -> ir.Express
     if function is None or function not in ir.REDUCTIONS:
         known = sorted(f.value for f in ir.REDUCTIONS)
         hint = f"the reductions are {', '.join(known)}"
-        checker.error("E211", node.function, f"`{node.function.text}` is no reduction", hint)
+        checker.error("E211", node.function, f"`{node.function.text}` is not a reduction", hint)
         return None
     low = checker.whole(node.low, "the start of a reduction", -(10**9), 10**9)
     high = checker.whole(node.high, "the end of a reduction", -(10**9), 10**9)
@@ -304,7 +304,7 @@ def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
             checker.visit(argument)  # reports the unknown name
             return None
         case _:
-            hint = "only sensors, and `let`s of the file, can be missing"
+            hint = "only sensors and file-level `let`s can be missing"
             checker.error(
                 "E202", argument, f"`{argument.text}` is neither a sensor nor a derived value", hint
             )
@@ -336,7 +336,7 @@ def _now(checker: Checker, node: ast.Call) -> ir.Expression | None:
 # --- functions with memory -------------------------------------------------------------------------
 
 _SIGNATURES: dict[ir.MemoryFunction, str] = {
-    # v: any value, i: of the type of the first, b: bools, k: any scalar key, d: a constant duration
+    # v: any value, i: a value of the type of the first argument, b: bools, d: a constant duration
     ir.MemoryFunction.PREVIOUS: "vi",
     ir.MemoryFunction.CHANGED: "v",
     ir.MemoryFunction.RISING: "b",
@@ -359,21 +359,21 @@ def _memory(checker: Checker, node: ast.Call, function: ir.MemoryFunction) -> ir
         _arguments(checker, node, len(signature), len(signature))
         return None
     arguments: list[ir.Expression] = []
-    duration_ns, good = 0, True
+    duration_ns, valid = 0, True
     for kind, argument in zip(signature, node.arguments, strict=True):
         if kind == "d":
             duration = checker.duration_ns(argument, f"the duration of `{function.value}`")
-            good, duration_ns = good and duration is not None, duration or 0
+            valid, duration_ns = valid and duration is not None, duration or 0
             continue
         found = checker.visit(argument)
         if found is not None and kind == "b" and not isinstance(element_type(found.type), Bool):
             _report_type(checker, argument, node, "a bool", element_type(found.type))
             found = None
         if found is None:
-            good = False
+            valid = False
         else:
             arguments.append(found)
-    if not good:
+    if not valid:
         return None
     result = _memory_result(checker, node, function, arguments)
     if result is None:

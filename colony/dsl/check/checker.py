@@ -1,4 +1,4 @@
-"""The context in which an expression is checked: names in scope, findings, and state that all checks share.
+"""The context in which an expression is checked: names in scope, findings, and state shared by all checks.
 
 A check returns the typed expression, or None after it has reported an error. A caller that receives None
 continues with the rest, so that one run reports all errors.
@@ -29,37 +29,44 @@ MAX_DURATION_NS = 10**18
 class Checker(ABC):
     """The names in scope of an expression, and the report that collects its findings.
 
-    `local` hides the file's names; `promise` allows what only contracts and expectations may contain;
-    `memory` allows memory functions; `constants` restricts the expression to constants; `later` holds all
-    names that the module declares, also below; `loops` holds the variables of enclosing reductions.
+    Attributes:
+        scope: the names of the file.
+        report: the collector of findings.
+        local: the names of the module, which hide those of the file.
+        in_contract_or_test: True if `by`, `is` and members of modules and actuators are allowed.
+        memory: True if memory functions are allowed.
+        constants_only: True if the expression must be constant.
+        module_names: all names that the module declares, above or below the expression.
+        loops: the variables of enclosing reductions, with their unique names.
+        iterations: the number of iterations of all enclosing reductions together.
     """
 
     scope: Scope
     report: Report
     local: Mapping[str, ValueSymbol] = field(default_factory=dict)
-    promise: bool = False
+    in_contract_or_test: bool = False
     memory: bool = True
-    constants: bool = False
-    later: frozenset[str] = frozenset()
+    constants_only: bool = False
+    module_names: frozenset[str] = frozenset()
     loops: Mapping[str, str] = field(default_factory=dict)
     iterations: int = 1
 
     @abstractmethod
     def visit(self, node: ast.Expression) -> ir.Expression | None:
-        """Check a part of an expression, by kind of node, after `check` has checked its depth."""
+        """Check a subexpression, whose depth `check` has checked."""
 
-    # --- entries
+    # --- entry points
 
     def check(self, node: ast.Expression) -> ir.Expression | None:
-        """Check an expression and return it typed, whatever its type."""
+        """Check an expression of any type, and return it typed."""
         if node.depth > ir.NESTING_LIMIT:
-            message = f"the expression nests {node.depth} deep; at most {ir.NESTING_LIMIT} are allowed"
+            message = f"the expression nests {node.depth} levels deep; at most {ir.NESTING_LIMIT} are allowed"
             self.error("E004", node, message, "name parts of it with `let`")
             return None
         return self.visit(node)
 
     def expect(self, node: ast.Expression, wanted: Type, what: str) -> ir.Expression | None:
-        """Check that an expression's type is `wanted`; `what` names its place in the message."""
+        """Check that an expression's type is `wanted`; `what` names the expression in messages."""
         found = self.check(node)
         if found is None:
             return None
@@ -72,8 +79,8 @@ class Checker(ABC):
         return None
 
     def constant(self, node: ast.Expression, wanted: Scalar | None, what: str) -> ir.Constant | None:
-        """Check a finite constant of type `wanted` (of any scalar type for None)."""
-        constants = replace(self, memory=False, constants=True)
+        """Check a finite constant of type `wanted` (any scalar type if None)."""
+        constants = replace(self, memory=False, constants_only=True)
         found = constants.check(node) if wanted is None else constants.expect(node, wanted, what)
         if found is None:
             return None
@@ -90,14 +97,14 @@ class Checker(ABC):
         return ir.Constant(type=type_, value=value, span=found.span)
 
     def constant_in(self, node: ast.Expression, type_: Scalar, unit: str, what: str) -> ScalarValue | None:
-        """Check a constant of `type_`; a plain number is taken to be in the declared unit."""
+        """Check a constant of `type_`; a plain number is in the declared unit."""
         sign, bare = 1.0, node
         while isinstance(bare, ast.Prefix) and bare.operator == "-":
             sign, bare = -sign, bare.operand
         if isinstance(type_, Quantity) and isinstance(bare, ast.Number) and bare.unit is None:
             value = self.literal(bare, unit)
             return None if value is None else sign * value
-        if isinstance(type_, Quantity) and not type_.wild:
+        if isinstance(type_, Quantity) and not type_.wildcard:
             found = self.constant(node, None, what)
             if found is None:
                 return None
@@ -113,13 +120,13 @@ class Checker(ABC):
         return None if found is None else found.value  # type: ignore[return-value]
 
     def duration_ns(self, node: ast.Expression, what: str) -> int | None:
-        """Return a constant time as whole nanoseconds, not negative."""
+        """Return a non-negative constant time in whole nanoseconds."""
         found = self.constant(node, Quantity(TIME), what)
         if found is None:
             return None
         ns = nanoseconds(found.value)  # type: ignore[arg-type]
         if ns < 0:
-            self.error("E213", node, f"{what} is negative", "durations count forward")
+            self.error("E213", node, f"{what} is negative", "a duration is at least 0")
             return None
         if ns > MAX_DURATION_NS:
             years = MAX_DURATION_NS // (365 * 86_400 * 10**9)
@@ -139,7 +146,7 @@ class Checker(ABC):
             return None
         return int(value)
 
-    # --- shared
+    # --- helpers
 
     def error(
         self, code: str, node: ast.SyntaxNode, message: str, hint: str | None = None, *labels: Label
@@ -148,11 +155,11 @@ class Checker(ABC):
         self.report.error(self.scope, code, node, message, hint, *labels)
 
     def label(self, node: ast.SyntaxNode) -> Label:
-        """Return a label that points at a first declaration in this file."""
+        """Return a label for a first declaration in this file."""
         return label(self.scope, node)
 
     def span(self, node: ast.SyntaxNode) -> Span:
-        """Return the place of a node in this scope's file."""
+        """Return the span of a node in this scope's file."""
         return span_of(self.scope, node)
 
     def literal(self, node: ast.Number, unit: str | None) -> float | None:

@@ -1,19 +1,29 @@
-"""Type compatibility, and the names of types in messages."""
+"""Type compatibility, and the wording of types in messages."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from colony.ir.types import DIMENSIONLESS, Array, Bool, Enum, Quantity, Scalar, Type, element_type, shaped
+from colony.ir.types import (
+    DIMENSIONLESS,
+    Array,
+    Bool,
+    Enum,
+    Quantity,
+    Scalar,
+    Type,
+    element_type,
+    in_shape_of,
+)
 from colony.text.wording import listed
 
 
 def unify(a: Scalar, b: Scalar) -> Scalar | None:
     """Return the common type of two scalars, or None; a literal 0 fits any dimension."""
     if isinstance(a, Quantity) and isinstance(b, Quantity):
-        if a.wild:
+        if a.wildcard:
             return b
-        if b.wild or a.dimension == b.dimension:
+        if b.wildcard or a.dimension == b.dimension:
             return a
         return None
     return a if a == b else None
@@ -28,14 +38,14 @@ def fits(found: Type, wanted: Type) -> bool:
     return unify(element_type(found), element_type(wanted)) is not None
 
 
-def settled(type_: Type) -> Type:
-    """Return the type of a name with a value of this type: a lone literal 0 is a plain number."""
+def without_wildcard(type_: Type) -> Type:
+    """Return the type of a name whose value has this type: a lone literal 0 is a plain number."""
     element = element_type(type_)
-    return shaped(DIMENSIONLESS, type_) if isinstance(element, Quantity) and element.wild else type_
+    return in_shape_of(DIMENSIONLESS, type_) if isinstance(element, Quantity) and element.wildcard else type_
 
 
 def with_article(type_: Type) -> str:
-    """Return the name of a type with its article, as messages use it."""
+    """Return the name of a type with its article, for messages."""
     if isinstance(type_, Array):
         return f"an array of {type_.size} {_plural(type_.element)}"
     if isinstance(type_, Bool):
@@ -54,5 +64,5 @@ def _plural(type_: Scalar) -> str:
 
 
 def with_articles(types: Iterable[Type]) -> str:
-    """Return the names of several types as a list in a sentence."""
+    """Return the names of types with their articles, listed as in a sentence."""
     return listed([with_article(t) for t in types])

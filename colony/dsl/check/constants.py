@@ -17,15 +17,15 @@ _MAX_UNIT_LENGTH = 100
 
 
 def literal(digits: str, factor: Fraction) -> float | None:
-    """Return the double nearest to `digits` times `factor`, rounded once; None where it overflows.
+    """Return the double nearest to `digits` times `factor`, rounded once; None if it overflows.
 
-    Beyond `_MAX_DIGITS` digits, only whether any of the rest is not 0 matters.
+    Of the digits beyond `_MAX_DIGITS` it only matters whether any is nonzero.
     """
     match = _NUMBER.fullmatch(digits)
     assert match is not None, "the grammar accepts no other numbers"
     whole, fraction, exponent_text = match[1], match[2] or "", match[3] or "0"
     significant = (whole + fraction).lstrip("0")
-    exponent = _bounded(exponent_text) - len(fraction)
+    exponent = _bound_exponent(exponent_text) - len(fraction)
     if len(significant) > _MAX_DIGITS:
         exponent += len(significant) - _MAX_DIGITS - 1
         sticky = "1" if significant[_MAX_DIGITS:].strip("0") else "0"
@@ -44,15 +44,15 @@ def literal(digits: str, factor: Fraction) -> float | None:
         return None
 
 
-def _bounded(exponent: str) -> int:
-    """Return the exponent as written, or a bound with the same effect."""
+def _bound_exponent(exponent: str) -> int:
+    """Return the exponent, or a bound with the same effect if it is huge."""
     digits = exponent.lstrip("+-").lstrip("0")
     size = int(digits or "0") if len(digits) < 12 else 10**12
     return -size if exponent.startswith("-") else size
 
 
 def unit_of(text: str) -> Unit:
-    """Return the unit with this text.
+    """Return the unit that this text denotes.
 
     Raises:
         UnitError: as for `parse_unit`, or the text is too long.
@@ -63,7 +63,7 @@ def unit_of(text: str) -> Unit:
 
 
 def constant_value(node: ir.Expression) -> ScalarValue | None:
-    """Return the value of a scalar constant expression; None where it is not constant.
+    """Return the value of a scalar constant expression, None if it is not constant.
 
     A division by zero or an overflow gives NaN or infinity.
     """

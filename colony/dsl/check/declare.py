@@ -10,25 +10,25 @@ MODULE_DECLARATIONS = (ast.ModuleDecl, ast.DerivedModuleDecl, ast.PythonModuleDe
 
 
 def declare_names(report: Report, scopes: list[Scope]) -> None:
-    """Fill every scope's visible names; report names declared twice, here or by an import."""
+    """Fill in the visible names of every scope; report names declared twice, in a file or by an import."""
     sensors, actuators = _robot_names(scopes)
     for scope in scopes:
         scope.robot.sensor_names, scope.robot.actuator_names = sensors, actuators
         _declare(report, scope)
-    _name_drives(scopes)
+    _name_actuator_wires(scopes)
     by_key = {scope.file.key: scope for scope in scopes}
     for scope in scopes:  # imported files come before their importers
         scope.lost_names |= scope.file.lost_names
-        for one in scope.file.imports:
-            target = by_key.get(one.target)
+        for import_ in scope.file.imports:
+            target = by_key.get(import_.target)
             if target is None:
-                _allow_unknown_names(scope, one.declaration)
+                _allow_unknown_names(scope, import_.declaration)
             elif target is not scope:
-                _import_names(report, scope, target, one.declaration)
+                _import_names(report, scope, target, import_.declaration)
 
 
 def _robot_names(scopes: list[Scope]) -> tuple[set[str], set[str]]:
-    """Return the names of all sensors and actuators declared in the program, valid or not."""
+    """Return the names of all sensors and actuators that the program declares, even if invalid."""
     sensors: set[str] = set()
     actuators: set[str] = set()
     for scope in scopes:
@@ -43,7 +43,7 @@ def _robot_names(scopes: list[Scope]) -> tuple[set[str], set[str]]:
 
 
 def _declare(report: Report, scope: Scope) -> None:
-    """Declare names: symbols of modules and wires now, those of values when they are checked."""
+    """Declare the names of a file; values get their symbols later, when they are checked."""
     sensors, actuators = scope.robot.sensor_names, scope.robot.actuator_names
     values: dict[str, ast.Name] = {}
     parts: dict[str, ast.Name] = {}
@@ -77,31 +77,31 @@ def _declare_wire(
             first = label(scope, parts[name.text], "first driven here")
             report.error(scope, "E503", name, f"actuator `{name.text}` is driven twice", None, first)
         parts.setdefault(name.text, name)
-        scope.drives[name.text] = WireSymbol(name=name.text)
+        scope.actuator_wires[name.text] = WireSymbol(name=name.text)
     elif _declare_once(report, scope, parts, name):
         scope.parts[name.text] = WireSymbol(name=scope.full(name.text))
         scope.visible_parts[name.text] = scope
 
 
-def _name_drives(scopes: list[Scope]) -> None:
-    """Name the drive of each actuator after the actuator.
+def _name_actuator_wires(scopes: list[Scope]) -> None:
+    """Name the wire of each actuator after the actuator.
 
-    In files imported without an alias, it may need a longer name.
+    In files that are imported without an alias, it may need a longer name.
     """
     taken = set(scopes[-1].robot.actuator_names)
-    for scope in reversed(scopes):  # importing files have precedence for the short name
+    for scope in reversed(scopes):  # importing files take short names first
         prefix, stem = scope.file.prefix, scope.file.stem
-        for actuator in scope.drives:
+        for actuator in scope.actuator_wires:
             name, count = f"{prefix}{actuator}", 1
             while name in taken and not scope.file.is_root:
                 name = f"{prefix}{stem}:{actuator}" if count == 1 else f"{prefix}{stem}:{actuator}:{count}"
                 count += 1
             taken.add(name)
-            scope.drives[actuator] = WireSymbol(name=name)
+            scope.actuator_wires[actuator] = WireSymbol(name=name)
 
 
 def _allow_unknown_names(scope: Scope, node: ast.ImportDecl) -> None:
-    """Suppress errors about names that an unreadable file may declare."""
+    """Suppress errors about names that the unreadable imported file may declare."""
     if node.alias is None:
         scope.incomplete = True
     else:
@@ -118,26 +118,26 @@ def _declare_once(report: Report, scope: Scope, names: dict[str, ast.Name], name
 
 
 def _import_names(report: Report, scope: Scope, target: Scope, node: ast.ImportDecl) -> None:
-    """Import names: all of them for a plain import; with `as`, behind the alias."""
+    """Import all names of a file, under its alias if the import has one."""
     alias = node.alias
     if alias is not None:
         robot = scope.robot
-        others = (scope.aliases, scope.visible_values, scope.visible_parts)
-        names = (robot.sensor_names, robot.actuator_names)
-        is_taken = any(alias.text in some for some in (*others, *names))
+        file_names = (scope.aliases, scope.visible_values, scope.visible_parts)
+        robot_names = (robot.sensor_names, robot.actuator_names)
+        is_taken = any(alias.text in names for names in (*file_names, *robot_names))
         if is_taken and scope.aliases.get(alias.text) is not target:
             report.error(scope, "E102", alias, f"`{alias.text}` is declared twice", "choose another alias")
         scope.aliases.setdefault(alias.text, target)
         return
     scope.lost_names |= target.lost_names
     scope.incomplete |= target.incomplete
-    for mine, theirs in (
+    for own, imported in (
         (scope.visible_values, target.visible_values),
         (scope.visible_parts, target.visible_parts),
         (scope.aliases, target.aliases),
     ):
-        for name, owner in theirs.items():
-            if mine.setdefault(name, owner) is not owner:
+        for name, owner in imported.items():
+            if own.setdefault(name, owner) is not owner:
                 message = f"`{name}` is declared here and in `{target.file.source.name}`"
                 hint = f'rename one of them, or write `import "{node.path}" as NAME`'
                 report.error(scope, "E102", node, message, hint)

@@ -1,4 +1,4 @@
-"""Derived values: file-level params, lets, states and machines."""
+"""Checking of derived values: file-level params, lets, states and machines."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
-from colony.dsl.check.compatibility import settled
+from colony.dsl.check.compatibility import without_wildcard
 from colony.dsl.check.robot import check_type
 from colony.dsl.check.scope import (
     BrokenSymbol,
@@ -25,7 +25,9 @@ from colony.text.units import BASE_UNITS
 def check_param(checker: Checker, node: ast.ParamDecl) -> ParamSymbol | BrokenSymbol:
     """Check a named constant."""
     found = checker.constant(node.value, None, f"param `{node.name.text}`")
-    return BrokenSymbol() if found is None else ParamSymbol(type=settled(found.type), value=found.value)
+    return (
+        BrokenSymbol() if found is None else ParamSymbol(type=without_wildcard(found.type), value=found.value)
+    )
 
 
 def check_let(checker: Checker, node: ast.LetDecl, name: str) -> ir.Let | None:
@@ -35,31 +37,30 @@ def check_let(checker: Checker, node: ast.LetDecl, name: str) -> ir.Let | None:
 
 
 def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarValue] | None:
-    """Return the type and initial value of a state; without a declared type, that of the value."""
+    """Return the type and initial value of a state; without a declared type, it has that of the value."""
     wanted: Scalar | None = None
-
     if node.type is not None:
         found = check_type(checker, node.type)
         if found is None:
             return None
         wanted, _ = found
-    what = f"the first value of `{node.name.text}`"
+    what = f"the initial value of `{node.name.text}`"
     if wanted is not None:
         initial = checker.constant(node.initial, wanted, what)
     else:
         initial = checker.constant(node.initial, None, what)
     if initial is None:
         return None
-    type_ = wanted if wanted is not None else settled(initial.type)
+    type_ = wanted if wanted is not None else without_wildcard(initial.type)
     return type_, initial.value  # type: ignore[return-value]
 
 
 def check_nexts(
     checker: Checker, nodes: Iterable[ast.NextDecl], states: dict[str, ValueSymbol]
 ) -> dict[str, Expression]:
-    """Return the checked next value of each state, by its name as written."""
+    """Return the checked next values, by the names of the states as written."""
     nexts: dict[str, Expression] = {}
-    given: set[str] = set()
+    assigned: set[str] = set()
     for node in nodes:
         name = node.name.text
         symbol = states.get(name)
@@ -67,10 +68,10 @@ def check_nexts(
             hint = checker.report.suggest(name, states) or f"declare it: `state {name} = ...`"
             checker.error("E403", node.name, f"there is no state `{name}` here", hint)
             continue
-        if name in given:
+        if name in assigned:
             checker.error("E403", node.name, f"`next {name}` is given twice", "choose with `if`")
             continue
-        given.add(name)
+        assigned.add(name)
         if isinstance(symbol, StateSymbol):
             found = checker.expect(node.value, symbol.type, f"the next value of `{name}`")
             if found is not None:
@@ -81,7 +82,7 @@ def check_nexts(
 
 
 def machine_type(checker: Checker, node: ast.MachineDecl) -> MachineSymbol | BrokenSymbol:
-    """Return the phases of a machine, in the order in which they are first named."""
+    """Return the symbol of a machine; its phases are numbered in the order in which they are first named."""
     phases: dict[str, ast.Name] = {node.initial.text: node.initial}
     for transition in node.transitions:
         for phase in (transition.source, transition.target):
@@ -90,29 +91,29 @@ def machine_type(checker: Checker, node: ast.MachineDecl) -> MachineSymbol | Bro
     for name, phase in phases.items():
         if name in BASE_UNITS:
             hint = "after a number in a condition it would be read as the unit"
-            checker.error("E407", phase, f"a phase cannot be called `{name}`, which is a unit", hint)
+            checker.error("E407", phase, f"a phase cannot be named `{name}`, which is a unit", hint)
         if name == "any":
             hint = "`any -> b` is from every phase but `b`"
-            checker.error("E407", phase, "a phase cannot be called `any`, which means all phases", hint)
+            checker.error("E407", phase, "a phase cannot be named `any`, which means all phases", hint)
     full = checker.scope.full(node.name.text)
     members = tuple((name, float(i)) for i, name in enumerate(phases))
     return MachineSymbol(name=full, type=Enum(name=full, members=members, kind="machine"))
 
 
 def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Machine | None:
-    """Check a machine; `any` stands for every phase but the target."""
+    """Check a machine; `any` means every phase but the target."""
     numbers = dict(type_.members)
     transitions: list[ir.Transition] = []
-    for one in node.transitions:
-        condition = checker.expect(one.condition, BOOL, "the condition of a transition")
+    for transition in node.transitions:
+        condition = checker.expect(transition.condition, BOOL, "the condition of a transition")
         if condition is None:
             continue
-        target = numbers[one.target.text]
-        if one.source is None:
+        target = numbers[transition.target.text]
+        if transition.source is None:
             sources = frozenset(numbers.values()) - {target}
         else:
-            sources = frozenset({numbers[one.source.text]})
-        span = checker.span(one)
+            sources = frozenset({numbers[transition.source.text]})
+        span = checker.span(transition)
         transitions.append(ir.Transition(sources=sources, target=target, condition=condition, span=span))
     return ir.Machine(
         name=checker.scope.full(node.name.text),
@@ -125,4 +126,4 @@ def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Ma
 
 def let_symbol(let: ir.Let, module: str | None = None) -> LetSymbol:
     """Return the symbol of a let."""
-    return LetSymbol(name=let.name, type=settled(let.expression.type), module=module)
+    return LetSymbol(name=let.name, type=without_wildcard(let.expression.type), module=module)

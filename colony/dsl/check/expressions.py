@@ -31,7 +31,7 @@ class ExpressionChecker(Checker):
     """A checker of every kind of expression."""
 
     def visit(self, node: ast.Expression) -> ir.Expression | None:
-        """Check a part of an expression, by kind of node, after `check` has checked its depth."""
+        """Check a subexpression, whose depth `check` has checked."""
         match node:
             case ast.Number():
                 return self._number(node)
@@ -128,8 +128,8 @@ class ExpressionChecker(Checker):
         if operand is None or low is None or high is None:
             return None
         elements = [element_type(p.type) for p in (operand, low, high)]
-        first = unify(elements[0], elements[1])
-        if first is None or unify(first, elements[2]) is None or not isinstance(first, Quantity):
+        common = unify(elements[0], elements[1])
+        if common is None or unify(common, elements[2]) is None or not isinstance(common, Quantity):
             shown = with_articles(p.type for p in (operand, low, high))
             self.error("E201", node, f"`in` needs three numbers of one dimension, found {shown}")
             return None
@@ -181,7 +181,7 @@ _SUMS = frozenset({ir.Binary.ADD, ir.Binary.SUBTRACT})
 
 
 def _result(operator: ir.Binary, a: Scalar, b: Scalar) -> Scalar | None:
-    """Return the element type of an operation, or None where the operands do not fit it."""
+    """Return the element type of an operation, or None if its operands have the wrong types."""
     if operator in _BOOLEAN:
         return BOOL if isinstance(a, Bool) and isinstance(b, Bool) else None
     if operator in _EQUALITY:
@@ -192,8 +192,8 @@ def _result(operator: ir.Binary, a: Scalar, b: Scalar) -> Scalar | None:
         return Quantity(a.dimension.times(b.dimension))
     if operator is ir.Binary.DIVIDE:
         return Quantity(a.dimension.over(b.dimension))
-    both = unify(a, b)
-    return both if both is None or operator in _SUMS else BOOL
+    common = unify(a, b)
+    return common if common is None or operator in _SUMS else BOOL
 
 
 def _mismatch(operator: ir.Binary, a: Type, b: Type) -> str:

@@ -1,4 +1,4 @@
-"""Modules: written in the language, derived from others, or written in Python."""
+"""Checking of modules: written in the language, derived from others, or written in Python."""
 
 from __future__ import annotations
 
@@ -45,19 +45,19 @@ class Template(Record):
 
 @record
 class PendingModule(Record):
-    """A module declaration still to be checked, with the scope of its file."""
+    """A module declaration that is still to be checked, with the scope of its file."""
 
     node: ModuleNode
     scope: Scope
 
     @property
     def full_name(self) -> str:
-        """Return the name that the module has in the program."""
+        """Return the module's name in the program."""
         return self.scope.full(self.node.name.text)
 
 
 def check_modules(report: Report, declared: list[PendingModule]) -> list[ir.AnyModule]:
-    """Check all modules of a program, in order, and put their symbols into the scopes of their files.
+    """Check all modules of a program, in order, and store their symbols in the scopes of their files.
 
     Each scope already holds a placeholder symbol for each of its modules, with its full name.
     """
@@ -89,28 +89,30 @@ def _template(
     by_name: Mapping[str, PendingModule],
     templates: dict[str, Template | None],
 ) -> Template | None:
-    """Follow `module a = b(...)` to a module with a body; iterative, as chains may be long."""
-    trail: list[PendingModule] = []
+    """Follow `module a = b(...)` to a module with a body, without recursion, as chains may be long."""
+    chain: list[PendingModule] = []
     position: dict[str, int] = {}
-    here: PendingModule | None = pending
-    while here is not None and here.full_name not in templates:
-        if here.full_name in position:
-            cycle = [f"`{p.node.name.text}`" for p in [*trail[position[here.full_name] :], here]]
+    current: PendingModule | None = pending
+    while current is not None and current.full_name not in templates:
+        if current.full_name in position:
+            cycle = [f"`{p.node.name.text}`" for p in [*chain[position[current.full_name] :], current]]
             names = " = ".join(cycle if len(cycle) <= 6 else [*cycle[:4], "...", cycle[-1]])
-            report.error(here.scope, "E404", here.node.name, f"the module is derived from itself: {names}")
-            for p in trail:
+            report.error(
+                current.scope, "E404", current.node.name, f"the module is derived from itself: {names}"
+            )
+            for p in chain:
                 templates[p.full_name] = None
             return None
-        position[here.full_name] = len(trail)
-        trail.append(here)
-        if not isinstance(here.node, ast.DerivedModuleDecl):
-            templates[here.full_name] = Template(node=here.node, scope=here.scope, params={})
+        position[current.full_name] = len(chain)
+        chain.append(current)
+        if not isinstance(current.node, ast.DerivedModuleDecl):
+            templates[current.full_name] = Template(node=current.node, scope=current.scope, params={})
             break
-        here = _base(report, here, by_name)
-        if here is None:
-            for p in trail:
+        current = _base(report, current, by_name)
+        if current is None:
+            for p in chain:
                 templates[p.full_name] = None
-    for p in reversed(trail):
+    for p in reversed(chain):
         if isinstance(p.node, ast.DerivedModuleDecl) and p.full_name not in templates:
             base = _base(report, p, by_name, quiet=True)
             template = templates[base.full_name] if base else None
@@ -172,29 +174,29 @@ def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl,
 def _instance(
     report: Report, pending: PendingModule, template: Template
 ) -> tuple[ir.AnyModule | None, dict[str, ValueSymbol]]:
-    """Return the module, and its params, lets and states by name as written."""
+    """Return the module, and its params, lets and states by their names as written."""
     derived = isinstance(pending.node, ast.DerivedModuleDecl)
     local: dict[str, ValueSymbol] = {}
-    # Errors that a derived module repeats from its base are already reported there.
-    sink = Report(cells=report.cells) if derived else report
-    checker = ExpressionChecker(scope=template.scope, report=sink, local=local)
+    # A derived module repeats the errors of its base, which are reported already.
+    derived_report = Report(cells=report.cells) if derived else report
+    checker = ExpressionChecker(scope=template.scope, report=derived_report, local=local)
     module: ir.AnyModule | None
     if isinstance(template.node, ast.PythonModuleDecl):
         module = _python_module(checker, pending, template.node, template.params, local)
     else:
         module = _module(checker, pending, template.node, template.params, local)
     if derived:
-        report.cells = sink.cells
-        _report_misfits(report, pending, sink)
+        report.cells = derived_report.cells
+        _report_misfits(report, pending, derived_report)
     return module, local
 
 
-def _report_misfits(report: Report, pending: PendingModule, sink: Report) -> None:
-    """Report overridden params that do not fit the base module, at the place that overrides them."""
-    if not sink.diagnostics:
+def _report_misfits(report: Report, pending: PendingModule, derived_report: Report) -> None:
+    """Report overridden params that do not fit the base module, at the derived module."""
+    if not derived_report.diagnostics:
         return
     base_errors = {(d.code, d.span.start, d.message) for d in report.diagnostics}
-    for d in sink.diagnostics:
+    for d in derived_report.diagnostics:
         if (d.code, d.span.start, d.message) not in base_errors:
             line, _ = d.span.source.position(d.span.start)
             file = "" if d.span.source is pending.scope.file.source else f" of `{d.span.source.name}`"
@@ -217,7 +219,7 @@ def _module(
     """Check a module written in the language; return None if anything in it is wrong."""
     full, before = pending.full_name, len(checker.report.diagnostics)
     names = frozenset(c.name.text for c in node.clauses if not isinstance(c, ast.NextDecl))
-    checker = replace(checker, later=names)
+    checker = replace(checker, module_names=names)
     _report_duplicates(checker, node.clauses)
     params = _params(checker, _clauses(node, ast.ParamDecl), overrides, local)
     states = _states(checker, full, _clauses(node, ast.StateDecl), local)
@@ -261,7 +263,7 @@ def _params(
     overrides: Mapping[str, ParamSymbol],
     local: dict[str, ValueSymbol],
 ) -> tuple[tuple[str, ScalarValue], ...]:
-    """Return the params in order, as written or overridden; each may use those above it."""
+    """Return the params in order, as written or overridden; each may read those above it."""
     params: list[tuple[str, ScalarValue]] = []
     for clause in clauses:
         name = clause.name.text
@@ -291,7 +293,7 @@ def _states(
 
 
 def _command(checker: Checker, node: ast.DoDecl) -> ir.Command | None:
-    """Check the transfer function, with its fields in the order of the actuator's."""
+    """Check the command, and return its fields in the order of the actuator's."""
     actuator = actuator_named(checker, node.actuator)
     if actuator is None:
         for argument in node.arguments:
@@ -360,6 +362,6 @@ def _reading(checker: Checker, node: ast.Reference) -> Expression | None:
     found = resolve_reference(replace(checker, local={}), node)
     if isinstance(found, Constant):
         hint = "give constants to it as params"
-        checker.error("E406", node, f"`{node.text}` is a constant, not read each frame", hint)
+        checker.error("E406", node, f"`{node.text}` is a constant, so it is not read in each frame", hint)
         return None
     return found

@@ -1,8 +1,8 @@
 """Checking of all files of a program, in stages, to the typed program.
 
-Names are declared first, so that order in the text matters only where the language says so; then constants,
-the robot, derived values, modules, wires, limits, contracts and tests are checked. In every stage imported
-files come before their importers.
+Names are declared first, so that the order of declarations matters only where the language says so; then
+constants, the robot, derived values, modules, wires, limits, contracts and tests are checked. In every stage,
+imported files come before their importers.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import TypeVar
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
+from colony.dsl.check.contracts import check_contract, check_limit, check_test
 from colony.dsl.check.declare import MODULE_DECLARATIONS, declare_names
 from colony.dsl.check.derived import (
     check_let,
@@ -24,7 +25,6 @@ from colony.dsl.check.derived import (
 )
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.modules import PendingModule, check_modules
-from colony.dsl.check.promises import check_contract, check_limit, check_test
 from colony.dsl.check.robot import check_enum, check_robot
 from colony.dsl.check.scope import (
     BrokenSymbol,
@@ -46,7 +46,7 @@ _Node = TypeVar("_Node", bound=ast.SyntaxNode)
 
 
 def check_program(tree: SourceTree) -> tuple[ir.Program | None, tuple[Diagnostic, ...]]:
-    """Return the program, None if there are errors, and all errors and warnings in order."""
+    """Return the program (None if there are errors), and all errors and warnings in order."""
     report = Report(diagnostics=list(tree.diagnostics))
     program = _Check(tree, report).run() if tree.files else None
     diagnostics = in_order(report.diagnostics)
@@ -71,8 +71,8 @@ class _Check:
         wires = self._wires(modules)
         limits = [check_limit(c, n) for c, n in self._each(ast.LimitDecl)]
         contracts = self._contracts()
-        own = ExpressionChecker(scope=self.root, report=self.report)
-        tests = [check_test(own, n) for c, n in self._each(ast.TestDecl) if c.scope is self.root]
+        root_checker = ExpressionChecker(scope=self.root, report=self.report)
+        tests = [check_test(root_checker, n) for c, n in self._each(ast.TestDecl) if c.scope is self.root]
         if robot is None:
             return None
         self._warn_unused(robot, modules, wires)
@@ -81,9 +81,9 @@ class _Check:
             derived=tuple(derived),
             modules=tuple(modules),
             wires=tuple(wires),
-            limits=tuple(one for one in limits if one is not None),
+            limits=tuple(x for x in limits if x is not None),
             contracts=tuple(contracts),
-            tests=tuple(t for t in tests if t is not None),
+            tests=tuple(x for x in tests if x is not None),
         )
 
     def _each(self, kind: type[_Node]) -> Iterator[tuple[Checker, _Node]]:
@@ -95,7 +95,7 @@ class _Check:
                     yield checker, node
 
     def _constants(self) -> None:
-        """Check enums and params, each of which may use those above it."""
+        """Check enums and params; each may use those above it."""
         for scope in self.scopes:
             checker = ExpressionChecker(scope=scope, report=self.report)
             for node in scope.file.tree.declarations:
@@ -116,14 +116,16 @@ class _Check:
                 hint = 'declare one, or import a file that does: `import "rome.colony"`'
                 self.report.error(self.root, "E301", start, "the program has no robot", hint)
             return None
-        first, node = found[0]
+        first_checker, node = found[0]
         for checker, other in found[1:]:
             message = f"the program has a robot already: `{node.name.text}`"
-            checker.error("E302", other.name, message, "a program has one robot", first.label(node.name))
-        return check_robot(first, node)
+            checker.error(
+                "E302", other.name, message, "a program has one robot", first_checker.label(node.name)
+            )
+        return check_robot(first_checker, node)
 
     def _derived(self) -> list[ir.Derived]:
-        """Check derived values: states and machines are readable anywhere, lets only below themselves."""
+        """Check derived values: states and machines can be read anywhere, lets only below themselves."""
         initial: dict[str, ScalarValue] = {}
         for checker, machine in self._each(ast.MachineDecl):
             checker.scope.values.setdefault(machine.name.text, machine_type(checker, machine))
@@ -136,9 +138,9 @@ class _Check:
             checker.scope.values.setdefault(state.name.text, symbol)
         derived: list[ir.Derived] = []
         for checker, let in self._each(ast.LetDecl):
-            done = check_let(checker, let, checker.scope.full(let.name.text))
-            checker.scope.values.setdefault(let.name.text, let_symbol(done) if done else BrokenSymbol())
-            derived += [done] if done else []
+            checked = check_let(checker, let, checker.scope.full(let.name.text))
+            checker.scope.values.setdefault(let.name.text, let_symbol(checked) if checked else BrokenSymbol())
+            derived += [checked] if checked else []
         return derived + self._states(initial) + self._machines()
 
     def _states(self, initial: dict[str, ScalarValue]) -> list[ir.Derived]:
@@ -168,7 +170,9 @@ class _Check:
         checked: set[str] = set()
         for checker, node in self._each(ast.MachineDecl):
             symbol = checker.scope.values[node.name.text]
-            if isinstance(symbol, MachineSymbol) and symbol.name not in checked:  # a second was reported
+            if (
+                isinstance(symbol, MachineSymbol) and symbol.name not in checked
+            ):  # another of the same name was reported
                 checked.add(symbol.name)
                 machine = check_machine(checker, node, symbol.type)
                 machines += [machine] if machine else []
@@ -180,10 +184,10 @@ class _Check:
         for scope in self.scopes:
             for node in scope.file.tree.declarations:
                 if isinstance(node, MODULE_DECLARATIONS):
-                    one = PendingModule(node=node, scope=scope)
-                    if one.full_name not in seen:  # a second of the same name was reported
-                        seen.add(one.full_name)
-                        pending.append(one)
+                    module = PendingModule(node=node, scope=scope)
+                    if module.full_name not in seen:  # another of the same name was reported
+                        seen.add(module.full_name)
+                        pending.append(module)
         return pending
 
     def _wires(self, modules: list[ir.AnyModule]) -> list[ir.Wire]:
@@ -194,14 +198,14 @@ class _Check:
                     continue
                 for node in network.wires:
                     name = node.name.text
-                    if name not in scope.drives and not isinstance(scope.parts.get(name), WireSymbol):
-                        continue  # it has the name of a module, which was reported
-                    drives = name if name in scope.drives and scope is self.root else None
-                    symbol = scope.drives.get(name) or WireSymbol(name=scope.full(name))
-                    one = PendingWire(node=node, scope=scope, name=symbol.name, drives=drives)
-                    pending.setdefault(symbol.name, one)
+                    if name not in scope.actuator_wires and not isinstance(scope.parts.get(name), WireSymbol):
+                        continue  # the name of a module, which was reported
+                    actuator = name if name in scope.actuator_wires and scope is self.root else None
+                    symbol = scope.actuator_wires.get(name) or WireSymbol(name=scope.full(name))
+                    wire = PendingWire(node=node, scope=scope, name=symbol.name, actuator=actuator)
+                    pending.setdefault(symbol.name, wire)
         wires = check_wires(self.report, list(pending.values()))
-        scopes = {name: one.scope for name, one in pending.items()}
+        scopes = {name: wire.scope for name, wire in pending.items()}
         check_outputs(self.report, wires, {m.name: m for m in modules}, scopes)
         return wires
 
@@ -223,30 +227,30 @@ class _Check:
     # --- warnings
 
     def _warn_unused(self, robot: ir.Robot, modules: list[ir.AnyModule], wires: list[ir.Wire]) -> None:
-        """Warn of declarations of this file that reach no actuator, and of actuators that nothing drives."""
+        """Warn about modules and wires of the main file without effect, and about undriven actuators."""
         if has_errors(self.report.diagnostics):
             return
         used = reached(wires)
-        own = self.root.file.source
+        main_source = self.root.file.source
         for kind, parts in (("module", modules), ("wire", wires)):
             for part in parts:
-                if part.name not in used and part.span.source is own:
+                if part.name not in used and part.span.source is main_source:
                     message = f"{kind} `{part.name}` reaches no actuator"
                     actuators = [a.name for a in robot.actuators]
-                    close = self.report.suggest(part.name, actuators) if kind == "wire" else None
-                    hint = close or "wire it in a `network { ... }` block, or remove it"
+                    suggestion = self.report.suggest(part.name, actuators) if kind == "wire" else None
+                    hint = suggestion or "wire it in a `network { ... }` block, or remove it"
                     self.report.diagnostics.append(warning("W001", part.span, message, hint))
         driven = {w.actuator for w in wires}
         for actuator in robot.actuators:
-            # With `idle hold`, an actuator of an imported robot may stay unused: it is sent nothing.
-            is_optional = actuator.idle is None and actuator.span.source is not own
+            # With `idle hold`, an actuator of an imported robot may stay unused: nothing is sent to it.
+            is_optional = actuator.idle is None and actuator.span.source is not main_source
             if actuator.name not in driven and not is_optional and self._wires_anything():
                 message = f"nothing drives actuator `{actuator.name}`"
                 hint = f"assign to it: `network {{ {actuator.name} = ... }}`"
                 self.report.diagnostics.append(warning("W002", actuator.span, message, hint))
 
     def _wires_anything(self) -> bool:
-        """Return True if the file has modules or a network: only then is an unused actuator suspicious."""
+        """Return True if the main file has modules or a network; otherwise no actuator need be driven."""
         kinds = (*MODULE_DECLARATIONS, ast.NetworkDecl)
         return any(isinstance(d, kinds) for d in self.root.file.tree.declarations)
 

@@ -29,19 +29,19 @@ from colony.ir.types import BOOL, DIMENSIONLESS, DURATION, Enum
 
 def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | None:
     """Return the typed expression that a name refers to, or None after reporting an error."""
-    first = node.path[0]
+    head = node.path[0]
     if len(node.path) == 1:
-        if first in checker.loops:
-            return ir.LoopIndex(type=DIMENSIONLESS, name=checker.loops[first], span=checker.span(node))
-        symbol = checker.local.get(first) or checker.scope.value(first)
+        if head in checker.loops:
+            return ir.LoopIndex(type=DIMENSIONLESS, name=checker.loops[head], span=checker.span(node))
+        symbol = checker.local.get(head) or checker.scope.value(head)
         if symbol is not None:
             return _value(checker, node, symbol)
-        if first == "now":  # `now` is `now()`, unless something else has that name
+        if head == "now":  # `now` is `now()`, unless something else has that name
             return ir.Now(type=DURATION, span=checker.span(node))
-        _unknown(checker, node, checker.scope, first)
+        _unknown(checker, node, checker.scope, head)
         return None
-    if first in checker.local:
-        return _member(checker, node, checker.local[first], node.path[1:])
+    if head in checker.local:
+        return _member(checker, node, checker.local[head], node.path[1:])
     scope, path = checker.scope.resolve(node.path)
     symbol, part = scope.value(path[0]), scope.part(path[0])
     if symbol is not None and len(path) == 1:
@@ -82,22 +82,22 @@ def _value(checker: Checker, node: ast.Reference, symbol: ValueSymbol) -> ir.Exp
 
 
 def _member(
-    checker: Checker, node: ast.Reference, symbol: ValueSymbol, rest: tuple[str, ...]
+    checker: Checker, node: ast.Reference, symbol: ValueSymbol, member_path: tuple[str, ...]
 ) -> ir.Expression | None:
-    """Resolve `enum.member` and `machine.phase`."""
-    owner = ".".join(node.path[: len(node.path) - len(rest)])
+    """Resolve `enum.member` or `machine.phase`."""
+    owner = ".".join(node.path[: len(node.path) - len(member_path)])
     match symbol:
-        case EnumSymbol(type=enum) | MachineSymbol(type=enum) if len(rest) == 1:
-            value = dict(enum.members).get(rest[0])
+        case EnumSymbol(type=enum) | MachineSymbol(type=enum) if len(member_path) == 1:
+            value = dict(enum.members).get(member_path[0])
             if value is not None:
                 return ir.Constant(type=enum, value=value, span=checker.span(node))
             names = [name for name, _ in enum.members]
-            hint = checker.report.suggest(rest[0], names) or f"it has {', '.join(names)}"
-            checker.error("E108", node, f"`{owner}` has no {_member_word(enum)} `{rest[0]}`", hint)
+            hint = checker.report.suggest(member_path[0], names) or f"it has {', '.join(names)}"
+            checker.error("E108", node, f"`{owner}` has no {_member_word(enum)} `{member_path[0]}`", hint)
         case BrokenSymbol():
             pass
         case _:
-            checker.error("E108", node, f"`{owner}` has no part `{'.'.join(rest)}`")
+            checker.error("E108", node, f"`{owner}` has no member `{'.'.join(member_path)}`")
     return None
 
 
@@ -108,12 +108,12 @@ def _member_word(enum: Enum) -> str:
 def _means_part(
     checker: Checker, symbol: EnumSymbol | MachineSymbol, part: PartSymbol | None, name: str
 ) -> bool:
-    """Return True if `owner.name` in a contract means the part, although `owner` is also a value."""
-    if not checker.promise or name in dict(symbol.type.members):
+    """Return True if `owner.name` is a member of the part `owner`, although `owner` is also a value."""
+    if not checker.in_contract_or_test or name in dict(symbol.type.members):
         return False
     match part:
         case ActuatorSymbol(actuator=actuator):
-            return name in [one.name for one in actuator.fields]
+            return name in [field.name for field in actuator.fields]
         case ModuleSymbol(members=members):
             return name in members
         case _:
@@ -121,26 +121,29 @@ def _means_part(
 
 
 def _part_member(checker: Checker, node: ast.Reference, part: PartSymbol, name: str) -> ir.Expression | None:
-    """Resolve `actuator.field` and `module.name`, in contracts and expectations."""
+    """Resolve `actuator.field` or `module.name`, in contracts and tests."""
     if isinstance(part, BrokenSymbol):
         return None
-    if not checker.promise:
-        hint = "a module cannot see what other modules do; share values through file-level `let` and `state`"
+    if not checker.in_contract_or_test:
+        hint = "a module cannot read other modules; share values through file-level `let` and `state`"
         checker.error("E106", node, f"`{node.text}` can be read only in contracts and tests", hint)
         return None
     owner = ".".join(node.path[:-1])
     match part:
         case ActuatorSymbol(actuator=actuator):
-            for index, one in enumerate(actuator.fields):
-                if one.name == name:
+            for index, field in enumerate(actuator.fields):
+                if field.name == name:
                     span = checker.span(node)
-                    return ir.SentField(type=one.type, actuator=actuator.name, field_index=index, span=span)
-            close = checker.report.suggest(name, [f.name for f in actuator.fields])
-            checker.error("E108", node, f"actuator `{owner}` has no field `{name}`", close)
+                    return ir.SentField(type=field.type, actuator=actuator.name, field_index=index, span=span)
+            suggestion = checker.report.suggest(name, [f.name for f in actuator.fields])
+            checker.error("E108", node, f"actuator `{owner}` has no field `{name}`", suggestion)
         case ModuleSymbol(members=members):
             if name in members:
                 return _value(checker, node, members[name])
-            hint = checker.report.suggest(name, members) or "a contract sees its params, lets and states"
+            hint = (
+                checker.report.suggest(name, members)
+                or "a contract can read the module's params, lets and states"
+            )
             checker.error("E108", node, f"module `{owner}` has no `{name}`", hint)
         case WireSymbol():
             checker.error("E108", node, f"`{owner}` is a wire and has no `{name}`")
@@ -148,22 +151,26 @@ def _part_member(checker: Checker, node: ast.Reference, part: PartSymbol, name: 
 
 
 def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> None:
-    """Report an unknown name, with a hint at the closest known one."""
+    """Report an unknown name, and suggest the closest known one."""
     part = scope.part(name)
     if isinstance(part, BrokenSymbol):
         return
     if part is not None:
         kind = {ModuleSymbol: "module", WireSymbol: "wire", ActuatorSymbol: "actuator"}[type(part)]
         status = "commanded" if isinstance(part, ActuatorSymbol) else "active"
-        where = f"ask `{name} is {status}`" if checker.promise else "only contracts and tests can refer to it"
-        checker.error("E106", node, f"`{name}` is {_a(kind)}, not a value", where)
+        status_hint = (
+            f"write `{name} is {status}`"
+            if checker.in_contract_or_test
+            else "only contracts and tests can refer to it"
+        )
+        checker.error("E106", node, f"`{name}` is {_with_article(kind)}, not a value", status_hint)
         return
-    if checker.constants and _declared_but_not_constant(scope, name):
+    if checker.constants_only and _declared_but_not_constant(scope, name):
         checker.error(
             "E204", node, f"`{name}` is not constant", "use literals, params and arithmetic on them"
         )
         return
-    if name in scope.visible_values or name in checker.later:
+    if name in scope.visible_values or name in checker.module_names:
         checker.error("E105", node, f"`{name}` is used before it is declared", _DECLARE_ABOVE)
         return
     known = [*checker.local, *scope.visible_values, *scope.robot.values, *scope.aliases, *checker.loops]
@@ -176,11 +183,11 @@ def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> 
     checker.error("E101", node, f"unknown name `{name}`", hint)
 
 
-_DECLARE_ABOVE = "declare it above the place that reads it"
+_DECLARE_ABOVE = "declare it above the line that reads it"
 _WORD_HINTS = {
     "True": "write `true`",
     "False": "write `false`",
-    "None": "say `missing` in tests; in expressions ask `fresh(sensor)`",
+    "None": "write `missing` in tests, `fresh(sensor)` in expressions",
     "t": "the time since the first frame is `now`",
     "time": "the time since the first frame is `now`",
     "pi": "angles have units: `180 deg`, `3.14 rad`",
@@ -189,7 +196,7 @@ _WORD_HINTS = {
 
 
 def _member_hint(scope: Scope, name: str) -> str | None:
-    """Return a hint at the enum or machine that has this member."""
+    """Return a hint that names the enum or machine with this member."""
     for owner, symbol in islice(scope.values.items(), 1000):
         if isinstance(symbol, EnumSymbol | MachineSymbol) and name in dict(symbol.type.members):
             return f"did you mean `{owner}.{name}`?"
@@ -201,7 +208,7 @@ def _declared_but_not_constant(scope: Scope, name: str) -> bool:
     return name in scope.robot.sensor_names if owner is None else name not in owner.constant_names
 
 
-def _a(word: str) -> str:
+def _with_article(word: str) -> str:
     return f"an {word}" if word[0] in "aeiou" else f"a {word}"
 
 
@@ -210,7 +217,7 @@ def _a(word: str) -> str:
 
 def resolve_winner(checker: Checker, node: ast.By) -> ir.Expression | None:
     """Resolve `actuator by module`."""
-    if not _in_promise(checker, node):
+    if not _check_in_contract_or_test(checker, node):
         return None
     actuator, module = part_of(checker, node.actuator), part_of(checker, node.module)
     if actuator is not None and not isinstance(actuator, ActuatorSymbol | BrokenSymbol):
@@ -222,10 +229,8 @@ def resolve_winner(checker: Checker, node: ast.By) -> ir.Expression | None:
     if not isinstance(actuator, ActuatorSymbol) or not isinstance(module, ModuleSymbol):
         return None
     if module.actuator != actuator.actuator.name:
-        found = f"it commands `{module.actuator}`" if module.actuator else "it commands nothing"
-        checker.error(
-            "E202", node.module, f"`{module.name}` never commands `{actuator.actuator.name}`", found
-        )
+        hint = f"it commands `{module.actuator}`" if module.actuator else "it commands nothing"
+        checker.error("E202", node.module, f"`{module.name}` never commands `{actuator.actuator.name}`", hint)
         return None
     span = checker.span(node)
     return ir.WonBy(type=BOOL, actuator=actuator.actuator.name, module=module.name, span=span)
@@ -233,7 +238,7 @@ def resolve_winner(checker: Checker, node: ast.By) -> ir.Expression | None:
 
 def resolve_status(checker: Checker, node: ast.Is) -> ir.Expression | None:
     """Resolve `name is active`, `actuator is commanded`, `actuator is idle`."""
-    if not _in_promise(checker, node):
+    if not _check_in_contract_or_test(checker, node):
         return None
     part = part_of(checker, node.subject)
     span = checker.span(node)
@@ -241,21 +246,23 @@ def resolve_status(checker: Checker, node: ast.Is) -> ir.Expression | None:
         return None
     if isinstance(part, ActuatorSymbol):
         if node.status == "active":
-            hint = "ask `is commanded` or `is idle`"
+            hint = "use `is commanded` or `is idle`"
             checker.error("E202", node, f"`{part.actuator.name}` is an actuator", hint)
             return None
         kind = ir.IsIdle if node.status == "idle" else ir.IsCommanded
         return kind(type=BOOL, actuator=part.actuator.name, span=span)
     if node.status != "active":
-        checker.error("E202", node, f"`{part.name}` is no actuator", "of modules and wires, ask `is active`")
+        checker.error(
+            "E202", node, f"`{part.name}` is not an actuator", "for modules and wires, use `is active`"
+        )
         return None
     return ir.IsActive(type=BOOL, name=part.name, span=span)
 
 
-def _in_promise(checker: Checker, node: ast.SyntaxNode) -> bool:
-    if not checker.promise:
+def _check_in_contract_or_test(checker: Checker, node: ast.SyntaxNode) -> bool:
+    if not checker.in_contract_or_test:
         checker.error("E210", node, "`by` and `is` are allowed only in contracts and tests")
-    return checker.promise
+    return checker.in_contract_or_test
 
 
 def part_of(checker: Checker, node: ast.Expression) -> PartSymbol | None:
@@ -271,14 +278,14 @@ def resolve_part(checker: Checker, node: ast.Reference) -> PartSymbol | None:
     scope, path = checker.scope.resolve(node.path)
     part: PartSymbol | None = None
     if len(path) == 1 and scope is not checker.scope:
-        part = scope.drives.get(path[0])
+        part = scope.actuator_wires.get(path[0])
     if len(path) == 1 and part is None:
         part = scope.part(path[0])
     if part is None and len(path) > 1 and scope.may_be_lost(path[0]):
         part = BrokenSymbol()
     if part is None and len(path) == 1 and scope.value(path[0]) is not None:
         message = f"`{node.text}` is a value, not a module, wire or actuator"
-        hint = None if checker.promise else "a module reads values in `when` and `do`"
+        hint = None if checker.in_contract_or_test else "a module reads values in `when` and `do`"
         checker.error("E106", node, message, hint)
         return None
     if part is None:

@@ -19,7 +19,7 @@ RESERVED_FIELDS = {"fault": "the fault of a command", "fates": "the fates of cli
 
 
 def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | None:
-    """Return the type of a type name, and the unit of its values in frames and commands (if any)."""
+    """Return the type of a type name, and the declared unit of its values, if any."""
     name = ".".join(node.path)
     if node.path == ("bool",):
         return BOOL, ""
@@ -29,7 +29,7 @@ def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | Non
         unit = unit_of(name)
         return Quantity(unit.dimension), unit.text
     except UnitError as problem:
-        trouble = str(problem)
+        unit_error_text = str(problem)
     scope, path = checker.scope.resolve(node.path)
     symbol = scope.value(path[0]) if len(path) == 1 else None
     if isinstance(symbol, EnumSymbol):
@@ -37,7 +37,7 @@ def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | Non
     if isinstance(symbol, BrokenSymbol):
         return None
     if not all(part.isidentifier() for part in node.path):
-        checker.error("E011", node, trouble)
+        checker.error("E011", node, unit_error_text)
     else:
         enums = [n for n in scope.visible_values if isinstance(scope.value(n), EnumSymbol)]
         known = [*enums, "bool", "number", "mm", "deg", "mm/s", "deg/s"]
@@ -47,7 +47,7 @@ def check_type(checker: Checker, node: ast.TypeName) -> tuple[Scalar, str] | Non
 
 
 def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
-    """Check the robot and fill the scope that all files share; invalid parts are left out."""
+    """Check the robot and fill in the scope that all files share; invalid items are left out."""
     robot = checker.scope.robot
     sensors: list[ir.Sensor] = []
     actuators: list[ir.Actuator] = []
@@ -98,10 +98,12 @@ def _range(
     if not isinstance(type_, Quantity):
         checker.error("E303", node, f"a range bounds numbers; this is {with_article(type_)}")
         return None, None
-    low = checker.constant_in(node.low, type_, unit, "the low end of a range")
-    high = checker.constant_in(node.high, type_, unit, "the high end of a range")
+    low = checker.constant_in(node.low, type_, unit, "the lower bound of a range")
+    high = checker.constant_in(node.high, type_, unit, "the upper bound of a range")
     if low is not None and high is not None and low > high:
-        checker.error("E303", node, "the range is empty: its low end is above its high end", "swap the ends")
+        checker.error(
+            "E303", node, "the range is empty: its lower bound is above its upper bound", "swap the bounds"
+        )
         return None, None
     return low, high
 
@@ -111,7 +113,7 @@ def _factor(unit: str) -> float:
 
 
 def _sensor(checker: Checker, item: ast.SensorDecl) -> ir.Sensor | None:
-    _refuse_reserved(checker, item.name, RESERVED_SENSORS, "sensor")
+    _reject_reserved(checker, item.name, RESERVED_SENSORS, "sensor")
     found = check_type(checker, item.type)
     size = None
     if item.size is not None:
@@ -144,32 +146,32 @@ def _sensor(checker: Checker, item: ast.SensorDecl) -> ir.Sensor | None:
     )
 
 
-def _refuse_reserved(checker: Checker, name: ast.Name, reserved: dict[str, str], kind: str) -> None:
+def _reject_reserved(checker: Checker, name: ast.Name, reserved: dict[str, str], kind: str) -> None:
     if name.text in reserved:
         message = f"`{name.text}` is {reserved[name.text]} in recordings, so no {kind} can have this name"
         checker.error("E307", name, message, "choose another name")
 
 
 def _actuator(checker: Checker, item: ast.ActuatorDecl) -> ir.Actuator | None:
-    _refuse_reserved(checker, item.name, RESERVED_ACTUATORS, "actuator")
+    _reject_reserved(checker, item.name, RESERVED_ACTUATORS, "actuator")
     fields: list[ir.ActuatorField] = []
     units: dict[str, str] = {}
     complete = True
-    for one in item.fields:
-        found = check_type(checker, one.type)
-        _refuse_reserved(checker, one.name, RESERVED_FIELDS, "field")
-        if one.name.text in units:
-            checker.error("E102", one.name, f"field `{one.name.text}` is declared twice")
+    for field in item.fields:
+        found = check_type(checker, field.type)
+        _reject_reserved(checker, field.name, RESERVED_FIELDS, "field")
+        if field.name.text in units:
+            checker.error("E102", field.name, f"field `{field.name.text}` is declared twice")
             continue
-        units[one.name.text] = found[1] if found else ""
+        units[field.name.text] = found[1] if found else ""
         if found is None:
             complete = False
             continue
-        low, high = _range(checker, one.range, *found)
+        low, high = _range(checker, field.range, *found)
         fields.append(
             ir.ActuatorField(
-                name=one.name.text,
-                span=checker.span(one.name),
+                name=field.name.text,
+                span=checker.span(field.name),
                 type=found[0],
                 unit=found[1],
                 factor=_factor(found[1]),
@@ -196,7 +198,7 @@ def _actuator(checker: Checker, item: ast.ActuatorDecl) -> ir.Actuator | None:
 def _idle(
     checker: Checker, item: ast.ActuatorDecl, fields: list[ir.ActuatorField]
 ) -> tuple[bool, tuple[ScalarValue, ...] | None]:
-    """Return (True if it is `idle hold`, the idle command otherwise)."""
+    """Return True for `idle hold`, and otherwise the values of the idle command."""
     node, name = item.idle, item.name.text
     if node.arguments is None:
         if node.name.text != "hold":
@@ -204,8 +206,12 @@ def _idle(
             checker.error("E306", node, f"found `{node.name.text}`, expected a command of `{name}`", hint)
             return True, None
         if item.server.text == "RServer":
-            stop = f"give the command that stops: `idle {name}({item.fields[0].name.text} = 0, ...)`"
-            checker.error("E305", node, "what moves the robot needs an idle command, not `hold`", stop)
+            hint = (
+                f"give the command that stops the robot: `idle {name}({item.fields[0].name.text} = 0, ...)`"
+            )
+            checker.error(
+                "E305", node, "an actuator that moves the robot needs an idle command, not `hold`", hint
+            )
         return True, None
     if node.name.text != name:
         checker.error(
@@ -213,17 +219,17 @@ def _idle(
         )
     values = command_arguments(checker, node, node.arguments, [f.name for f in fields], name)
     idle: list[ScalarValue] = []
-    for one in fields:
-        argument = values.get(one.name)
+    for field in fields:
+        argument = values.get(field.name)
         if argument is None:
             continue
-        value = checker.constant(argument.value, one.type, f"field `{one.name}`")
-        if value is None:
+        constant = checker.constant(argument.value, field.type, f"field `{field.name}`")
+        if constant is None:
             continue
-        bare: ScalarValue = value.value  # type: ignore[assignment]
-        if (one.low is not None and bare < one.low) or (one.high is not None and bare > one.high):
-            checker.error("E306", argument, f"the idle command is outside the range of `{one.name}`")
-        idle.append(bare)
+        value: ScalarValue = constant.value  # type: ignore[assignment]
+        if (field.low is not None and value < field.low) or (field.high is not None and value > field.high):
+            checker.error("E306", argument, f"the idle command is outside the range of `{field.name}`")
+        idle.append(value)
     return False, tuple(idle) if len(idle) == len(fields) else None
 
 
@@ -234,7 +240,7 @@ def command_arguments(
     fields: list[str],
     actuator: str,
 ) -> dict[str, ast.Argument]:
-    """Return the arguments by field; report unknown, repeated and missing ones."""
+    """Return the arguments by field; report unknown, repeated and missing fields."""
     values: dict[str, ast.Argument] = {}
     for argument in arguments:
         name = argument.name.text
@@ -249,7 +255,7 @@ def command_arguments(
     misspelled = sum(argument.name.text not in fields for argument in arguments)
     if len(left_out) > misspelled:
         shown = ", ".join(f"`{name}`" for name in left_out)
-        checker.error("E401", node, f"every field must be given; {shown} of `{actuator}` left out")
+        checker.error("E401", node, f"every field must be given; missing: {shown} of `{actuator}`")
     return values
 
 

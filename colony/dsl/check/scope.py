@@ -1,7 +1,7 @@
 """Symbols, and the scopes in which names are looked up.
 
-A file has two name spaces: values (sensors, enums, params, lets, states, machines), which expressions read,
-and parts of the network (modules, wires, actuators). Robots are shared by all files of a program.
+A file has two namespaces: values (sensors, enums, params, lets, states, machines), which expressions read,
+and parts of the network (modules, wires, actuators). The robot is shared by all files of a program.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class MachineSymbol(Record):
 
 @record
 class BrokenSymbol(Record):
-    """A name with an invalid or unreadable declaration: its uses report no second error."""
+    """A name with an invalid or unreadable declaration: its uses report no further errors."""
 
 
 ValueSymbol = SensorSymbol | EnumSymbol | ParamSymbol | LetSymbol | StateSymbol | MachineSymbol | BrokenSymbol
@@ -103,7 +103,7 @@ PartSymbol = ModuleSymbol | WireSymbol | ActuatorSymbol | BrokenSymbol
 
 @dataclass(slots=True)
 class RobotScope:
-    """Sensors and actuators: visible in every file, whatever it imports. Filled by the robot's check.
+    """Sensors and actuators, which are visible in every file. Filled in when the robot is checked.
 
     If the program has no robot, or its text cannot be read, unknown names are not reported.
     """
@@ -117,12 +117,12 @@ class RobotScope:
 
 @dataclass(slots=True)
 class Scope:
-    """The names that one file sees. Filled while the file is checked, then only read.
+    """The names that are visible in one file. Filled in while the file is checked, then only read.
 
-    `values` and `parts` are the file's own declarations that are checked so far. `visible_values` and
-    `visible_parts` map these names, and those of plain imports, to the scopes that own them. `lost_names` are
-    those that unreadable text seems to declare; `incomplete` is true if a whole import is unreadable, so that
-    any name may be declared there.
+    `values` and `parts` are the file's own declarations that have been checked. `visible_values` and
+    `visible_parts` map their names, and those of plain imports, to the scopes that own them. `lost_names` are
+    names that unreadable text seems to declare; `incomplete` is true if an imported file is unreadable, so
+    that any name may be declared there.
     """
 
     file: ParsedFile
@@ -131,7 +131,7 @@ class Scope:
     parts: dict[str, PartSymbol] = field(default_factory=dict)
     visible_values: dict[str, Scope] = field(default_factory=dict)
     visible_parts: dict[str, Scope] = field(default_factory=dict)
-    drives: dict[str, WireSymbol] = field(default_factory=dict)  # what this file assigns to actuators
+    actuator_wires: dict[str, WireSymbol] = field(default_factory=dict)  # by name of the actuator
     aliases: dict[str, Scope] = field(default_factory=dict)
     constant_names: set[str] = field(default_factory=set)  # the file's own params and enums
     lost_names: set[str] = field(default_factory=set)
@@ -140,16 +140,16 @@ class Scope:
     def value(self, name: str) -> ValueSymbol | None:
         """Return the value that a name refers to, `BrokenSymbol` if it may be lost, None if unknown."""
         owner = self.visible_values.get(name)
-        found = self.robot.values.get(name) if owner is None else owner.values.get(name)
-        return BrokenSymbol() if found is None and self.may_be_lost(name) else found
+        symbol = self.robot.values.get(name) if owner is None else owner.values.get(name)
+        return BrokenSymbol() if symbol is None and self.may_be_lost(name) else symbol
 
     def part(self, name: str) -> PartSymbol | None:
         """Return the part that a name refers to, `BrokenSymbol` if it may be lost, None if unknown."""
         owner = self.visible_parts.get(name)
-        found = self.robot.parts.get(name) if owner is None else owner.parts.get(name)
-        if self.robot.absent and isinstance(found, WireSymbol):
+        symbol = self.robot.parts.get(name) if owner is None else owner.parts.get(name)
+        if self.robot.absent and isinstance(symbol, WireSymbol):
             return BrokenSymbol()  # it may be an actuator of the missing robot
-        return BrokenSymbol() if found is None and self.may_be_lost(name) else found
+        return BrokenSymbol() if symbol is None and self.may_be_lost(name) else symbol
 
     def may_be_lost(self, name: str) -> bool:
         """Return True if the name may be declared in text that could not be read."""
@@ -166,15 +166,15 @@ class Scope:
         return (scope, path) if scope is self else (replace(scope, robot=RobotScope()), path)
 
     def full(self, name: str) -> str:
-        """Return the name that a name declared in this file has in the program."""
+        """Return the full name, in the program, of a name declared in this file."""
         return self.file.prefix + name
 
 
 @dataclass(slots=True)
 class Report:
-    """The collector of all checkers' findings, and the source of numbers for memory cells.
+    """The findings of all checkers, and the number of memory cells so far.
 
-    `suggestions` is the number of suggestions that may still be computed, which is slow.
+    `suggestions` is the number of suggestions that may still be made; they are slow to compute.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
@@ -191,15 +191,15 @@ class Report:
         *labels: Label,
     ) -> None:
         """Report an error at a node of a scope's file."""
-        self.diagnostics.append(error(code, span_of(scope, node), _clipped(message), hint, *labels))
+        self.diagnostics.append(error(code, span_of(scope, node), _truncate(message), hint, *labels))
 
     def suggest(self, name: str, known: Iterable[str]) -> str | None:
-        """Return a hint with the closest known name, if one is close."""
+        """Return a hint with the closest known name, if any is close."""
         if self.suggestions == 0 or len(name) > _MAX_NAME_LENGTH:
             return None
         self.suggestions -= 1
-        some = islice((k for k in known if abs(len(k) - len(name)) <= _MAX_NAME_LENGTH // 8), 20_000)
-        return did_you_mean(name, some)
+        candidates = islice((k for k in known if abs(len(k) - len(name)) <= _MAX_NAME_LENGTH // 8), 20_000)
+        return did_you_mean(name, candidates)
 
     def new_cell(self) -> int:
         """Return the number of a new memory cell."""
@@ -208,17 +208,17 @@ class Report:
 
 
 def span_of(scope: Scope, node: ast.SyntaxNode) -> Span:
-    """Return the place of a node in a scope's file."""
+    """Return the span of a node in a scope's file."""
     return Span(scope.file.source, node.start, node.end)
 
 
 def label(scope: Scope, node: ast.SyntaxNode, text: str = "first declared here") -> Label:
-    """Return a label that points at another place that an error is about."""
+    """Return a label for another span that an error refers to."""
     return Label(span_of(scope, node), text)
 
 
-def _clipped(message: str) -> str:
-    """Return a message in which very long names are clipped."""
+def _truncate(message: str) -> str:
+    """Return a message, truncated if very long names make it too long."""
     return message if len(message) <= _MAX_MESSAGE_LENGTH else f"{message[:_MAX_MESSAGE_LENGTH]} ..."
 
 

@@ -15,30 +15,30 @@ from colony.record import Record, record
 
 @record
 class PendingWire(Record):
-    """A wire as declared; `drives` is the actuator that it is assigned to, in the main file."""
+    """A wire as declared; `actuator` is the actuator that it drives, if it is in the main file."""
 
     node: ast.WireDecl
     scope: Scope
     name: str
-    drives: str | None
+    actuator: str | None
 
 
 def check_wires(report: Report, pending: list[PendingWire]) -> list[ir.Wire]:
-    """Return the wires, each after those that it uses; report cycles and misplaced operands."""
+    """Return the wires, each after those that it uses; report cycles and misused operands."""
     wires: dict[str, ir.Wire] = {}
-    places: dict[str, PendingWire] = {}
-    for one in pending:
-        checker = ExpressionChecker(scope=one.scope, report=report)
-        wiring = _wiring(checker, one.node.wiring)
+    declarations: dict[str, PendingWire] = {}
+    for wire in pending:
+        checker = ExpressionChecker(scope=wire.scope, report=report)
+        wiring = _wiring(checker, wire.node.wiring)
         if wiring is not None:
-            span = checker.span(one.node.name)
-            wires[one.name] = ir.Wire(name=one.name, wiring=wiring, actuator=one.drives, span=span)
-            places[one.name] = one
-    return _in_order(report, wires, places)
+            span = checker.span(wire.node.name)
+            wires[wire.name] = ir.Wire(name=wire.name, wiring=wiring, actuator=wire.actuator, span=span)
+            declarations[wire.name] = wire
+    return _in_order(report, wires, declarations)
 
 
 def _wiring(checker: Checker, node: ast.Wiring) -> ir.Wiring | None:
-    """Check wiring. Only parentheses nest, and their depth is limited: chains are flat."""
+    """Check a wiring. The recursion is limited by the nesting depth of parentheses, as chains are flat."""
     if isinstance(node, ast.Reference):
         part = resolve_part(checker, node)
         if isinstance(part, ActuatorSymbol):
@@ -68,41 +68,43 @@ def _window(checker: Checker, link: ast.Link) -> int | None:
 
 
 def _report_mixture(checker: Checker, node: ast.Chain) -> None:
-    at = next(i for i, link in enumerate(node.links) if link.relation != node.links[0].relation)
-    first, second = node.links[0].relation, node.links[at].relation
+    second_link = next(i for i, link in enumerate(node.links) if link.relation != node.links[0].relation)
+    first, second = node.links[0].relation, node.links[second_link].relation
     text = checker.scope.file.source.text
-    left, middle, right = (text[o.start : o.end] for o in node.operands[at - 1 : at + 2])
-    if max(len(left), len(middle), len(right)) > 40:
-        left, middle, right = "a", "b", "c"
+    left, center, right = (text[o.start : o.end] for o in node.operands[second_link - 1 : second_link + 2])
+    if max(len(left), len(center), len(right)) > 40:
+        left, center, right = "a", "b", "c"
     hint = (
-        f"write `{left} {first} ({middle} {second} {right})` or `({left} {first} {middle}) {second} {right}`"
+        f"write `{left} {first} ({center} {second} {right})` or `({left} {first} {center}) {second} {right}`"
     )
-    checker.error("E501", node.links[at], f"`{first}` and `{second}` are mixed without parentheses", hint)
+    checker.error(
+        "E501", node.links[second_link], f"`{first}` and `{second}` are mixed without parentheses", hint
+    )
 
 
 # --- order and cycles ------------------------------------------------------------------------------
 
 
 def uses(wiring: ir.Wiring) -> Iterator[ir.Use]:
-    """Yield every use of a module or wire, from the left."""
-    return _uses(wiring, lambda here: here.operands)
+    """Yield every use of a module or wire, from left to right."""
+    return _uses(wiring, lambda chain: chain.operands)
 
 
 def _uses(wiring: ir.Wiring, followed: Callable[[ir.Chain], tuple[ir.Wiring, ...]]) -> Iterator[ir.Use]:
-    """Yield the uses in the operands that are followed, from the left."""
+    """Yield the uses in the operands that `followed` returns, from left to right."""
     stack = [wiring]
     while stack:
-        here = stack.pop()
-        if isinstance(here, ir.Use):
-            yield here
+        chain = stack.pop()
+        if isinstance(chain, ir.Use):
+            yield chain
         else:
-            stack.extend(reversed(followed(here)))
+            stack.extend(reversed(followed(chain)))
 
 
 def _in_order(
-    report: Report, wires: Mapping[str, ir.Wire], places: Mapping[str, PendingWire]
+    report: Report, wires: Mapping[str, ir.Wire], declarations: Mapping[str, PendingWire]
 ) -> list[ir.Wire]:
-    """Sort wires depth first with an explicit stack; a wire that feeds itself is reported and left out."""
+    """Sort wires depth first with an explicit stack; report wires that feed themselves."""
     order: list[ir.Wire] = []
     state: dict[str, str] = {}
     for root in wires:
@@ -121,18 +123,18 @@ def _in_order(
                 state[use.name] = "open"
                 stack.append((use.name, uses(wires[use.name].wiring)))
             elif state.get(use.name) == "open":
-                trail = [n for n, _ in stack]
-                cycle = [*trail[trail.index(use.name) :], use.name]
-                _report_cycle(report, places[name], use, cycle)
+                path = [n for n, _ in stack]
+                cycle = [*path[path.index(use.name) :], use.name]
+                _report_cycle(report, declarations[name], use, cycle)
     return order
 
 
-def _report_cycle(report: Report, place: PendingWire, use: ir.Use, cycle: list[str]) -> None:
+def _report_cycle(report: Report, declaration: PendingWire, use: ir.Use, cycle: list[str]) -> None:
     shown = [f"`{name}`" for name in cycle[:6]]
     more = " uses ..." if len(cycle) > 6 else ""
     node = ast.Name(text=use.name, start=use.span.start, end=use.span.end)
     message = f"a wire feeds itself: {' uses '.join(shown)}{more}"
-    report.error(place.scope, "E502", node, message, "the network must have no cycle")
+    report.error(declaration.scope, "E502", node, message, "the network must have no cycle")
 
 
 # --- outputs of wirings ----------------------------------------------------------------------------
@@ -146,8 +148,8 @@ def check_outputs(
 ) -> None:
     """Check that every module that can reach an actuator commands it; others may only inhibit.
 
-    This follows each actuator's wiring, except the dominant sides of `inhibits`. Errors are reported where
-    the actuator's own wiring names the wire that leads to the module.
+    This follows each actuator's wiring, except the dominant sides of `inhibits`. Errors are reported at the
+    operand of the actuator's own wiring that leads to the module.
     """
     by_name = {w.name: w for w in wires}
     for root in wires:
@@ -155,14 +157,16 @@ def check_outputs(
             continue
         seen: set[str] = set()
         for use in _passing(root.wiring):
-            wrong = _first_misfit(use, root.actuator, by_name, modules, seen)
-            if wrong is not None:
-                _report_misfit(report, scopes[root.name], use, wrong, root.actuator)
+            misfit = _first_misfit(use, root.actuator, by_name, modules, seen)
+            if misfit is not None:
+                _report_misfit(report, scopes[root.name], use, misfit, root.actuator)
 
 
 def _passing(wiring: ir.Wiring) -> Iterator[ir.Use]:
-    """Yield the uses whose output may come out of the wiring, from the left."""
-    return _uses(wiring, lambda here: here.operands if here.relation == "suppresses" else here.operands[-1:])
+    """Yield the uses whose output the wiring can pass on, from left to right."""
+    return _uses(
+        wiring, lambda chain: chain.operands if chain.relation == "suppresses" else chain.operands[-1:]
+    )
 
 
 def _first_misfit(
@@ -172,7 +176,7 @@ def _first_misfit(
     modules: Mapping[str, ir.AnyModule],
     seen: set[str],
 ) -> ir.AnyModule | None:
-    """Return a module behind this use that does not command the actuator; `seen` is skipped."""
+    """Return a module behind this use that does not command the actuator; skip names in `seen`."""
     stack = [use.name]
     while stack:
         name = stack.pop()
@@ -194,20 +198,22 @@ def _report_misfit(report: Report, scope: Scope, use: ir.Use, module: ir.AnyModu
         hint = "a module without `do` may be used only on the dominant side of an `inhibits`"
         report.error(scope, "E504", node, f"{subject} commands nothing, {misplaced}", hint)
     else:
-        hint = "all modules under one wiring command the same actuator, dominant sides of `inhibits` aside"
+        hint = (
+            "all modules of one wiring must command the same actuator, except on dominant sides of `inhibits`"
+        )
         report.error(scope, "E505", node, f"{subject} commands `{module.actuator}`, {misplaced}", hint)
 
 
 def reached(wires: list[ir.Wire]) -> set[str]:
-    """Return the modules and wires that take part in the decision of some actuator."""
+    """Return the names of the modules and wires that can influence an actuator."""
     by_name = {w.name: w for w in wires}
-    found: set[str] = set()
+    names: set[str] = set()
     stack = [w.name for w in wires if w.actuator is not None]
     while stack:
         name = stack.pop()
-        if name in found:
+        if name in names:
             continue
-        found.add(name)
+        names.add(name)
         if name in by_name:
             stack.extend(u.name for u in uses(by_name[name].wiring))
-    return found
+    return names

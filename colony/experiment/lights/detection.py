@@ -1,10 +1,11 @@
-"""Statistics of the detection of ceiling lights, by comparison with their known places.
+"""Statistics of the detection of ceiling lights, by comparison with their known positions.
 
 A light that is on is *in view* if its center is no more than `IN_VIEW_MM` ahead or behind, so that both of
 its edges are in the image, the robot is below it, and its heading is no farther from the corridor's than the
-detector allows. It is *passed* when the robot's center comes below its middle, and *detected* if at least one
-look reported it while it was in view. A report farther than `MATCH_RADIUS_MM` from every light that is on is
-*false*. Looks count while the Navigator tracks lights, as no client looks at the ceiling otherwise.
+detector allows. It is *passed* when the robot's center comes below its center, and *detected* if at least one
+observation reported it while it was in view. A report farther than `MATCH_RADIUS_MM` from every light that is
+on is *false*. Observations count only while the Navigator tracks lights; otherwise no client uses the ceiling
+camera.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ from colony.vision.lights.observing import CeilingObservation
 from colony.vision.lights.scan_lines import MAX_TILT_DEG
 
 IN_VIEW_MM = 420.0
-"""Largest distance ahead in mm of a light in view: the camera sees 779 mm, half a light is 300 mm."""
+"""Maximum distance ahead in mm of a light in view: the camera sees 779 mm, half a light is 300 mm."""
 
 MATCH_RADIUS_MM = 150.0
-"""Largest distance of a reported light from a real one, along the corridor: a quarter of its length."""
+"""Maximum distance of a reported light from a real one, along the corridor: a quarter of its length."""
 
 _REACH_MM = 1100.0
 
@@ -36,9 +37,9 @@ class LightDetection(NamedTuple):
     Attributes:
         passed: number of lights passed.
         detected: number of those lights that were detected.
-        in_view: number of looks with a light in view, counted per light.
-        in_view_told: number of those in which the light was reported.
-        told: number of reports in all looks.
+        in_view: number of pairs of an observation and a light in view.
+        in_view_told: number of these pairs in which the light was reported.
+        told: number of reports in all observations.
         false: number of false reports.
     """
 
@@ -74,41 +75,41 @@ class LightDetectionMonitor:
     _ahead: dict[int, float] = field(default_factory=dict)
     _reported: set[int] = field(default_factory=set)
     _passed: set[int] = field(default_factory=set)
-    _looks: list[int] = field(default_factory=lambda: [0, 0, 0, 0])
+    _totals: list[int] = field(default_factory=lambda: [0, 0, 0, 0])
 
     def add_pose(self, pose: Pose) -> None:
         """Record the robot's pose while it tracks lights."""
         before, self._ahead = self._ahead, {}
         for number, light in self._near(pose):
-            at = _relative(light, pose)
-            if abs(at.turned_deg) > MAX_TILT_DEG or abs(at.left_mm) > LIGHT_ACROSS_MM / 2:
+            relative = _relative(light, pose)
+            if abs(relative.turned_deg) > MAX_TILT_DEG or abs(relative.left_mm) > LIGHT_ACROSS_MM / 2:
                 continue
-            self._ahead[number] = at.ahead_mm
-            if before.get(number, -1.0) > 0.0 >= at.ahead_mm:
+            self._ahead[number] = relative.ahead_mm
+            if before.get(number, -1.0) > 0.0 >= relative.ahead_mm:
                 self._passed.add(number)
 
-    def add_observation(self, look: CeilingObservation, pose: Pose) -> None:
+    def add_observation(self, observation: CeilingObservation, pose: Pose) -> None:
         """Record the lights reported in an image that was taken at a pose."""
         near = [(number, _relative(light, pose)) for number, light in self._near(pose)]
-        in_view = {number: at.ahead_mm for number, at in near if _is_in_view(at)}
-        seen = {
+        in_view = {number: relative.ahead_mm for number, relative in near if _is_in_view(relative)}
+        reported = {
             number
             for number, ahead_mm in in_view.items()
-            if any(abs(report.ahead_mm - ahead_mm) <= MATCH_RADIUS_MM for report in look.lights)
+            if any(abs(report.ahead_mm - ahead_mm) <= MATCH_RADIUS_MM for report in observation.lights)
         }
-        self._reported |= seen
-        self._looks[0] += len(in_view)
-        self._looks[1] += len(seen)
-        self._looks[2] += len(look.lights)
-        self._looks[3] += sum(
-            all(abs(report.ahead_mm - at.ahead_mm) > MATCH_RADIUS_MM for _, at in near)
-            for report in look.lights
+        self._reported |= reported
+        self._totals[0] += len(in_view)
+        self._totals[1] += len(reported)
+        self._totals[2] += len(observation.lights)
+        self._totals[3] += sum(
+            all(abs(report.ahead_mm - relative.ahead_mm) > MATCH_RADIUS_MM for _, relative in near)
+            for report in observation.lights
         )
 
     @property
     def counts(self) -> LightDetection:
         """The counts so far."""
-        return LightDetection(len(self._passed), len(self._passed & self._reported), *self._looks)
+        return LightDetection(len(self._passed), len(self._passed & self._reported), *self._totals)
 
     @property
     def undetected(self) -> tuple[CeilingLight, ...]:
@@ -126,11 +127,11 @@ class LightDetectionMonitor:
         ]
 
 
-def _is_in_view(at: _Relative) -> bool:
+def _is_in_view(relative: _Relative) -> bool:
     return (
-        abs(at.ahead_mm) <= IN_VIEW_MM
-        and abs(at.left_mm) <= LIGHT_ACROSS_MM / 2
-        and abs(at.turned_deg) <= MAX_TILT_DEG
+        abs(relative.ahead_mm) <= IN_VIEW_MM
+        and abs(relative.left_mm) <= LIGHT_ACROSS_MM / 2
+        and abs(relative.turned_deg) <= MAX_TILT_DEG
     )
 
 

@@ -23,7 +23,7 @@ class LightResult:
         origin, goal: nodes of the map.
         failure: the reason why the run failed; "" if it reached the goal. Counts up to a failure are valid.
         counts: the counts of lights.
-        undetected: places of the lights that are on and were passed without being reported, x and y in mm.
+        undetected: positions of the lights that are on and were passed without being reported, x and y in mm.
     """
 
     key: RunKey
@@ -73,9 +73,9 @@ def _run_table(runs: Sequence[ListedRun], results: Sequence[LightResult]) -> str
     for run in runs:
         of_run = [result for result in results if result.key.number == run.number]
         if of_run:
-            which = [str(run.number), run.origin, run.goal]
+            route = [str(run.number), run.origin, run.goal]
             reached = sum(not result.failure for result in of_run)
-            rows.append([*which, f"{reached}/{len(of_run)}", *_cells(detection_total(of_run))])
+            rows.append([*route, f"{reached}/{len(of_run)}", *_cells(detection_total(of_run))])
     rows.append(["all", "", "", "", *_cells(detection_total(results))])
     head = ["run", "from", "to", "reached", "lights detected", "in looks", "false, of all reported"]
     return markdown(head, rows)
@@ -106,4 +106,4 @@ LIGHT_TABLE = Table(
     kind=LightResult,
     columns=(*KEY_COLUMNS, "origin", "goal", "failure", *LightDetection._fields, "undetected"),
 )
-"""One row per run; the undetected lights are a JSON list of places."""
+"""One row per run; the undetected lights are a JSON list of positions."""

@@ -20,18 +20,18 @@ from colony.vision.lights.observing import CeilingObservation, ceiling_observer,
 from colony.vision.periods import PERIOD_S
 
 
-def light_probe(on_look: Callable[[CeilingObservation], None]) -> Script:
-    """Look at the ceiling as often as CTracker, with its knowledge of the heading, and report each look."""
+def light_probe(on_observation: Callable[[CeilingObservation], None]) -> Script:
+    """Observe the ceiling as often as CTracker, with the same estimated tilt, and report each observation."""
     yield from ensure_period((CEILING_CAMERA,), PERIOD_S)
-    looks = ceiling_observer((CEILING_CAMERA,), (UPWARD,))
+    observer = ceiling_observer((CEILING_CAMERA,), (UPWARD,))
     while True:
         yield from sleep(PERIOD_S)
-        for look in (yield from looks((yield from _tilt_deg()))):
-            on_look(look)
+        for observation in (yield from observer((yield from _tilt_deg()))):
+            on_observation(observation)
 
 
 def _tilt_deg() -> Generator[Step, Any, float]:
-    """Return the robot's heading less the goal's; 0 if there is no goal yet."""
+    """Return the robot's heading minus the goal's; 0 if there is no goal yet."""
     try:
         direction = yield from do("DServer", data.get(GOAL_DIRECTION, type=float))
     except CallRefusedError:
@@ -41,23 +41,23 @@ def _tilt_deg() -> Generator[Step, Any, float]:
 
 
 def run_with_light_probe(spec: RunSpec) -> LightResult:
-    """Drive a run to its end, and count detections on its legs along ceiling lights."""
-    looks: list[CeilingObservation] = []
-    run = Run(spec, more={"witness": light_probe(looks.append)})
-    watch, path = LightDetectionMonitor(run.scenery.lights), TruePath()
+    """Drive a run to its end, and count the detections on its legs along ceiling lights."""
+    observations: list[CeilingObservation] = []
+    run = Run(spec, extra_scripts={"witness": light_probe(observations.append)})
+    monitor, path = LightDetectionMonitor(run.scenery.lights), TruePath()
     try:
-        running = True
-        while running:
+        is_running = True
+        while is_running:
             pose = run.world.true_pose(0)
             path.add(run.loop.now_ns, pose)
             tracking = run.monitor.mode == "L"
             if tracking:
-                watch.add_pose(pose)
-            running = run.step()
-            for look in looks:
+                monitor.add_pose(pose)
+            is_running = run.step()
+            for observation in observations:
                 if tracking:
-                    watch.add_observation(look, path.at(look.t_ns))
-            looks.clear()
+                    monitor.add_observation(observation, path.at(observation.t_ns))
+            observations.clear()
     finally:
         run.close()
     return LightResult(
@@ -65,6 +65,6 @@ def run_with_light_probe(spec: RunSpec) -> LightResult:
         origin=run.plan.origin,
         goal=run.plan.goal,
         failure=run.failure or "",
-        counts=watch.counts,
-        undetected=tuple((round(light.x_mm), round(light.y_mm)) for light in watch.undetected),
+        counts=monitor.counts,
+        undetected=tuple((round(light.x_mm), round(light.y_mm)) for light in monitor.undetected),
     )

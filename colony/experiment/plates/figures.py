@@ -32,13 +32,16 @@ def events(results: Sequence[PlateResult], finder: Finder) -> dict[PlateEvent, C
 
 
 def taken_for_plates(results: Sequence[PlateResult], finder: Finder) -> Counter[str]:
-    """Count the real objects of false sightings; all plates count as one kind."""
+    """Count the objects that false sightings mistook for plates; all plates count as one kind."""
     return Counter(
-        _thing(outcome.name) for r in results for outcome in r.outcomes[finder] if outcome.kind == "false"
+        _object_name(outcome.name)
+        for r in results
+        for outcome in r.outcomes[finder]
+        if outcome.kind == "false"
     )
 
 
-def _thing(name: str) -> str:
+def _object_name(name: str) -> str:
     if name.endswith(AGAIN):
         return f"a plate{AGAIN}"
     return f"a plate{INSTEAD}another" if INSTEAD in name else name

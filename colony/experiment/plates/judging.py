@@ -1,6 +1,6 @@
 """The comparison of sightings of door plates with the plates that the robot actually passed.
 
-A sighting matches a plate within `MATCH_RADIUS_MM` of its *true* place. The true place is the reported place
+A sighting matches a plate within `MATCH_RADIUS_MM` of its *true* position. That is the reported position
 relative to the robot, applied to the robot's true pose, so that odometry errors do not count against the
 finder.
 """
@@ -18,10 +18,10 @@ from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Pose
 
 MATCH_RADIUS_MM = 500.0
-"""Largest distance in mm of a sighting from its plate; plates hang at least 1.7 m apart."""
+"""Maximum distance in mm of a sighting from its plate; plates hang at least 1.7 m apart."""
 
 MIN_VIEW_NS = 500_000_000
-"""Shortest time in view that ensures an image of a plate: the period of the camera server."""
+"""Minimum time in view that ensures an image of a plate: the period of the camera server."""
 
 AGAIN, INSTEAD = " again", " instead of "
 """Parts of the names of false sightings: a plate that was seen before, and one mistaken for another."""
@@ -30,12 +30,12 @@ AGAIN, INSTEAD = " again", " instead of "
 class Sighting(NamedTuple):
     """A sighting of a plate.
 
-    It has the time, the true place, the text that was read ("" for none), and the door of the matched plate
-    on the map (None if the finder has no map).
+    It has the time, the true position, the text that was read ("" for none), and the door of the matched
+    plate on the map (None if the finder has no map).
     """
 
     t_ns: int
-    place: Point
+    position: Point
     text: str
     door: str | None = None
 
@@ -44,19 +44,22 @@ NameSighting = Callable[[Sighting], str]
 """Function that names the real object of a sighting that is not a plate."""
 
 
-def true_place(place: Point, believed: Pose, true: Pose) -> Point:
-    """Return the true place of an object at the estimated `place`.
+def true_position(position: Point, estimated: Pose, true: Pose) -> Point:
+    """Return the true position of an object, given its estimated position.
 
-    `true` is the robot's pose, `believed` its estimate.
+    `true` is the robot's true pose, `estimated` the estimate of it.
     """
-    turned = math.radians(true.heading_deg - believed.heading_deg)
+    turned = math.radians(true.heading_deg - estimated.heading_deg)
     sine, cosine = math.sin(turned), math.cos(turned)
-    dx, dy = place.x - believed.x_mm, place.y - believed.y_mm
+    dx, dy = position.x - estimated.x_mm, position.y - estimated.y_mm
     return Point(true.x_mm + cosine * dx - sine * dy, true.y_mm + sine * dx + cosine * dy)
 
 
 def judge_sightings(
-    sightings: Sequence[Sighting], plates: Sequence[Plate], passes: Sequence[Pass], named: NameSighting
+    sightings: Sequence[Sighting],
+    plates: Sequence[Plate],
+    passes: Sequence[Pass],
+    name_sighting: NameSighting,
 ) -> tuple[Outcome, ...]:
     """Return the outcomes of all passed plates and of all sightings, in chronological order.
 
@@ -64,50 +67,52 @@ def judge_sightings(
         sightings: the sightings in chronological order.
         plates: all plates of the floor.
         passes: the plates that were passed.
-        named: a function that names the real object of a sighting that is not a plate.
+        name_sighting: a function that names the real object of a sighting that is not a plate.
     """
     at_ns = {passage.plate: passage.at_ns for passage in passes}
-    seen: set[int] = set()
+    found: set[int] = set()
     outcomes: list[Outcome] = []
     for sighting in sightings:
-        number = _nearest(sighting.place, plates)
+        number = _nearest(sighting.position, plates)
         if number is None:
-            outcomes.append(_false(sighting, named(sighting)))
+            outcomes.append(_false(sighting, name_sighting(sighting)))
         elif sighting.door not in (None, plates[number].door):
             outcomes.append(_false(sighting, f"{sighting.door}{INSTEAD}{plates[number].door}"))
-        elif number in seen:
+        elif number in found:
             outcomes.append(_false(sighting, f"{plates[number].door}{AGAIN}"))
         else:
-            seen.add(number)
+            found.add(number)
             outcomes.append(_plate(plates[number], sighting, at_ns.get(number)))
-    outcomes += [_not_seen(plates[passage.plate], passage) for passage in passes if passage.plate not in seen]
-    return tuple(sorted(outcomes, key=lambda passage: passage.at_ns))
+    outcomes += [
+        _not_found(plates[passage.plate], passage) for passage in passes if passage.plate not in found
+    ]
+    return tuple(sorted(outcomes, key=lambda outcome: outcome.at_ns))
 
 
-def _nearest(place: Point, plates: Sequence[Plate]) -> int | None:
-    def apart(number: int) -> float:
-        middle = plates[number].middle
-        return math.hypot(middle.x - place.x, middle.y - place.y)
+def _nearest(position: Point, plates: Sequence[Plate]) -> int | None:
+    def distance(number: int) -> float:
+        middle = plates[number].center
+        return math.hypot(middle.x - position.x, middle.y - position.y)
 
-    nearest = min(range(len(plates)), key=apart, default=None)
-    return None if nearest is None or apart(nearest) > MATCH_RADIUS_MM else nearest
+    nearest = min(range(len(plates)), key=distance, default=None)
+    return None if nearest is None or distance(nearest) > MATCH_RADIUS_MM else nearest
 
 
 def _false(sighting: Sighting, name: str) -> Outcome:
-    x, y = sighting.place
+    x, y = sighting.position
     return Outcome("false", sighting.t_ns, name, sighting.text, False, round(x), round(y))
 
 
 def _plate(plate: Plate, sighting: Sighting, passed_ns: int | None) -> Outcome:
-    """Return the outcome of a plate that was seen: the time it was passed, and the place of the sighting."""
-    x, y = sighting.place
-    right = sighting.text == plate.text
+    """Return the outcome of a sighted plate: the time of passing, and the position of the sighting."""
+    x, y = sighting.position
+    is_correct = sighting.text == plate.text
     if passed_ns is None:
-        return Outcome("beyond", sighting.t_ns, plate.door, sighting.text, right, round(x), round(y))
-    return Outcome("found", passed_ns, plate.door, sighting.text, right, round(x), round(y))
+        return Outcome("beyond", sighting.t_ns, plate.door, sighting.text, is_correct, round(x), round(y))
+    return Outcome("found", passed_ns, plate.door, sighting.text, is_correct, round(x), round(y))
 
 
-def _not_seen(plate: Plate, passage: Pass) -> Outcome:
+def _not_found(plate: Plate, passage: Pass) -> Outcome:
     kind: Kind = "missed" if passage.in_view_ns >= MIN_VIEW_NS else "unseen"
-    x, y = plate.middle
+    x, y = plate.center
     return Outcome(kind, passage.at_ns, plate.door, "", False, round(x), round(y))

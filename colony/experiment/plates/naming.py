@@ -16,10 +16,10 @@ from colony.sim.hazards.scenery import PERSON_RADIUS_MM, Scenery
 _CLOSE_MM = 500.0
 
 People = Callable[[int], Iterable[Iterable[float]]]
-"""Function that returns the places of all people at a time, x and y in mm."""
+"""Function that returns the positions of all people at a time, x and y in mm."""
 
 
-class _Thing(NamedTuple):
+class _Object(NamedTuple):
     """A flat object, by its two ends."""
 
     name: str
@@ -36,33 +36,35 @@ def sighting_namer(floor: Map, scenery: Scenery, people: People) -> NameSighting
     walls = tuple(_walls(floor))
 
     def name(sighting: Sighting) -> str:
-        place = sighting.place
-        if any(math.dist(place, person) < _CLOSE_MM + PERSON_RADIUS_MM for person in people(sighting.t_ns)):
+        position = sighting.position
+        if any(
+            math.dist(position, person) < _CLOSE_MM + PERSON_RADIUS_MM for person in people(sighting.t_ns)
+        ):
             return "a person"
-        for things in (on_walls, walls):
-            nearest = min(things, key=lambda thing: _apart(place, thing), default=None)
-            if nearest is not None and _apart(place, nearest) < _CLOSE_MM:
+        for objects in (on_walls, walls):
+            nearest = min(objects, key=lambda item: _distance(position, item), default=None)
+            if nearest is not None and _distance(position, nearest) < _CLOSE_MM:
                 return nearest.name
         return "nothing"
 
     return name
 
 
-def _on_walls(floor: Map, scenery: Scenery) -> Iterator[_Thing]:
+def _on_walls(floor: Map, scenery: Scenery) -> Iterator[_Object]:
     edges = walls_of(floor)
     rows = edges.segments.tolist()
     for poster in scenery.posters:
         black = "a black poster" if poster.kind in BLACK_KINDS else "a poster"
-        on = " on a door" if edges.kinds[poster.edge] is not EdgeKind.WALL else ""
+        on_door = " on a door" if edges.kinds[poster.edge] is not EdgeKind.WALL else ""
         end_mm = poster.start_mm + posters()[poster.kind].width_mm
         row = rows[poster.edge]
-        yield _Thing(f"{black}{on}", point_on(row, poster.start_mm), point_on(row, end_mm))
+        yield _Object(f"{black}{on_door}", point_on(row, poster.start_mm), point_on(row, end_mm))
     for extinguisher in scenery.extinguishers:
-        at = point_on(rows[extinguisher.edge], extinguisher.along_mm)
-        yield _Thing("an extinguisher", at, at)
+        position = point_on(rows[extinguisher.edge], extinguisher.along_mm)
+        yield _Object("an extinguisher", position, position)
 
 
-def _walls(floor: Map) -> Iterator[_Thing]:
+def _walls(floor: Map) -> Iterator[_Object]:
     for edge, row in zip(floor.edges(), walls_of(floor).segments.tolist(), strict=True):
         match edge.kind:
             case EdgeKind.DOOR:
@@ -71,12 +73,12 @@ def _walls(floor: Map) -> Iterator[_Thing]:
                 name = "an elevator"
             case EdgeKind.WALL:
                 name = edge.attribute or "a wall"
-        yield _Thing(name, Point(row[0], row[1]), Point(row[2], row[3]))
+        yield _Object(name, Point(row[0], row[1]), Point(row[2], row[3]))
 
 
-def _apart(place: Point, thing: _Thing) -> float:
-    """Return the distance of a place from the nearest point of a thing."""
-    (x, y), (x0, y0), (x1, y1) = place, thing.start, thing.end
+def _distance(position: Point, item: _Object) -> float:
+    """Return the distance of a position from the nearest point of an object."""
+    (x, y), (x0, y0), (x1, y1) = position, item.start, item.end
     square = (x1 - x0) ** 2 + (y1 - y0) ** 2
     along = ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / square if square > 0.0 else 0.0
     part = min(max(along, 0.0), 1.0)

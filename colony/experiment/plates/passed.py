@@ -1,11 +1,11 @@
 """The door plates that a robot actually passed on its left, and the time for which each was in view.
 
 This is the ground truth for plate finders: it comes from the map and the true path. A plate is *passed* when
-the robot crosses the normal of the wall through the plate's middle, with the plate to its left, no farther
+the robot crosses the normal of the wall through the plate's center, with the plate to its left, no farther
 than `MAX_DISTANCE_MM` and no wall in between. It is *in view* while both of its ends are in the camera's
-field, it is no farther than that, and the camera is turned away from the normal by less than `MAX_ANGLE_DEG`,
-beyond which finders do not look (thesis section 5.7). People in front of the plate are ignored: they count
-against the finder.
+field of view, it is no farther than `MAX_DISTANCE_MM`, and the camera is turned away from the normal by less
+than `MAX_ANGLE_DEG`, beyond which finders do not look (thesis section 5.7). People in front of the plate are
+ignored: they count against the finder.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from colony.nav.maps.stickrep.model import Pose
 from colony.vision.level_camera import SIDE
 
 MAX_DISTANCE_MM = 2500.0
-"""Largest distance of a plate's middle from the camera."""
+"""Maximum distance of a plate's center from the camera."""
 
 MAX_ANGLE_DEG = 50.0
-"""Largest angle between the camera's axis and the normal of the wall."""
+"""Maximum angle between the camera's axis and the normal of the wall."""
 
 _BEFORE_WALL_MM = 20.0
 
@@ -40,7 +40,7 @@ class Pass(NamedTuple):
 
 
 class PassMonitor:
-    """The monitor of passed plates, updated with the true pose of each frame. Mutable: the plates so far.
+    """The monitor of passed plates, updated with the true pose of each frame. Mutable.
 
     Args:
         plates: all plates of the floor.
@@ -51,7 +51,7 @@ class PassMonitor:
         self._walls = walls
         self._half_view = math.radians(SIDE.view_deg / 2.0)
         self._facing = np.array([plate.heading_deg for plate in plates])
-        self._middles = np.array([plate.middle for plate in plates], dtype=np.float64).reshape(-1, 2)
+        self._centers = np.array([plate.center for plate in plates], dtype=np.float64).reshape(-1, 2)
         inward = [direction(plate.heading_deg) for plate in plates]
         self._inward = np.array(inward, dtype=np.float64).reshape(-1, 2)
         self._in_view_ns = np.zeros(len(plates), dtype=np.int64)
@@ -61,7 +61,7 @@ class PassMonitor:
 
     def update(self, t_ns: int, pose: Pose) -> None:
         """Record the robot's pose; times must increase from call to call."""
-        to_plate = self._middles - (pose.x_mm, pose.y_mm)
+        to_plate = self._centers - (pose.x_mm, pose.y_mm)
         depth = (to_plate * self._inward).sum(axis=1)
         # A robot with the wall on its left moves along (inward.y, -inward.x).
         along = to_plate[:, 0] * self._inward[:, 1] - to_plate[:, 1] * self._inward[:, 0]
@@ -86,9 +86,9 @@ class PassMonitor:
     def _update_views(self, t_ns: int, pose: Pose, candidates: NDArray[np.bool_]) -> None:
         axis = direction(pose.heading_deg + SIDE.yaw_deg)
         for plate in np.flatnonzero(candidates).tolist():
-            middle, inward = self._middles[plate], self._inward[plate]
+            center, inward = self._centers[plate], self._inward[plate]
             half = PLATE_WIDTH_MM / 2.0 * np.array([inward[1], -inward[0]])
-            ends = (middle - half - pose[:2], middle + half - pose[:2])
+            ends = (center - half - pose[:2], center + half - pose[:2])
             in_field = all(
                 abs(math.atan2(axis.x * y - axis.y * x, axis.x * x + axis.y * y)) <= self._half_view
                 for x, y in ends
@@ -97,9 +97,9 @@ class PassMonitor:
                 self._in_view_ns[plate] += t_ns - self._last_ns
 
     def _is_in_sight(self, pose: Pose, plate: int) -> bool:
-        """Return True if no wall is between the robot and a plate's middle."""
+        """Return True if no wall is between the robot and a plate's center."""
         eye = np.array(pose[:2])
-        ray = self._middles[plate] - _BEFORE_WALL_MM * self._inward[plate] - eye
+        ray = self._centers[plate] - _BEFORE_WALL_MM * self._inward[plate] - eye
         start = self._walls[:, :2] - eye
         end = self._walls[:, 2:] - eye
         side_start = ray[0] * start[:, 1] - ray[1] * start[:, 0]

@@ -10,7 +10,7 @@ from colony.experiment.record import FailureReason, RunKey
 from colony.experiment.results import KEY_COLUMNS, Table
 
 Finder = Literal["thesis", "ours", "map"]
-"""A finder: as printed in the thesis; ours, from images, heading and sonar alone; ours with the map."""
+"""A finder: that of the thesis; ours, from images, heading and sonar alone; or ours with the map."""
 
 FINDERS: tuple[Finder, ...] = ("thesis", "ours", "map")
 
@@ -24,7 +24,8 @@ Kind = Literal["found", "missed", "unseen", "false", "beyond"]
 """The outcome of a plate, or of a sighting.
 
 found, missed: a plate that was passed and in view for long enough. unseen: a plate that was passed but not in
-view for long enough, which no finder can find. false: a sighting of another object, or of a plate once more.
+view for long enough, which no finder can find. false: a sighting of another object, or of a plate that was
+sighted before.
 beyond: a sighting of a plate that was not passed, for example at the end of the route; it does not count.
 """
 
@@ -34,11 +35,11 @@ class Outcome(NamedTuple):
 
     Attributes:
         kind: the kind of outcome.
-        at_ns: the time at which the plate was passed; for a false sighting its time.
+        at_ns: the time at which the plate was passed, or of the false sighting.
         name: the door of the plate, or the object that was mistaken for a plate.
         text: the text that was read.
         right: True if the text is that of the plate.
-        x_mm, y_mm: the true place of the sighting; without one, of the plate.
+        x_mm, y_mm: the true position of the sighting, or of the plate if there is no sighting.
     """
 
     kind: Kind

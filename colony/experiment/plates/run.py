@@ -1,7 +1,7 @@
 """A run in which several plate finders look at the same images, without correcting the pose.
 
-They are the finder as printed, ours, and ours with the map. The pose is estimated from all sources but
-plates, so that no finder influences the path, and all three see the same images.
+The finders are that of the thesis as printed, ours, and ours with the map. The pose is estimated from all
+sources but plates, so that no finder influences the path, and all three see the same images.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from colony.experiment.plates.judging import Sighting, judge_sightings, true_place
+from colony.experiment.plates.judging import Sighting, judge_sightings, true_position
 from colony.experiment.plates.naming import sighting_namer
 from colony.experiment.plates.passed import PassMonitor
 from colony.experiment.plates.record import FINDERS, Finder, Outcome, PlateResult
@@ -34,8 +34,8 @@ class PlateRun:
 
     def __init__(self, spec: RunSpec) -> None:
         run_spec = replace(spec, sources=spec.sources - {Source.PLATES}, cameras=spec.cameras | {SIDE_CAMERA})
-        self.sights: Mapping[Finder, list[FoundPlate]] = {finder: [] for finder in FINDERS}
-        self.run = Run(run_spec, more=self._finders(run_spec))
+        self.found_plates: Mapping[Finder, list[FoundPlate]] = {finder: [] for finder in FINDERS}
+        self.run = Run(run_spec, extra_scripts=self._finders(run_spec))
         self.floor = self.run.building.maps[0]
         self.plates = plates_of(self.floor)
         self.path = TruePath()
@@ -46,10 +46,10 @@ class PlateRun:
         """Return the finders by name; the one with the map replaces the variant's own."""
         floors = {floor.name: plates_of(floor) for floor in building_at(spec.map_path).maps}
         return {
-            "plates": plate_finder(floors, camera=SIDE_CAMERA, on_plate=self.sights["map"].append),
-            "plates without map": plate_finder(camera=SIDE_CAMERA, on_plate=self.sights["ours"].append),
+            "plates": plate_finder(floors, camera=SIDE_CAMERA, on_plate=self.found_plates["map"].append),
+            "plates without map": plate_finder(camera=SIDE_CAMERA, on_plate=self.found_plates["ours"].append),
             "plates as printed": plate_finder(
-                camera=SIDE_CAMERA, thesis=True, on_plate=self.sights["thesis"].append
+                camera=SIDE_CAMERA, thesis=True, on_plate=self.found_plates["thesis"].append
             ),
         }
 
@@ -79,14 +79,14 @@ class PlateRun:
         )
 
     def _outcomes(self, finder: Finder) -> tuple[Outcome, ...]:
-        named = sighting_namer(self.floor, self.run.scenery, lambda t_ns: self._people.get(t_ns, ()))
-        sightings = [self.sighting(sight) for sight in self.sights[finder]]
-        return judge_sightings(sightings, self.plates, self.passed.passes, named)
+        name_sighting = sighting_namer(self.floor, self.run.scenery, lambda t_ns: self._people.get(t_ns, ()))
+        sightings = [self.sighting(plate) for plate in self.found_plates[finder]]
+        return judge_sightings(sightings, self.plates, self.passed.passes, name_sighting)
 
-    def sighting(self, sight: FoundPlate) -> Sighting:
-        """Return a reported sighting, at its true place."""
-        place = true_place(Point(*sight.place), Pose(*sight.robot), self.path.at(sight.t_ns))
-        return Sighting(sight.t_ns, place, sight.text, sight.door)
+    def sighting(self, plate: FoundPlate) -> Sighting:
+        """Return a reported sighting at its true position."""
+        position = true_position(Point(*plate.place), Pose(*plate.robot), self.path.at(plate.t_ns))
+        return Sighting(plate.t_ns, position, plate.text, plate.door)
 
 
 def run_with_finders(spec: RunSpec) -> PlateResult:

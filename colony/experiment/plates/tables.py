@@ -73,7 +73,7 @@ def walk_table(walks: Sequence[ListedRun], results: Sequence[PlateResult]) -> st
                 f"{reached}/{len(of_walk)}",
                 str(ours.due),
                 str(ours.unseen),
-                *(f"{one.found}, {one.missed}, {one.false}" for one in counts.values()),
+                *(f"{tally.found}, {tally.missed}, {tally.false}" for tally in counts.values()),
                 f"{len(published.found)}, {len(published.missed)}, {len(published.false)}",
             ]
         )
@@ -128,7 +128,7 @@ def false_table(results: Sequence[PlateResult]) -> str:
 
 
 def plate_event_table(results: Sequence[PlateResult]) -> str:
-    """Return the events of Table 6.6 and the probabilities for `_PLATES` plates, with those published."""
+    """Return the events of Table 6.6 and the probabilities for `_PLATES` plates, ours and published."""
     counts = {finder: events(results, finder) for finder in FINDERS}
     rows = [
         [
@@ -140,8 +140,10 @@ def plate_event_table(results: Sequence[PlateResult]) -> str:
         for event, name in EVENT_NAMES.items()
     ]
     automata = [*(plate_events(counts[finder]) for finder in FINDERS), TABLE_6_6]
-    rows.append(["", f"p5 to the power of {_PLATES}", *(_power(one) for one in automata)])
-    rows.append(["", f"all of {_PLATES} detected, by the matrix", *(_all(one) for one in automata)])
+    rows.append(["", f"p5 to the power of {_PLATES}", *(_power(automaton) for automaton in automata)])
+    rows.append(
+        ["", f"all of {_PLATES} detected, by the matrix", *(_all(automaton) for automaton in automata)]
+    )
     head = ["event", "", *(FINDER_NAMES[finder] for finder in FINDERS), "published"]
     return markdown(head, rows)
 
@@ -154,13 +156,13 @@ def missed_table(results: Sequence[PlateResult]) -> str:
     rows = []
     for result in results:
         for finder in _OURS:
-            for one in result.outcomes[finder]:
-                wrong = one.kind == "found" and not one.right
-                if not wrong and one.kind not in ("missed", "false"):
+            for outcome in result.outcomes[finder]:
+                wrong = outcome.kind == "found" and not outcome.right
+                if not wrong and outcome.kind not in ("missed", "false"):
                     continue
-                what = f"read as {one.text or 'nothing'}" if wrong else one.kind
-                run = [str(result.key.number), str(result.key.seed), f"{one.at_ns / 1e9:.1f} s"]
-                rows.append([*run, FINDER_NAMES[finder], one.name, what])
+                description = f"read as {outcome.text or 'nothing'}" if wrong else outcome.kind
+                run = [str(result.key.number), str(result.key.seed), f"{outcome.at_ns / 1e9:.1f} s"]
+                rows.append([*run, FINDER_NAMES[finder], outcome.name, description])
     return markdown(["walk", "seed", "after", "finder", "plate", "what happened"], rows) if rows else ""
 
 
@@ -173,9 +175,9 @@ def _published(event: PlateEvent) -> str:
     return "1, assumed" if count is None else _part(count)
 
 
-def _power(one: PlateEvents) -> str:
-    return f"{float(all_as_printed(one, _PLATES)):.4f}"
+def _power(automaton: PlateEvents) -> str:
+    return f"{float(all_as_printed(automaton, _PLATES)):.4f}"
 
 
-def _all(one: PlateEvents) -> str:
-    return f"{float(all_detected(one, _PLATES)):.4f}"
+def _all(automaton: PlateEvents) -> str:
+    return f"{float(all_detected(automaton, _PLATES)):.4f}"

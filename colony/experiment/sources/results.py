@@ -26,10 +26,10 @@ class PoseErrors(NamedTuple):
     """Errors of the estimate against the true pose, along a run.
 
     Attributes:
-        looks: number of comparisons.
+        looks: number of comparisons with the true pose.
         square_mm2: sum of the squared errors of the position.
         square_deg2: sum of the squared errors of the heading.
-        worst_mm: largest error of the position.
+        worst_mm: maximum error of the position.
         inside: number of true poses inside the 95 % ellipsoid.
     """
 
@@ -83,7 +83,7 @@ def source_targets(results: Sequence[SourceResult]) -> tuple[Target, ...]:
         return ()
     outcomes = [result.outcomes[ALL_SOURCES] for result in results]
     looks = sum(outcome.errors.looks for outcome in outcomes)
-    part = sum(outcome.errors.inside for outcome in outcomes) / looks if looks else 0.0
+    fraction = sum(outcome.errors.inside for outcome in outcomes) / looks if looks else 0.0
     reached = sum(not outcome.failure for outcome in outcomes)
     return (
         Target(
@@ -94,9 +94,9 @@ def source_targets(results: Sequence[SourceResult]) -> tuple[Target, ...]:
         ),
         Target(
             what="true poses inside the 95 % ellipsoid",
-            found=f"{part:.1%}",
+            found=f"{fraction:.1%}",
             promised=f"{CONSISTENT_RANGE[0]:.0%} to {CONSISTENT_RANGE[1]:.1%}",
-            met=CONSISTENT_RANGE[0] <= part <= CONSISTENT_RANGE[1],
+            met=CONSISTENT_RANGE[0] <= fraction <= CONSISTENT_RANGE[1],
         ),
     )
 
@@ -128,18 +128,18 @@ def _description(results: Sequence[SourceResult]) -> str:
 
 def _cells(name: str, outcomes: Sequence[SourceOutcome]) -> list[str]:
     errors = [outcome.errors for outcome in outcomes]
-    looks = max(sum(one.looks for one in errors), 1)
-    rms_mm = math.sqrt(sum(one.square_mm2 for one in errors) / looks)
-    rms_deg = math.sqrt(sum(one.square_deg2 for one in errors) / looks)
+    looks = max(sum(error.looks for error in errors), 1)
+    rms_mm = math.sqrt(sum(error.square_mm2 for error in errors) / looks)
+    rms_deg = math.sqrt(sum(error.square_deg2 for error in errors) / looks)
     reached = [outcome.off_mm for outcome in outcomes if not outcome.failure]
     return [
         name,
         f"{len(reached)}/{len(outcomes)}",
         f"{percentile(reached, 0.95) / 1000:.2f} m" if reached else "",
         f"{rms_mm:,.0f} mm",
-        f"{max(one.worst_mm for one in errors):,.0f} mm",
+        f"{max(error.worst_mm for error in errors):,.0f} mm",
         f"{rms_deg:.2f} deg",
-        f"{sum(one.inside for one in errors) / looks:.1%}",
+        f"{sum(error.inside for error in errors) / looks:.1%}",
         str(sum(outcome.contact_mm_s > 0.0 for outcome in outcomes)),
     ]
 

@@ -31,8 +31,8 @@ from colony.robots.variants import CEILING_CAMERA, SIDE_CAMERA
 NUMBERS = (1, 22, 24, 28, 35, 39)
 """Numbers of the published runs to repeat.
 
-They have one corridor, two corners, and many; in the new wing they are a short path, a long one past dark
-corridors, and one with two corners.
+In the old wing: a path along one corridor, one with two corners, and one with many. In the new wing: a short
+path, a long one past dark corridors, and one with two corners.
 """
 
 COMPARISON_INTERVAL = 10
@@ -72,16 +72,16 @@ def _chosen(spec: RunSpec, sources: frozenset[Source]) -> RunSpec:
 def _outcome(spec: RunSpec) -> SourceOutcome:
     run, errors = Run(spec), PoseErrors()
     try:
-        going = True
-        while going:
+        is_running = True
+        while is_running:
             now_ns, k, true = run.loop.now_ns, run.loop.k, run.world.true_pose(0)
-            going = run.step()
+            is_running = run.step()
             pose = _estimate(run) if k % COMPARISON_INTERVAL == 0 else None
             if pose is not None and pose.t_ns == now_ns:
                 errors = with_comparison(errors, pose, true)
     finally:
         run.close()
-    return SourceOutcome(run.failure or "", run.off_mm, run.world.contact_speed(0), errors)
+    return SourceOutcome(run.failure or "", run.goal_error_mm, run.world.contact_speed(0), errors)
 
 
 def _estimate(run: Run) -> PoseEstimate | None:
@@ -93,11 +93,11 @@ def with_comparison(errors: PoseErrors, pose: PoseEstimate, true: Pose) -> PoseE
     """Return the errors after another comparison of an estimate with the true pose of the same time."""
     x, y = true.x_mm - pose.x_mm, true.y_mm - pose.y_mm
     turn = math.remainder(true.heading_deg - pose.heading_deg, 360.0)
-    off = np.array([x, y, turn])
+    error = np.array([x, y, turn])
     covariance = np.array(
         [[pose.xx, pose.xy, pose.xh], [pose.xy, pose.yy, pose.yh], [pose.xh, pose.yh, pose.hh]]
     )
-    distance = float(off @ np.linalg.solve(covariance, off))
+    distance = float(error @ np.linalg.solve(covariance, error))
     return PoseErrors(
         looks=errors.looks + 1,
         square_mm2=errors.square_mm2 + x * x + y * y,

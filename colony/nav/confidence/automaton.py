@@ -1,7 +1,7 @@
 """The probability that a robot reaches its goal: the automaton of thesis section 6.3, in exact fractions.
 
-A plan's modes are the input: l along lights, c around a corner, d to the goal. Each mode takes the automaton
-from state to state, with a probability; with the remaining probability the robot is lost.
+The input is the string of a plan's modes: l along lights, c around a corner, d to the goal. With a certain
+probability, each mode takes the automaton to another state; otherwise the robot is lost.
 
     S start    F first light of a corridor found    C after a corner    G goal
 
@@ -21,7 +21,7 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 State = Literal["S", "F", "C", "G"]
-"""Every run begins in S, and is to end in G."""
+"""Every run begins in S; a successful one ends in G."""
 
 RIDE = "v"
 """The mode of an elevator ride, which restarts the automaton on the next floor. The thesis has none."""
@@ -40,7 +40,7 @@ class Event(Enum):
 class Arc(NamedTuple):
     """An arc of the automaton: the state that it leads to, and the events required on it."""
 
-    to: State
+    target: State
     events: tuple[Event, ...]
 
 
@@ -57,12 +57,11 @@ PUBLISHED_ARCS: Arcs = MappingProxyType(
         ("C", "d"): Arc("G", (Event.CORNER, Event.DEAD_RECKONING)),
     }
 )
-"""Arcs of Figure 6.6. A risk is charged when its mode ends; a path that begins with a corner is charged for
-it
-twice, on entering and on leaving it."""
+"""Arcs of Figure 6.6. A risk is charged when its mode ends; a path that begins
+with a corner is charged for it twice, on entering and on leaving it."""
 
 ALL_ARCS: Arcs = MappingProxyType({**PUBLISHED_ARCS, ("S", "d"): Arc("G", (Event.DEAD_RECKONING,))})
-"""The published arcs, and one for a path with neither lights nor corners, which the thesis does not have."""
+"""The published arcs, and one for a path with neither lights nor corners, which the thesis omits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +72,7 @@ class Automaton:
     arcs: Arcs = field(default_factory=lambda: PUBLISHED_ARCS)
 
     def confidence(self, modes: str) -> Fraction | None:
-        """Return the probability of reaching the goal; None for a string that the automaton does not know."""
+        """Return the probability of reaching the goal; None if the automaton does not accept the string."""
         powers = powers_of(modes, self.arcs)
         if powers is None:
             return None
@@ -94,7 +93,7 @@ def powers_of(modes: str, arcs: Arcs = PUBLISHED_ARCS) -> Counter[Event] | None:
             if arc is None:
                 return None
             powers.update(arc.events)
-            state = arc.to
+            state = arc.target
         if state != "G" and not (part == "" and RIDE in modes):
             return None
     return powers or None
@@ -115,7 +114,6 @@ TABLE_6_5 = (
     PublishedConfidence("NE.men.R", "302R", "clclcclccd", 0.6809),
     PublishedConfidence("341R", "381R", "lclclcclcclclclclcd", 0.5110),
 )
-"""Table 6.5. The printed string of the last row lacks an `lc`; it is given here as its confidence and Table
-6.2
-require. The confidence of the first row is that from C to G; that of its string is .9802, by the thesis's own
-matrices."""
+"""Table 6.5. The printed string of the last row lacks an `lc`; it is restored here, as
+its confidence and Table 6.2 require. The confidence of the first row is that of the path from C to G;
+by the thesis's own matrices, its string has .9802."""

@@ -3,7 +3,7 @@
 Each event is a Bernoulli trial with k successes in n trials. Intervals of one probability are those of Wilson
 (1927), or the exact and wider ones of Clopper and Pearson (1934). The interval of a string's confidence comes
 from drawing each event's probability from its posterior distribution under Jeffreys' prior, Beta(k + 1/2, n -
-k + 1/2). Resampling the runs instead would make an event certain that never failed.
+k + 1/2). Resampling the runs instead would make every event certain that never failed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from colony.nav.confidence.automaton import ALL_ARCS, PUBLISHED_ARCS, Arcs, Auto
 
 
 class Count(NamedTuple):
-    """The number of successes among `trials`."""
+    """The number of good trials, that is successes, and the number of all trials."""
 
     good: int
     trials: int
@@ -36,8 +36,10 @@ class Count(NamedTuple):
 class RunOutcome:
     """The outcome of a run.
 
-    The run's modes, the number of modes that it completed and, if it failed along lights, whether it had
-    found the first light.
+    Attributes:
+        modes: the run's modes.
+        completed: number of modes that it completed.
+        first_light_found: for a run that failed along lights: True if it had found the first light.
     """
 
     modes: str
@@ -93,8 +95,8 @@ def _events(mode: str, before: str, done: bool, found: bool) -> list[tuple[Event
             return []
 
 
-def estimated(counts: Counts, arcs: Arcs = ALL_ARCS) -> Automaton:
-    """Return the automaton with the relative frequencies; as in the thesis, an untried event is certain."""
+def estimate_automaton(counts: Counts, arcs: Arcs = ALL_ARCS) -> Automaton:
+    """Return the automaton whose probabilities are the relative frequencies; untried events are certain."""
     events = {
         event: Fraction(count.good, count.trials) if count.trials else Fraction(1)
         for event, count in counts.items()
@@ -102,12 +104,12 @@ def estimated(counts: Counts, arcs: Arcs = ALL_ARCS) -> Automaton:
     return Automaton(events=events, arcs=arcs)
 
 
-PUBLISHED = estimated(PUBLISHED_COUNTS, PUBLISHED_ARCS)
+PUBLISHED = estimate_automaton(PUBLISHED_COUNTS, PUBLISHED_ARCS)
 """Figure 6.7: of 101 runs of lights 2 failed, of 79 corners 3, and of 57 first lights behind a corner 1."""
 
 
 class Interval(NamedTuple):
-    """The interval from `low` to `high`, both between 0 and 1."""
+    """An interval of probabilities."""
 
     low: float
     high: float
@@ -119,16 +121,16 @@ def wilson(count: Count, level: float = 0.95) -> Interval:
     if n == 0:
         return Interval(0.0, 1.0)
     z = NormalDist().inv_cdf(0.5 + level / 2)
-    part, square = good / n, z * z / n
-    middle = (part + square / 2) / (1 + square)
-    half = z / (1 + square) * math.sqrt(part * (1 - part) / n + square / (4 * n))
+    frequency, square = good / n, z * z / n
+    center = (frequency + square / 2) / (1 + square)
+    half = z / (1 + square) * math.sqrt(frequency * (1 - frequency) / n + square / (4 * n))
     # With all or no successes the bound is exactly 1 or 0, which rounding would miss.
-    low = 0.0 if good == 0 else middle - half
-    return Interval(low, 1.0 if good == n else middle + half)
+    low = 0.0 if good == 0 else center - half
+    return Interval(low, 1.0 if good == n else center + half)
 
 
 def clopper_pearson(count: Count, level: float = 0.95) -> Interval:
-    """Return the exact interval: the probabilities under which neither tail is below half of 1 - `level`."""
+    """Return the exact interval: all probabilities for which both tails are at least (1 - `level`) / 2."""
     good, n = count
     tail = (1 - level) / 2
     low = 0.0 if good == 0 else _root(lambda p: regularized_beta(good, n - good + 1, p) - tail)
@@ -142,7 +144,7 @@ def string_interval(
     """Return the interval of a string's confidence, or None if the automaton does not accept the string.
 
     Args:
-        counts: counts of all events; those that the string does not require have no effect.
+        counts: counts of all events; events that the string does not require have no effect.
         modes: the string: the modes of a plan, in order.
         seed: seed of the draws.
         level: level of the interval.
@@ -153,7 +155,7 @@ def string_interval(
     if powers is None:
         return None
     logs = np.zeros(draws)
-    for number, event in enumerate(Event):  # a random stream each: independent of the other events
+    for number, event in enumerate(Event):  # each has its own random stream, independent of the other events
         if powers[event]:
             good, trials = counts[event]
             drawn = np.random.default_rng((seed, number)).beta(good + 0.5, trials - good + 0.5, draws)
@@ -168,12 +170,12 @@ def string_interval(
 _BISECTIONS = 60
 
 
-def _root(rising: Callable[[float], float]) -> float:
-    """Return the root of a function that rises from below 0 at 0 to above 0 at 1."""
+def _root(increasing: Callable[[float], float]) -> float:
+    """Return the root of an increasing function that is negative at 0 and positive at 1."""
     low, high = 0.0, 1.0
     for _ in range(_BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if rising(middle) < 0.0 else (low, middle)
+        mid = (low + high) / 2
+        low, high = (mid, high) if increasing(mid) < 0.0 else (low, mid)
     return (low + high) / 2
 
 

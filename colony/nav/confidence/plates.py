@@ -4,9 +4,9 @@ The model allows at most one missed plate, and at most one false one, between tw
 6.3).
 
 Its events E1 to E9 (Table 6.6) are counted in walks, as in section 6.3. A walk is a string: D for a detected
-plate, M for a missed one, P for a false one. Successive false ones count once, as the nine labels from a wall
-of glass bricks do in the thesis. The probabilities of events "in the middle of a sequence" are relative to
-all symbols but the first of each walk: 132, 19 and 11 of 162 there.
+plate, M for a missed one, P for a false one. Successive false plates count once, as the nine labels from a
+wall of glass bricks do in the thesis. The probabilities of events "in the middle of a sequence" are relative
+to all symbols but the first of each walk: 132, 19 and 11 of 162 there.
 """
 
 from __future__ import annotations
@@ -41,15 +41,15 @@ _DETECTED = ("E3", "E4", "E5", "E8")
 def all_as_printed(events: PlateEvents, plates: int) -> Fraction:
     """Return p5 to the power of `plates`: the thesis's probability that all plates are detected.
 
-    It treats the first plate like the others, and a false one in between as a failure.
+    It treats the first plate like the others, and a false plate in between as a failure.
     """
     return events["E5"] ** plates
 
 
 def all_detected(events: PlateEvents, plates: int) -> Fraction:
-    """Return the probability that all plates are detected, whatever false ones are seen in between.
+    """Return the probability that all plates are detected, with or without false ones in between.
 
-    A path detects each plate at once or after one false one, as Figure 6.9 has no arc from one false one to
+    Each plate is detected at once or after one false plate: Figure 6.9 has no arc from one false plate to
     the next.
     """
     first = events["E4"] + events["E7"] * events["E8"]
@@ -61,7 +61,7 @@ def plate_counts(walks: Iterable[str]) -> dict[PlateEvent, Count]:
     """Count the trials and successes of each event in these walks.
 
     Raises:
-        ValueError: a walk has other letters than D, M and P.
+        ValueError: a walk has letters other than D, M and P.
     """
     starts: list[str] = []
     middles: list[str] = []
@@ -70,25 +70,25 @@ def plate_counts(walks: Iterable[str]) -> dict[PlateEvent, Count]:
     for walk in walks:
         if set(walk) - set("DMP"):
             raise ValueError(f"the walk `{walk}`; expected letters D, M and P")
-        once = re.sub("P+", "P", walk)
-        starts += once[:1]
-        middles += once[1:]
-        after_missed += re.findall("(?<=M)[DM]", once)
-        after_false += re.findall("(?<=P)[DM]", once)
+        collapsed = re.sub("P+", "P", walk)
+        starts += collapsed[:1]
+        middles += collapsed[1:]
+        after_missed += re.findall("(?<=M)[DM]", collapsed)
+        after_false += re.findall("(?<=P)[DM]", collapsed)
 
-    def part(letter: str, of: list[str]) -> Count:
-        return Count(of.count(letter), len(of))
+    def count(letter: str, symbols: list[str]) -> Count:
+        return Count(symbols.count(letter), len(symbols))
 
     return {
-        "E1": part("M", starts),
-        "E2": part("M", middles),
-        "E3": part("D", after_missed),
-        "E4": part("D", starts),
-        "E5": part("D", middles),
-        "E6": part("M", after_false),
-        "E7": part("P", starts),
-        "E8": part("D", after_false),
-        "E9": part("P", middles),
+        "E1": count("M", starts),
+        "E2": count("M", middles),
+        "E3": count("D", after_missed),
+        "E4": count("D", starts),
+        "E5": count("D", middles),
+        "E6": count("M", after_false),
+        "E7": count("P", starts),
+        "E8": count("D", after_false),
+        "E9": count("P", middles),
     }
 
 
@@ -114,7 +114,7 @@ TABLE_6_6_COUNTS: Mapping[PlateEvent, Count | None] = {
     "E8": Count(10, 11),
     "E9": Count(11, 162),
 }
-"""Counts as published; E3 is assumed to be 1 there."""
+"""The published counts; the thesis assumes that E3 is 1."""
 
 TABLE_6_6 = plate_events(TABLE_6_6_COUNTS)
-"""Probabilities as published, from the eleven walks of Table 6.3."""
+"""The published probabilities, from the eleven walks of Table 6.3."""

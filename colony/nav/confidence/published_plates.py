@@ -1,8 +1,8 @@
 """The eleven walks of the thesis past door number plates, as published in its Table 6.3.
 
 Section 6.3 counts 132 plates that were detected after the first one of a walk, 19 that were missed and 11
-false ones, 162 in all. With the eleven first ones the lists have 143 detected plates. The false ones are 11
-where the nine labels from a wall of glass bricks count as one.
+false ones, 162 in all. With the first plates of the eleven walks, the lists have 143 detected plates. There
+are 11 false ones if the nine labels from a wall of glass bricks count as one.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class PublishedWalk:
         origin, goal: nodes of `maps/msu_engineering_3.stickrep`.
         found, missed: texts of the plates. Three were elevators', and some doors had two plates ("350.1",
             "350.2"), which the map does not have.
-        false: false detections and their places; a number is a plate that was counted twice.
+        false: false detections and their positions; a number is a plate that was counted twice.
     """
 
     origin: str
@@ -29,7 +29,7 @@ class PublishedWalk:
     false: tuple[str, ...]
 
 
-# Entries that are hard to read in print were inferred from the other walks along the same wall: on walk 4 the
+# Entries that are illegible in print were inferred from the other walks along the same wall: on walk 4 the
 # last plate is 341; on walk 6 the second 320 may be 322, and is kept; walk 5 ends at "V317R", which is 317R;
 # on walk 8 "364, 350.1 350.2" is 346, 350.1, 350.2, the order along the walk.
 _TABLE = """

@@ -14,13 +14,13 @@ class PublishedRun:
     """A run and its outcome.
 
     Attributes:
-        wing, number: the table, and the row in it.
+        wing, number: the table, and its row.
         origin, goal: nodes of `maps/msu_engineering_3.stickrep`.
         began: date and time of day, ISO 8601.
         distance_mm: distance from jamb to jamb along the ring, rounded down to millimeters in the tables.
         beyond_goal_mm: distance of the stopped robot beyond the goal, negative before it; None for failed
             runs.
-        seconds: its duration; None for failed runs.
+        seconds: duration; None for failed runs.
         done, needed: completed and required numbers of the modes l, c and d. The tables count a failed mode
             in some rows and not in others.
         failed_mode: the mode in which a failed run failed.
@@ -49,9 +49,9 @@ class PublishedRun:
         return self.began > "1993-12-23"
 
 
-# Some figures are hard to read in print and were inferred from others: in row 8 of the new wing the corners
-# from the ring and the total of 79 in section 6.3, in its row 6 the lights from the total of 57 there. The
-# stops in its rows 1 and 2 are guesses (2 cm may be right instead of 7).
+# Some numbers are illegible in print and were inferred from others. New wing, row 8: the corners, from the
+# ring and the total of 79 in section 6.3. Row 6: the lights, from the total of 57 there. Rows 1 and 2: the
+# distances beyond the goal are guesses (2 cm may be right instead of 7).
 _TABLE = """
 wing no origin    goal         date       time     m      cm     s    L    C      D  failed in
 old  1 350R         376L         1993-10-31 12:33   78.181   -13   326  1/1   0/0    1/1  -

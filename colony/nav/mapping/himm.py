@@ -1,8 +1,8 @@
 """Histogrammic in-motion mapping: a certainty grid built from sonar readings while the robot drives.
 
 A reading adds 3 to the cell on the sonar's axis at the measured distance, and subtracts 1 from each cell on
-the axis before it; certainties are 0 to 15. Real obstacles are hit repeatedly from different places; false
-ones wear off. Source: Borenstein and Koren, Histogrammic In-Motion Mapping for Mobile Robot Obstacle
+the axis before it; certainties are 0 to 15. Real obstacles are hit repeatedly from different positions; false
+ones decay. Source: Borenstein and Koren, Histogrammic In-Motion Mapping for Mobile Robot Obstacle
 Avoidance (1991); thesis section 5.5.
 """
 
@@ -26,9 +26,9 @@ class HimmParameters:
     """The parameters of a local map; lengths in mm.
 
     Attributes:
-        cell_mm: the side of a cell.
+        cell_mm: side of a cell.
         half_side_mm: distance of each side of the map from its origin.
-        reach_mm: largest distance of an echo that is marked, and of the cells that are cleared.
+        reach_mm: maximum distance of an echo that is marked, and of the cells that are cleared.
         full_range_mm: reading of a sonar without an echo; it changes nothing.
         ring_mm: distance from the robot's center to each transducer.
     """
@@ -53,7 +53,7 @@ class LocalPose(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """Occupied cells, (n,) each: their middles in mm, ahead and to the left, and their certainties."""
+    """Occupied cells, (n,) each: their centers in mm, ahead and to the left, and their certainties."""
 
     ahead_mm: Floats
     left_mm: Floats
@@ -61,7 +61,7 @@ class Cells(NamedTuple):
 
 
 class HimmMap:
-    """A square local map with its origin in the middle. Mutable."""
+    """A square local map with its origin at the center. Mutable."""
 
     def __init__(self, parameters: HimmParameters | None = None) -> None:
         """Start with an empty map."""
@@ -74,7 +74,7 @@ class HimmMap:
 
     @property
     def grid(self) -> NDArray[np.uint8]:
-        """A copy of the certainties, (rows, columns); rows count ahead, columns to the left."""
+        """A copy of the certainties; row indices increase ahead, column indices to the left."""
         return self._grid.reshape(self._side, self._side).astype(np.uint8)
 
     def clear(self) -> None:
@@ -82,28 +82,28 @@ class HimmMap:
         self._grid[:] = 0
 
     def mark(self, pose: LocalPose, ranges: Floats) -> None:
-        """Add a scan, (24,) in mm; ignore invalid readings, and cells outside of the map."""
+        """Add a scan, (24,) in mm; ignore invalid readings and cells outside the map."""
         parameters = self.parameters
         valid = np.flatnonzero((ranges >= 0.0) & (ranges < parameters.full_range_mm))
         angles = BEARINGS_RAD[valid] + pose.heading_rad
         cosine, sine = np.cos(angles), np.sin(angles)
-        first = (pose.ahead_mm + parameters.ring_mm * cosine, pose.left_mm + parameters.ring_mm * sine)
-        way = ranges[valid]
-        close = way <= parameters.reach_mm
-        reached = np.minimum(way, parameters.reach_mm)
-        row, column = self._cell_of(first[0] + way * cosine, first[1] + way * sine)
-        self._lower(first, cosine, sine, reached, row, column, close)
-        self._raise(row[close], column[close])
+        origin = (pose.ahead_mm + parameters.ring_mm * cosine, pose.left_mm + parameters.ring_mm * sine)
+        distance = ranges[valid]
+        hit = distance <= parameters.reach_mm
+        cleared = np.minimum(distance, parameters.reach_mm)
+        row, column = self._cell_of(origin[0] + distance * cosine, origin[1] + distance * sine)
+        self._decrement(origin, cosine, sine, cleared, row, column, hit)
+        self._increment(row[hit], column[hit])
 
-    def cells(self, least: int = HIT_INCREMENT) -> Cells:
-        """Return the cells with a certainty of `least` or more."""
-        at = np.flatnonzero(self._grid >= least)
-        row, column = np.divmod(at, self._side)
+    def cells(self, min_certainty: int = HIT_INCREMENT) -> Cells:
+        """Return the cells with a certainty of `min_certainty` or more."""
+        indices = np.flatnonzero(self._grid >= min_certainty)
+        row, column = np.divmod(indices, self._side)
         half, cell = self._side // 2, self.parameters.cell_mm
         return Cells(
             ahead_mm=(row - half + 0.5) * cell,
             left_mm=(column - half + 0.5) * cell,
-            certainty=self._grid[at].astype(np.float64),
+            certainty=self._grid[indices].astype(np.float64),
         )
 
     def _cell_of(self, ahead: Floats, left: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -113,34 +113,34 @@ class HimmMap:
             np.floor(left / cell).astype(np.int64) + half,
         )
 
-    def _lower(
+    def _decrement(
         self,
-        first: tuple[Floats, Floats],
+        origin: tuple[Floats, Floats],
         cosine: Floats,
         sine: Floats,
-        way: Floats,
+        distance: Floats,
         row: NDArray[np.int64],
         column: NDArray[np.int64],
-        marked: NDArray[np.bool_],
+        hit: NDArray[np.bool_],
     ) -> None:
-        """Lower the cells on each axis, once each, but not the marked one."""
-        # A step is one cell along the axis' main direction, so that no cell is visited twice.
+        """Decrement each cell before the echo once, but not the cell of the echo."""
+        # Each step moves one cell in the axis' dominant direction, so that no cell is visited twice.
         step = self.parameters.cell_mm / np.maximum(np.abs(cosine), np.abs(sine))[:, None]
         along = self._steps * step
         rows, columns = self._cell_of(
-            first[0][:, None] + along * cosine[:, None], first[1][:, None] + along * sine[:, None]
+            origin[0][:, None] + along * cosine[:, None], origin[1][:, None] + along * sine[:, None]
         )
-        free = (along < way[:, None]) & self._inside(rows, columns)
-        free &= (rows != row[:, None]) | (columns != column[:, None]) | ~marked[:, None]
+        free = (along < distance[:, None]) & self._inside(rows, columns)
+        free &= (rows != row[:, None]) | (columns != column[:, None]) | ~hit[:, None]
         np.subtract.at(self._grid, (rows * self._side + columns)[free], MISS_DECREMENT)
         np.maximum(self._grid, 0, out=self._grid)
 
-    def _raise(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> None:
-        """Raise the cells that were hit."""
+    def _increment(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> None:
+        """Increment the cells that were hit."""
         inside = (row > 0) & (row < self._side - 1) & (column > 0) & (column < self._side - 1)
-        at = (row * self._side + column)[inside]
-        np.add.at(self._grid, at, HIT_INCREMENT)
-        self._grid[at] = np.minimum(self._grid[at], MAX_CERTAINTY)
+        indices = (row * self._side + column)[inside]
+        np.add.at(self._grid, indices, HIT_INCREMENT)
+        self._grid[indices] = np.minimum(self._grid[indices], MAX_CERTAINTY)
 
     def _inside(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.bool_]:
         return (row >= 0) & (row < self._side) & (column >= 0) & (column < self._side)

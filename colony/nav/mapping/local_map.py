@@ -1,4 +1,4 @@
-"""Local sonar maps, with their origin where the map began, or at the robot's present place."""
+"""Local sonar maps, with their origin at the robot's initial or current position."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from colony.nav.pose.steps import Step
 
 
 def local_pose(origin: Pose, pose: Pose) -> LocalPose:
-    """Return a pose in the frame of another one (thesis section 5.5)."""
+    """Return `pose` in the frame of `origin` (thesis section 5.5)."""
     heading = math.radians(origin.heading_deg)
     sine, cosine = math.sin(heading), math.cos(heading)
     dx, dy = pose.x_mm - origin.x_mm, pose.y_mm - origin.y_mm
@@ -24,7 +24,7 @@ def local_pose(origin: Pose, pose: Pose) -> LocalPose:
     )
 
 
-def moved_by(pose: LocalPose, step: Step) -> LocalPose:
+def pose_after(pose: LocalPose, step: Step) -> LocalPose:
     """Return the pose of a robot after a step."""
     sine, cosine = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
     return LocalPose(
@@ -35,7 +35,7 @@ def moved_by(pose: LocalPose, step: Step) -> LocalPose:
 
 
 def relative_pose(origin: LocalPose, pose: LocalPose) -> LocalPose:
-    """Return a pose of a local map in the frame of another one."""
+    """Return `pose` in the frame of `origin`, both poses in the same local map."""
     sine, cosine = math.sin(origin.heading_rad), math.cos(origin.heading_rad)
     ahead, left = pose.ahead_mm - origin.ahead_mm, pose.left_mm - origin.left_mm
     return LocalPose(
@@ -46,25 +46,25 @@ def relative_pose(origin: LocalPose, pose: LocalPose) -> LocalPose:
 
 
 _SPACING_MM, _SPACING_RAD = 60.0, math.radians(3.0)
-"""Distance or turn after which the trail takes the next scan."""
+"""Minimum distance or turn between two recorded scans."""
 
 
 class Trail:
-    """The scans of the last few meters, by odometry alone. Mutable.
+    """The scans of the last few meters, located by odometry alone. Mutable.
 
-    A map is built from them on demand, around the robot's present place.
+    On demand, a map around the robot's current position is built from them.
     """
 
     def __init__(self, length_mm: float) -> None:
         """Keep the scans of the last `length_mm` traveled."""
         self._length_mm = length_mm
         self._scans: deque[tuple[float, LocalPose, Floats]] = deque()
-        self._at = LocalPose(0.0, 0.0, 0.0)
+        self._pose = LocalPose(0.0, 0.0, 0.0)
         self._travel_mm = 0.0
 
     @property
     def travel_mm(self) -> float:
-        """Distance that the robot traveled since the oldest scan, in mm."""
+        """Distance traveled since the oldest scan, in mm."""
         return self._travel_mm - self._scans[0][0] if self._scans else 0.0
 
     def clear(self) -> None:
@@ -73,22 +73,22 @@ class Trail:
 
     def add(self, step: Step, ranges: Floats | None) -> None:
         """Record a step of the robot, and a scan after it, if there is one."""
-        self._at = moved_by(self._at, step)
+        self._pose = pose_after(self._pose, step)
         self._travel_mm += math.hypot(step.ahead_mm, step.left_mm)
         if ranges is None:
             return
         if self._scans:
-            way, last, _ = self._scans[-1]
-            turned = abs(self._at.heading_rad - last.heading_rad)
-            if self._travel_mm - way < _SPACING_MM and turned < _SPACING_RAD:
+            travel_mm, last, _ = self._scans[-1]
+            turned = abs(self._pose.heading_rad - last.heading_rad)
+            if self._travel_mm - travel_mm < _SPACING_MM and turned < _SPACING_RAD:
                 return
-        self._scans.append((self._travel_mm, self._at, ranges))
+        self._scans.append((self._travel_mm, self._pose, ranges))
         while self._travel_mm - self._scans[0][0] > self._length_mm:
             self._scans.popleft()
 
     def lines(self, himm: HimmParameters, hough: HoughParameters | None = None) -> tuple[Line, ...]:
-        """Return the lines in a map of these scans, with its origin at the robot's present place."""
+        """Return the lines in a map of these scans, with its origin at the robot's current position."""
         local = HimmMap(himm)
         for _, pose, ranges in self._scans:
-            local.mark(relative_pose(self._at, pose), ranges)
+            local.mark(relative_pose(self._pose, pose), ranges)
         return lines_in(local.cells(), hough)

@@ -1,8 +1,9 @@
 """The local mapper of the thesis: a client that corrects RServer's heading by the sonars (section 5.5).
 
-It corrects the heading only, once for every three lights, toward the direction of the goal, and so never in a
-hallway of fewer lights. The pose estimator (`colony/nav/pose/estimate.py`) replaces it: it tracks the robot
-in the map scan by scan, everywhere. This client is kept as the baseline for comparison.
+It corrects only the heading, once for every three lights, assuming that the hallway has the direction of the
+goal. So it never corrects it in a hallway with fewer lights. The pose estimator
+(`colony/nav/pose/estimate.py`) replaces it: it tracks the robot in the map scan by scan, everywhere. This
+client is kept as the baseline for comparison.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from colony.nav.calls import try_adjust_position, try_ask, try_wait
 from colony.nav.mapping.himm import HimmMap, HimmParameters
 from colony.nav.mapping.hough import lines_in
 from colony.nav.mapping.local_map import local_pose
-from colony.nav.mapping.orientation import directed, wrapped
+from colony.nav.mapping.orientation import hallway_direction, wrap_deg
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.echoes import SonarModel
 from colony.nav.shared import GOAL_DIRECTION, GOAL_DISTANCE, LIGHT_DETECTED, START_MAP
@@ -26,16 +27,16 @@ from colony.runtime.library.proximity import SonarReading
 from colony.runtime.library.robot import Position
 
 LIGHTS_PER_MAP = 3
-"""Lights of a map: it begins below the first and ends below the third, where the next map begins."""
+"""Number of lights per map: it extends from the first to the third, where the next one begins."""
 
 PERIOD_S = 0.1
 """Seconds between two scans."""
 
 
 def local_mapper() -> Script:
-    """Correct RServer's heading in the ceiling-light tracking mode; never ends.
+    """Correct RServer's heading in the ceiling-light tracking mode, forever.
 
-    The correction comes from the lines in a local map of every three lights.
+    Each correction comes from the lines in a local map that spans three lights.
     """
     model = SonarModel()
     himm = HimmParameters(full_range_mm=model.full_range_mm, ring_mm=model.ring_mm)
@@ -48,27 +49,32 @@ def local_mapper() -> Script:
 
 
 def _map_segment(himm: HimmParameters) -> Generator[Step, Any, bool]:
-    """Build maps along a segment until its last light; return True if the next segment begins earlier."""
+    """Build maps along a segment up to its last light; return True if the next segment begins before that."""
     while (yield from try_wait(LIGHT_DETECTED, 0.0)):  # a light of the previous segment
         pass
     lights_left = int((yield from do("DServer", data.get(GOAL_DISTANCE, type=float))))
-    local, origin, lights, heard_ns = HimmMap(himm), None, 0, -1
+    local, origin, lights, last_scan_ns = HimmMap(himm), None, 0, -1
     while lights_left > 0:
         yield from sleep(PERIOD_S)
         if (yield from try_wait(START_MAP, 0.0)):
             return True
-        scan, where = yield from _scan_and_position()
-        if origin is not None and scan is not None and where is not None and scan.t_ns != heard_ns:
-            heard_ns = scan.t_ns
-            local.mark(local_pose(origin, _pose(where)), np.array(scan.ranges))
+        scan, base_position = yield from _scan_and_position()
+        if (
+            origin is not None
+            and scan is not None
+            and base_position is not None
+            and scan.t_ns != last_scan_ns
+        ):
+            last_scan_ns = scan.t_ns
+            local.mark(local_pose(origin, _pose(base_position)), np.array(scan.ranges))
         if not (yield from try_wait(LIGHT_DETECTED, 0.0)):
             continue
         lights, lights_left = lights + 1, lights_left - 1
         if origin is not None and lights == LIGHTS_PER_MAP:
             yield from _correct_heading(local, origin)
         if lights in (1, LIGHTS_PER_MAP):
-            where = yield from try_ask("RServer", robot.position())
-            origin, lights = None if where is None else _pose(where), 1
+            base_position = yield from try_ask("RServer", robot.position())
+            origin, lights = None if base_position is None else _pose(base_position), 1
             local.clear()
     return False
 
@@ -79,16 +85,16 @@ def _correct_heading(local: HimmMap, origin: Pose) -> Generator[Step, Any, None]
     if not lines:
         return
     goal = yield from do("DServer", data.get(GOAL_DIRECTION, type=float))
-    seen = directed(origin.heading_deg + lines[0].angle_deg, goal)
-    yield from try_adjust_position(0.0, 0.0, wrapped(goal - seen))
+    measured = hallway_direction(origin.heading_deg + lines[0].angle_deg, goal)
+    yield from try_adjust_position(0.0, 0.0, wrap_deg(goal - measured))
 
 
-def _pose(where: Position) -> Pose:
-    return Pose(where.x, where.y, where.heading)
+def _pose(base_position: Position) -> Pose:
+    return Pose(base_position.x, base_position.y, base_position.heading)
 
 
 def _scan_and_position() -> Generator[Step, Any, tuple[SonarReading | None, Position | None]]:
-    """Return the newest scan, and the position right after it; None for what is unavailable."""
+    """Return the newest scan, and the position right after it; each is None if unavailable."""
     scan = yield from try_ask("PServer", proximity.sonar())
-    where = yield from try_ask("RServer", robot.position())
-    return scan, where
+    base_position = yield from try_ask("RServer", robot.position())
+    return scan, base_position

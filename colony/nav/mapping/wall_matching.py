@@ -1,10 +1,10 @@
-"""Matches the lines of a local map to the walls of the building, which gives the error of the robot's pose.
+"""Matches the lines of a local map to the walls of the building, to determine the error of the robot's pose.
 
 A line matches a wall if it is nearly parallel to it, not far from it, beside it for a good part of its
-length, and has the robot on the wall's free side. So the leaf of an open door, which stands at an angle, and
-the back wall of a room, which is too far away, match no line. Two walls along a hallway give the heading and
-the position across it; a wall ahead, in a turning space or at a hallway's end, also gives the position along
-it.
+length, and if the robot is on the wall's free side. So the line of an open door, which is at an angle, and
+that of the back wall of a room, which is too far away, match no wall. Two walls along a hallway give the
+heading and the position across it; a wall ahead, in a turning space or at a hallway's end, also gives the
+position along it.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.nav.mapping.hough import Line
-from colony.nav.mapping.orientation import wrapped
+from colony.nav.mapping.orientation import wrap_deg
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.echoes import Bools, Floats, Reflectors
 
 
 class WallCandidate(NamedTuple):
-    """A line of a local map in the frame of the building, by the estimated pose.
+    """A line of a local map, transformed to the frame of the building by the estimated pose.
 
     The ends are in mm, x east and y north; `weight` is the sum of the certainties of the line's cells,
     `spread_mm` the standard deviation of the cells across the line.
@@ -59,13 +59,14 @@ def in_building_frame(line: Line, origin: Pose) -> WallCandidate:
 class Gate:
     """The limits within which a line matches a wall.
 
-    The largest angle and the largest distance between the line and the wall, and the least part of the line's
-    length that must be beside the wall.
+    Attributes:
+        angle_deg, offset_mm: maximum angle and maximum distance between the line and the wall.
+        min_overlap: minimum fraction of the line's length that is beside the wall.
     """
 
     angle_deg: float = 15.0
     offset_mm: float = 700.0
-    beside: float = 0.5
+    min_overlap: float = 0.5
 
 
 DEFAULT_GATE = Gate()
@@ -76,7 +77,7 @@ class WallMatch(NamedTuple):
 
     Attributes:
         turn_deg: correction of the heading that makes the line parallel to the wall.
-        shift_mm: correction of the position after that, along the wall's normal, away from the wall.
+        shift_mm: subsequent correction of the position, along the wall's normal, away from the wall.
         normal_x, normal_y: the normal, a unit vector.
         turn_sd_deg, shift_sd_mm: standard deviations of both corrections.
     """
@@ -92,33 +93,33 @@ class WallMatch(NamedTuple):
 _SAME_WALL_MM = 60.0
 _SAME_WALL_DEG = 2.0
 _MIN_SPREAD_MM = 20.0
-_INDEPENDENT = 4.0
+_INDEPENDENT_CELLS = 4.0
 """Number of independent cells assumed for a line's fit: one reading affects several cells."""
 
 
 def match_wall(
     candidate: WallCandidate, walls: Reflectors, robot: Pose, gate: Gate = DEFAULT_GATE
 ) -> WallMatch | None:
-    """Match a line to a wall, seen from the robot's estimated pose; None without a match.
+    """Match a line to one of the walls near the robot's estimated pose; None without a match.
 
-    `walls` are those nearby. Collinear pieces of wall, and doors between them, count as one wall; those that
-    may return no echo do not count.
+    Collinear pieces of wall, and doors between them, count as one wall; walls that may return no echo do not
+    count.
     """
     length = candidate.length_mm
     if length == 0.0 or len(walls.length) == 0:
         return None
-    turn, offset, beside, facing = _compared(candidate, walls, robot)
+    turn, offset, beside, facing = _compare(candidate, walls, robot)
     fits = (np.abs(turn) <= gate.angle_deg) & (np.abs(offset) <= gate.offset_mm)
     fits &= facing & (beside > 0.0) & np.isfinite(walls.sigma_factor)
-    best, most = -1, gate.beside * length
+    best, max_overlap = -1, gate.min_overlap * length
     for i in np.flatnonzero(fits).tolist():
         same = np.abs(offset - offset[i]) <= _SAME_WALL_MM
         same &= fits & (np.abs(turn - turn[i]) <= _SAME_WALL_DEG)
-        if (total := float(beside[same].sum())) > most:
-            best, most = i, total
+        if (total := float(beside[same].sum())) > max_overlap:
+            best, max_overlap = i, total
     if best < 0:
         return None
-    spread = max(candidate.spread_mm, _MIN_SPREAD_MM) / math.sqrt(_INDEPENDENT)
+    spread = max(candidate.spread_mm, _MIN_SPREAD_MM) / math.sqrt(_INDEPENDENT_CELLS)
     return WallMatch(
         turn_deg=float(turn[best]),
         shift_mm=-float(offset[best]),
@@ -130,14 +131,15 @@ def match_wall(
     )
 
 
-def _compared(
+def _compare(
     candidate: WallCandidate, walls: Reflectors, robot: Pose
 ) -> tuple[Floats, Floats, Floats, Bools]:
     """Compare a line with each wall.
 
     Returns:
-        The turn about the robot that makes the line parallel to the wall, in degrees; the offset into the
-        free space after it, and the length beside the wall, in mm; and whether both face the robot.
+        The turn about the robot that makes the line parallel to the wall, in degrees; after this turn, the
+        offset of the line into the free space and its length beside the wall, in mm; and True where both the
+        wall and the line face the robot.
     """
     length = candidate.length_mm
     along_x = (candidate.x1_mm - candidate.x0_mm) / length
@@ -149,16 +151,18 @@ def _compared(
     y = (candidate.y0_mm + candidate.y1_mm) / 2.0 - robot.y_mm
     cosine, sine = np.cos(turn), np.sin(turn)
     to_robot = np.array([robot.x_mm, robot.y_mm]) - walls.start
-    to_line = to_robot + np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=1)
-    offset = (to_line * walls.normal).sum(axis=1)
-    spot = (to_line * walls.along).sum(axis=1)
-    beside = np.minimum(spot + length / 2.0, walls.length) - np.maximum(spot - length / 2.0, 0.0)
+    to_center = to_robot + np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=1)
+    offset = (to_center * walls.normal).sum(axis=1)
+    center_along = (to_center * walls.along).sum(axis=1)
+    beside = np.minimum(center_along + length / 2.0, walls.length) - np.maximum(
+        center_along - length / 2.0, 0.0
+    )
     height = (to_robot * walls.normal).sum(axis=1)
     return np.degrees(turn), offset, beside, (height > 0.0) & (height > offset)
 
 
 class PoseCorrection(NamedTuple):
-    """The correction to add to a pose, in mm and degrees, with the standard deviation of the heading's."""
+    """The correction to add to a pose, in mm and degrees; the heading's has a standard deviation."""
 
     x_mm: float
     y_mm: float
@@ -166,19 +170,19 @@ class PoseCorrection(NamedTuple):
     heading_sd_deg: float
 
 
-_AGREE_DEG = 4.0
+_AGREEMENT_DEG = 4.0
 
 
 def combine_matches(matches: tuple[WallMatch, ...]) -> PoseCorrection | None:
-    """Combine the matches of several walls; None without any.
+    """Combine the matches of several walls; None without matches.
 
-    Matches whose heading disagrees with that of the most accurate one are left out. Without a wall across a
-    direction, the position along that direction stays as it is.
+    Matches whose heading disagrees with that of the most accurate match are left out. The position is only
+    corrected along the normals of the matched walls.
     """
     if not matches:
         return None
-    surest = min(matches, key=lambda match: match.turn_sd_deg)
-    agreeing = [m for m in matches if abs(wrapped(m.turn_deg - surest.turn_deg)) <= _AGREE_DEG]
+    most_accurate = min(matches, key=lambda match: match.turn_sd_deg)
+    agreeing = [m for m in matches if abs(wrap_deg(m.turn_deg - most_accurate.turn_deg)) <= _AGREEMENT_DEG]
     weights = [1.0 / m.turn_sd_deg**2 for m in agreeing]
     turn = sum(w * m.turn_deg for w, m in zip(weights, agreeing, strict=True)) / sum(weights)
     information, vector = np.zeros((2, 2)), np.zeros(2)

@@ -1,1 +1,1 @@
-"""Maps and what is derived from them: walls, corridors, signs and places to stand."""
+"""Maps, and the walls, corridors, signs and viewpoints derived from them."""

@@ -26,7 +26,7 @@ class Landing(NamedTuple):
 
 
 class Ride(NamedTuple):
-    """Two landings of one elevator, which goes both ways."""
+    """A ride of an elevator between two landings, in either direction."""
 
     first: Landing
     second: Landing
@@ -37,8 +37,8 @@ class Building:
     """The floors that elevators connect.
 
     Attributes:
-        maps: the floors; first the requested one, then the others by the number of rides to them.
-        rides: each pair of landings once, in the order of the maps.
+        maps: the floors; the requested one first, then the others by the number of rides to reach them.
+        rides: the rides, each pair of landings once, in the order of the maps.
     """
 
     maps: tuple[Map, ...]
@@ -56,7 +56,7 @@ class Building:
         raise KeyError(f"the building has no map `{name}`; it has {', '.join(m.name for m in self.maps)}")
 
     def part(self, names: Sequence[str]) -> Building:
-        """Return the building of these floors, by their maps' names, and the rides between them.
+        """Return the part of the building with the floors of these maps, and the rides between them.
 
         Raises:
             KeyError: there is no such floor.
@@ -69,14 +69,14 @@ def load_building(path: str | os.PathLike[str]) -> Building:
     """Load the map at `path` and those that its elevators lead to, directly or through others.
 
     Raises:
-        DiagnosticError: one of the files cannot be read or is no sound map, or its elevators do not match
-            those of another. It has all errors found, file by file, each with its place.
+        DiagnosticError: one of the files cannot be read or is not a valid map, or its elevators do not match
+            those of another. It has all errors found, file by file, each with its location.
     """
     loaded = _load_all(os.fspath(path))
-    problems = [*_duplicates(loaded), *(p for one in loaded for p in _link_errors(one))]
+    problems = [*_duplicates(loaded), *(p for item in loaded for p in _link_errors(item))]
     if problems:
         raise DiagnosticError(problems)
-    return Building(maps=tuple(one.map for one in loaded), rides=_rides(loaded))
+    return Building(maps=tuple(item.map for item in loaded), rides=_rides(loaded))
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -89,69 +89,69 @@ class _Loaded:
 
 
 def _load_all(path: str) -> list[_Loaded]:
-    """Load the maps, breadth first, each file once under any of its paths."""
+    """Load the maps breadth first, and each file only once, even under several paths."""
     first = _Loaded(source=(source := load_source(path)), map=read_map(source))
-    known = {os.path.realpath(path): first}
-    waiting = deque([first])
-    while waiting:
-        here = waiting.popleft()
+    by_path = {os.path.realpath(path): first}
+    queue = deque([first])
+    while queue:
+        current = queue.popleft()
         problems: list[Diagnostic] = []
-        for elevator in here.map.elevators:
-            there = os.path.join(os.path.dirname(here.source.name), elevator.file)
-            key = os.path.realpath(there)
-            if key not in known:
-                if len(known) == MAX_MAPS:
+        for elevator in current.map.elevators:
+            target = os.path.join(os.path.dirname(current.source.name), elevator.file)
+            key = os.path.realpath(target)
+            if key not in by_path:
+                if len(by_path) == MAX_MAPS:
                     message = (
                         f"expected a building of at most {MAX_MAPS} maps; this elevator leads to one more"
                     )
-                    problems.append(error("M023", _place(here, elevator, 2), message))
+                    problems.append(error("M023", _elevator_span(current, elevator, 2), message))
                     break
                 try:
-                    source = load_source(there)
+                    source = load_source(target)
                 except DiagnosticError as failure:
-                    problems.append(_unreadable(here, elevator, failure))
+                    problems.append(_unreadable(current, elevator, failure))
                     continue
-                known[key] = _Loaded(source=source, map=read_map(source))
-                waiting.append(known[key])
-            here.others.append(known[key])
+                by_path[key] = _Loaded(source=source, map=read_map(source))
+                queue.append(by_path[key])
+            current.others.append(by_path[key])
         if problems:
             raise DiagnosticError(in_order(problems))
-    return list(known.values())
+    return list(by_path.values())
 
 
-def _place(here: _Loaded, elevator: ElevatorLink, index: int) -> Span:
+def _elevator_span(current: _Loaded, elevator: ElevatorLink, index: int) -> Span:
     """Return the span of a word of an elevator's line: 1 its node, 2 its file, 3 the other node."""
     wanted = ["elevator", *elevator]
-    lines = lines_of_words(here.source)
+    lines = lines_of_words(current.source)
     return next(words[index].span for words in lines if [w.text for w in words] == wanted)
 
 
-def _unreadable(here: _Loaded, elevator: ElevatorLink, failure: DiagnosticError) -> Diagnostic:
+def _unreadable(current: _Loaded, elevator: ElevatorLink, failure: DiagnosticError) -> Diagnostic:
     reason = failure.diagnostics[0].message
     message = f"the elevator `{elevator.node}` leads to a map that cannot be loaded: {reason}"
     hint = "give the path relative to the folder of this map"
-    return error("M029", _place(here, elevator, 2), message, hint)
+    return error("M029", _elevator_span(current, elevator, 2), message, hint)
 
 
-def _link_errors(here: _Loaded) -> list[Diagnostic]:
+def _link_errors(current: _Loaded) -> list[Diagnostic]:
     """Return the errors of a map's `elevator` lines."""
     problems: list[Diagnostic] = []
-    for elevator, there in zip(here.map.elevators, here.others, strict=True):
-        kind = _kind_at(there.map, elevator.other_node)
-        if there is here:
+    for elevator, target in zip(current.map.elevators, current.others, strict=True):
+        kind = _kind_at(target.map, elevator.other_node)
+        if target is current:
             message = f"the elevator `{elevator.node}` leads to its own map; expected another floor's"
-            problems.append(error("M029", _place(here, elevator, 2), message))
+            problems.append(error("M029", _elevator_span(current, elevator, 2), message))
         elif kind is not EdgeKind.ELEVATOR:
             what = "no such node" if kind is None else f"a {kind.name.lower()} after it"
-            message = f"expected an elevator at `{elevator.other_node}` of `{there.map.name}`; it has {what}"
-            hint = f"name the node of {there.source.name} where the elevator's edge begins"
-            problems.append(error("M029", _place(here, elevator, 3), message, hint))
-        elif not _leads_back(here, elevator, there):
-            message = f"the elevator `{elevator.other_node}` of `{there.map.name}` does not lead back here"
-            back = os.path.relpath(here.source.name, os.path.dirname(there.source.name) or ".")
+            message = f"expected an elevator at `{elevator.other_node}` of `{target.map.name}`; it has {what}"
+            hint = f"name the node of {target.source.name} where the elevator's edge begins"
+            problems.append(error("M029", _elevator_span(current, elevator, 3), message, hint))
+        elif not _leads_back(current, elevator, target):
+            message = f"the elevator `{elevator.other_node}` of `{target.map.name}` does not lead back here"
+            back = os.path.relpath(current.source.name, os.path.dirname(target.source.name) or ".")
             line = f"elevator {elevator.other_node} {back} {elevator.node}"
-            hint = f"add `{line}` to {there.source.name}"
-            problems.append(error("M030", _place(here, elevator, 3), message, hint))
+            hint = f"add `{line}` to {target.source.name}"
+            problems.append(error("M030", _elevator_span(current, elevator, 3), message, hint))
     return problems
 
 
@@ -163,10 +163,10 @@ def _kind_at(searched: Map, name: str) -> EdgeKind | None:
     return None
 
 
-def _leads_back(here: _Loaded, elevator: ElevatorLink, there: _Loaded) -> bool:
+def _leads_back(current: _Loaded, elevator: ElevatorLink, target: _Loaded) -> bool:
     return any(
-        back is here and (other.node, other.other_node) == (elevator.other_node, elevator.node)
-        for other, back in zip(there.map.elevators, there.others, strict=True)
+        back is current and (other.node, other.other_node) == (elevator.other_node, elevator.node)
+        for other, back in zip(target.map.elevators, target.others, strict=True)
     )
 
 
@@ -175,26 +175,26 @@ def _duplicates(loaded: list[_Loaded]) -> list[Diagnostic]:
     problems: list[Diagnostic] = []
     for key in ("map", "floor"):
         seen: dict[str, _Loaded] = {}
-        for one in loaded:
-            value = one.map.name if key == "map" else one.map.floor
-            first = seen.setdefault(value, one)
-            if first is not one and value:
+        for item in loaded:
+            value = item.map.name if key == "map" else item.map.floor
+            first = seen.setdefault(value, item)
+            if first is not item and value:
                 message = f"the {key} `{value}` is also that of {first.source.name}, in the same building"
                 hint = f"give each map of a building a `{key}` of its own"
-                problems.append(error("M031", _header_place(one, key), message, hint))
+                problems.append(error("M031", _header_span(item, key), message, hint))
     return problems
 
 
-def _header_place(one: _Loaded, key: str) -> Span:
+def _header_span(item: _Loaded, key: str) -> Span:
     """Return the span of the value of a header line."""
-    return next(words[1].span for words in lines_of_words(one.source) if words[0].text == key)
+    return next(words[1].span for words in lines_of_words(item.source) if words[0].text == key)
 
 
 def _rides(loaded: list[_Loaded]) -> tuple[Ride, ...]:
     rides: list[Ride] = []
-    for one in loaded:
-        for elevator, other in zip(one.map.elevators, one.others, strict=True):
-            ride = Ride(Landing(one.map.name, elevator.node), Landing(other.map.name, elevator.other_node))
+    for item in loaded:
+        for elevator, other in zip(item.map.elevators, item.others, strict=True):
+            ride = Ride(Landing(item.map.name, elevator.node), Landing(other.map.name, elevator.other_node))
             if Ride(ride.second, ride.first) not in rides:
                 rides.append(ride)
     return tuple(rides)

@@ -5,8 +5,8 @@ other across at most a corridor's width bound a corridor; collinear pairs, along
 one corridor. A jog is too short for sides that face each other: it is bounded by the wall at the end of a
 corridor, and by the one that faces this wall from beyond its corner.
 
-The turning space of two corridors is where they overlap (thesis section 5.3); its middle is where their
-middle lines cross.
+The turning space of two corridors is where they overlap (thesis section 5.3); its center is where their
+centerlines cross.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ from colony.nav.maps.stickrep.geometry import Point, corners, direction, in_free
 from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.walls import free_distance, walls_of
 
-NARROWEST_MM, WIDEST_MM = 1000.0, 4500.0
-"""Range of a corridor's width, in mm: a wider room is a hall, in which two walls do not guide a robot."""
+MIN_WIDTH_MM, MAX_WIDTH_MM = 1000.0, 4500.0
+"""Range of a corridor's width, in mm. A wider room is a hall, whose walls do not guide a robot."""
 
-STAND_MM = 650.0
-"""Least distance of a goal from the wall at a corridor's end: the robot's hull has a radius of 0.4 m, and the
-Navigator stops half a meter before a wall, or a little sooner at an angle."""
+END_CLEARANCE_MM = 650.0
+"""Minimum distance of a goal from the wall at a corridor's end: the robot's hull has a radius of 0.4 m, and
+the Navigator stops half a meter before a wall, or a little sooner at an angle."""
 
 _MIN_FACING_MM = 300.0
 _PARALLEL = math.cos(math.radians(3.0))
 _COLLINEAR_MM = 350.0
-_ALCOVE_MM = 300.0  # largest protrusion of a wall toward the middle
-_BESIDE_MM = 150.0
-_MOUTH_MM = 6000.0  # largest gap in the walls of a corridor, where another one crosses it
+_ALCOVE_MM = 300.0  # maximum protrusion of a wall toward the center
+_PROBE_MARGIN_MM = 150.0
+_MOUTH_MM = 6000.0  # maximum gap in the walls of a corridor, where another one crosses it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Corridor:
-    """A straight corridor, as the middle line between its walls.
+    """A straight corridor, given by the centerline between its walls.
 
     Attributes:
-        start, end: ends of the middle line, in mm, at the walls in front of which the corridor ends.
+        start, end: ends of the centerline, in mm, at the walls in front of which the corridor ends.
         heading_deg: heading from start to end; corridors along an axis lead west or north.
         width_mm: distance between its walls, apart from alcoves.
         edges: indices (ring, edge) of the edges that bound it, alcoves included, ascending.
@@ -57,98 +57,98 @@ class Corridor:
 
     @property
     def length_mm(self) -> float:
-        """Length of the middle line, in mm."""
+        """Length of the centerline, in mm."""
         return math.hypot(self.end.x - self.start.x, self.end.y - self.start.y)
 
     def along(self, x: float, y: float) -> float:
-        """Return the distance of a place from `start`, measured along the middle line, in mm."""
+        """Return the distance from `start` to the foot of a point on the centerline, in mm."""
         unit = direction(self.heading_deg)
         return (x - self.start.x) * unit.x + (y - self.start.y) * unit.y
 
-    def abreast(self, x: float, y: float) -> float:
-        """Return the distance from `start` at which a robot in the middle is abreast of a place, in mm.
+    def reachable_along(self, x: float, y: float) -> float:
+        """Return the position along the centerline at which a robot is abreast of a point, in mm.
 
-        Near the corridor's ends it is limited by `STAND_MM`.
+        It keeps `END_CLEARANCE_MM` from the corridor's ends.
         """
-        off = min(STAND_MM, self.length_mm / 2)
+        off = min(END_CLEARANCE_MM, self.length_mm / 2)
         return min(max(self.along(x, y), off), self.length_mm - off)
 
-    def beside(self, x: float, y: float) -> float:
-        """Return the distance of a place from the middle line, in mm, positive to its left."""
+    def offset(self, x: float, y: float) -> float:
+        """Return the distance of a point from the centerline, in mm, positive to the left."""
         unit = direction(self.heading_deg)
         return (y - self.start.y) * unit.x - (x - self.start.x) * unit.y
 
-    def at(self, along_mm: float) -> Point:
-        """Return the place on the middle line at this distance from `start`."""
+    def point_at(self, along_mm: float) -> Point:
+        """Return the point on the centerline at this distance from `start`."""
         unit = direction(self.heading_deg)
         return Point(self.start.x + along_mm * unit.x, self.start.y + along_mm * unit.y)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TurningSpace:
-    """The overlap of two corridors: their indices, and the crossing of their middle lines."""
+    """The overlap of two corridors: their indices, and the crossing of their centerlines."""
 
     corridors: tuple[int, int]
-    middle: Point
+    center: Point
 
 
 def corridors_of(source: Map) -> tuple[Corridor, ...]:
     """Return the corridors of a floor, from north to south by their starts; may be empty.
 
-    Rooms, halls and dead ends without length are no corridors.
+    Rooms, halls and dead ends without length are not corridors.
     """
     floor = _Floor.of(source)
     sides = sides_of(source)
-    strips = [strip for strip in _facing(sides) if _is_clear(floor, strip)]
-    merged = _merge(floor, _without_accidents(strips))
+    strips = [strip for strip in _facing_strips(sides) if _is_clear(floor, strip)]
+    merged = _merge(floor, _without_spurious(strips))
     merged = _merge(floor, [*merged, *_jogs(floor, sides, merged)])
-    found = [_corridor(floor, strip) for strip in merged]
-    return tuple(sorted(found, key=lambda c: (-round(c.start.y), round(c.start.x), c.heading_deg)))
+    corridors = [_corridor(floor, strip) for strip in merged]
+    return tuple(sorted(corridors, key=lambda c: (-round(c.start.y), round(c.start.x), c.heading_deg)))
 
 
 def turning_spaces_of(corridors: Sequence[Corridor]) -> tuple[TurningSpace, ...]:
-    """Return all pairs of corridors whose middle lines cross, in the order of `corridors`."""
+    """Return all pairs of corridors whose centerlines cross, in the order of `corridors`."""
     spaces = []
-    for i, one in enumerate(corridors):
+    for i, corridor in enumerate(corridors):
         for j in range(i + 1, len(corridors)):
-            middle = crossing(one, corridors[j])
-            if middle is not None:
-                spaces.append(TurningSpace(corridors=(i, j), middle=middle))
+            center = crossing(corridor, corridors[j])
+            if center is not None:
+                spaces.append(TurningSpace(corridors=(i, j), center=center))
     return tuple(spaces)
 
 
-def crossing(one: Corridor, other: Corridor) -> Point | None:
-    """Return the crossing of two middle lines, or None if they are parallel or do not meet.
+def crossing(corridor: Corridor, other: Corridor) -> Point | None:
+    """Return the crossing of two centerlines, or None if they are parallel or too far apart.
 
-    A line that ends short of the other by less than half the other's width still reaches it.
+    A centerline may end short of the other by up to half the other corridor's width.
     """
-    u, v = direction(one.heading_deg), direction(other.heading_deg)
+    u, v = direction(corridor.heading_deg), direction(other.heading_deg)
     sine = u.x * v.y - u.y * v.x
     if abs(sine) < 0.1:
         return None
-    dx, dy = other.start.x - one.start.x, other.start.y - one.start.y
-    first, second = (dx * v.y - dy * v.x) / sine, (dx * u.y - dy * u.x) / sine
-    slack, other_slack = other.width_mm / 2, one.width_mm / 2
-    if not -slack <= first <= one.length_mm + slack:
+    dx, dy = other.start.x - corridor.start.x, other.start.y - corridor.start.y
+    along, other_along = (dx * v.y - dy * v.x) / sine, (dx * u.y - dy * u.x) / sine
+    slack, other_slack = other.width_mm / 2, corridor.width_mm / 2
+    if not -slack <= along <= corridor.length_mm + slack:
         return None
-    if not -other_slack <= second <= other.length_mm + other_slack:
+    if not -other_slack <= other_along <= other.length_mm + other_slack:
         return None
-    return one.at(first)
+    return corridor.point_at(along)
 
 
-# --- strips: what two facing sides bound ----------------------------------------------------------------
+# --- strips: the areas between two facing sides ----------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Strip:
-    """A part of a corridor: along `heading_deg`, in [0, 180), from `low` to `high` of the projection onto it.
+    """A part of a corridor: from `low` to `high` in the projection onto `heading_deg`, which is in [0, 180).
 
-    `across` is the middle line's projection onto the direction left of the heading; `seeds` are places on the
-    middle line that are probably free, projected like `low`.
+    `offset` is the centerline's projection onto the direction left of the heading; `seeds` are points on the
+    centerline that are probably free, projected like `low`.
     """
 
     heading_deg: float
-    across: float
+    offset: float
     low: float
     high: float
     width: float
@@ -157,12 +157,12 @@ class _Strip:
 
     def point(self, along: float) -> Point:
         unit = direction(self.heading_deg)
-        return Point(along * unit.x - self.across * unit.y, along * unit.y + self.across * unit.x)
+        return Point(along * unit.x - self.offset * unit.y, along * unit.y + self.offset * unit.x)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Floor:
-    """The walls of a floor, for rays and tests of free space."""
+    """The walls of a floor, for ray casting and tests of free space."""
 
     segments: NDArray[np.float64]
     rings: tuple[tuple[Point, ...], ...]
@@ -171,37 +171,37 @@ class _Floor:
     def of(cls, source: Map) -> _Floor:
         return cls(segments=walls_of(source).segments, rings=tuple(corners(ring) for ring in source.rings))
 
-    def is_free(self, at: Point) -> bool:
-        return in_free_space(self.rings, at.x, at.y)
+    def is_free(self, point: Point) -> bool:
+        return in_free_space(self.rings, point.x, point.y)
 
-    def ray(self, at: Point, heading_deg: float) -> float:
-        """Return the distance from a place to the first wall in a direction, in mm; inf if there is none."""
-        return free_distance(self.segments, at, direction(heading_deg))
+    def ray(self, origin: Point, heading_deg: float) -> float:
+        """Return the distance to the first wall in a direction, in mm; inf if there is none."""
+        return free_distance(self.segments, origin, direction(heading_deg))
 
 
-def _facing(sides: Sequence[Side]) -> list[_Strip]:
-    """Return the strips between each two sides that face each other."""
+def _facing_strips(sides: Sequence[Side]) -> list[_Strip]:
+    """Return the strips between all pairs of sides that face each other."""
     strips = []
-    for i, one in enumerate(sides):
+    for i, side in enumerate(sides):
         for other in sides[i + 1 :]:
-            width = _across(one, other)
+            width = _facing_width(side, other)
             if width is None:
                 continue
-            low, high = one.low, one.high
-            ends = sorted((one.along(other.begin), one.along(other.end)))
+            low, high = side.low, side.high
+            ends = sorted((side.along(other.begin), side.along(other.end)))
             low, high = max(low, ends[0]), min(high, ends[1])
             if high - low >= _MIN_FACING_MM:
-                strips.append(_strip(one, width, low, high, one.edges + other.edges))
+                strips.append(_strip(side, width, low, high, side.edges + other.edges))
     return strips
 
 
-def _across(one: Side, other: Side) -> float | None:
-    """Return the distance between two sides that face each other, or None if it is no corridor's width."""
-    u, v = direction(one.heading_deg), direction(other.heading_deg)
+def _facing_width(side: Side, other: Side) -> float | None:
+    """Return the distance between two sides that face each other, or None if no corridor is that wide."""
+    u, v = direction(side.heading_deg), direction(other.heading_deg)
     if u.x * v.x + u.y * v.y > -_PARALLEL:
         return None
-    width = one.right_of(other.begin) / 2 + one.right_of(other.end) / 2
-    return width if NARROWEST_MM <= width <= WIDEST_MM else None
+    width = side.right_of(other.begin) / 2 + side.right_of(other.end) / 2
+    return width if MIN_WIDTH_MM <= width <= MAX_WIDTH_MM else None
 
 
 def _strip(side: Side, width: float, low: float, high: float, edges: tuple[tuple[int, int], ...]) -> _Strip:
@@ -209,40 +209,40 @@ def _strip(side: Side, width: float, low: float, high: float, edges: tuple[tuple
     heading = side.heading_deg % 180.0
     if 180.0 - heading < 1e-6:
         heading = 0.0
-    unit, way = direction(heading), direction(side.heading_deg)
-    right = Point(way.y, -way.x)
+    unit, forward = direction(heading), direction(side.heading_deg)
+    right = Point(forward.y, -forward.x)
     ends = [
         Point(
-            side.begin.x + at * way.x + right.x * (width / 2 + side.inset),
-            side.begin.y + at * way.y + right.y * (width / 2 + side.inset),
+            side.begin.x + along * forward.x + right.x * (width / 2 + side.inset),
+            side.begin.y + along * forward.y + right.y * (width / 2 + side.inset),
         )
-        for at in (low, high)
+        for along in (low, high)
     ]
-    across = sum(p.y * unit.x - p.x * unit.y for p in ends) / 2
-    first, last = sorted(p.x * unit.x + p.y * unit.y for p in ends)
-    seeds = tuple(first + part * (last - first) for part in (0.25, 0.5, 0.75))
+    offset = sum(p.y * unit.x - p.x * unit.y for p in ends) / 2
+    begin, end = sorted(p.x * unit.x + p.y * unit.y for p in ends)
+    seeds = tuple(begin + fraction * (end - begin) for fraction in (0.25, 0.5, 0.75))
     return _Strip(
-        heading_deg=heading, across=across, low=first, high=last, width=width,
+        heading_deg=heading, offset=offset, low=begin, high=end, width=width,
         seeds=seeds, edges=frozenset(edges),
     )  # fmt: skip
 
 
 def _is_clear(floor: _Floor, strip: _Strip) -> bool:
-    """Return True if nothing stands between the two sides at one or more of the seeds."""
-    least = strip.width / 2 - _ALCOVE_MM
+    """Return True if at least at one seed nothing stands between the two sides."""
+    min_distance = strip.width / 2 - _ALCOVE_MM
     for seed in strip.seeds:
-        at = strip.point(seed)
-        if floor.is_free(at) and all(
-            floor.ray(at, strip.heading_deg + turn) >= least for turn in (90.0, -90.0)
+        point = strip.point(seed)
+        if floor.is_free(point) and all(
+            floor.ray(point, strip.heading_deg + turn) >= min_distance for turn in (90.0, -90.0)
         ):
             return True
     return False
 
 
-def _without_accidents(strips: Sequence[_Strip]) -> list[_Strip]:
-    """Leave out strips that are wider than long, and whose sides bound longer strips with others.
+def _without_spurious(strips: Sequence[_Strip]) -> list[_Strip]:
+    """Leave out strips that are wider than long, if both sides also bound longer strips.
 
-    The outer walls of a short jog face each other across its two turning spaces.
+    Such strips arise at a short jog, whose outer walls face each other across its two turning spaces.
     """
     kept: list[_Strip] = []
     bounding: set[tuple[int, int]] = set()
@@ -258,47 +258,47 @@ def _merge(floor: _Floor, strips: Sequence[_Strip]) -> list[_Strip]:
     merged: list[_Strip] = []
     for strip in sorted(strips, key=lambda s: (s.heading_deg, s.low)):
         for i, other in enumerate(merged):
-            if _continues(floor, other, strip):
-                merged[i] = _joined(other, strip)
+            if _is_continuation(floor, other, strip):
+                merged[i] = _join(other, strip)
                 break
         else:
             merged.append(strip)
     return merged if len(merged) == len(strips) else _merge(floor, merged)
 
 
-def _continues(floor: _Floor, one: _Strip, other: _Strip) -> bool:
-    turn = abs(one.heading_deg - other.heading_deg) % 180.0
-    if min(turn, 180.0 - turn) > 3.0 or abs(one.across - other.across) > _COLLINEAR_MM:
+def _is_continuation(floor: _Floor, strip: _Strip, other: _Strip) -> bool:
+    turn = abs(strip.heading_deg - other.heading_deg) % 180.0
+    if min(turn, 180.0 - turn) > 3.0 or abs(strip.offset - other.offset) > _COLLINEAR_MM:
         return False
-    gap = max(one.low, other.low) - min(one.high, other.high)
+    gap = max(strip.low, other.low) - min(strip.high, other.high)
     if gap <= 0.0:
         return True
-    first = min((one, other), key=lambda s: s.low)
-    return gap <= _MOUTH_MM and floor.ray(first.point(first.high), first.heading_deg) >= gap
+    lower = min((strip, other), key=lambda s: s.low)
+    return gap <= _MOUTH_MM and floor.ray(lower.point(lower.high), lower.heading_deg) >= gap
 
 
-def _joined(one: _Strip, other: _Strip) -> _Strip:
-    """Join two strips; their middle lines are averaged by their lengths."""
-    long, more = one.high - one.low, other.high - other.low
+def _join(strip: _Strip, other: _Strip) -> _Strip:
+    """Join two strips; their centerlines are averaged, weighted by length."""
+    length, other_length = strip.high - strip.low, other.high - other.low
     return replace(
-        one,
-        across=(one.across * long + other.across * more) / (long + more),
-        width=one.width if long >= more else other.width,
-        low=min(one.low, other.low),
-        high=max(one.high, other.high),
-        seeds=(*one.seeds, *other.seeds),
-        edges=one.edges | other.edges,
+        strip,
+        offset=(strip.offset * length + other.offset * other_length) / (length + other_length),
+        width=strip.width if length >= other_length else other.width,
+        low=min(strip.low, other.low),
+        high=max(strip.high, other.high),
+        seeds=(*strip.seeds, *other.seeds),
+        edges=strip.edges | other.edges,
     )
 
 
 def _jogs(floor: _Floor, sides: Sequence[Side], strips: Sequence[_Strip]) -> list[_Strip]:
-    """Return the strips before sides that face no other and end a corridor.
+    """Return the strips in front of sides that end a corridor and face no other side.
 
     The wall that faces such a side is searched from beyond the side's outer corner, across the other
     corridor.
     """
     bounding = {edge: strip for strip in strips for edge in strip.edges}
-    found = []
+    jogs = []
     for side in sides:
         if side.edges[0] in bounding or side.turn_before * side.turn_after >= 0.0:
             continue
@@ -309,20 +309,20 @@ def _jogs(floor: _Floor, sides: Sequence[Side], strips: Sequence[_Strip]) -> lis
         corridor = bounding.get(beyond.edges[0])
         if corridor is None or before.edges[0] not in bounding or after.edges[0] not in bounding:
             continue
-        strip = _jog(floor, side, side.turn_after > 0.0, corridor.width - _BESIDE_MM)
+        strip = _jog(floor, side, side.turn_after > 0.0, corridor.width - _PROBE_MARGIN_MM)
         if strip is not None:
-            found.append(strip)
-    return found
+            jogs.append(strip)
+    return jogs
 
 
-def _jog(floor: _Floor, side: Side, at_its_end: bool, beyond: float) -> _Strip | None:
-    along = side.high + beyond if at_its_end else side.low - beyond
-    way = direction(side.heading_deg)
-    from_here = Point(side.begin.x + along * way.x, side.begin.y + along * way.y)
-    width = floor.ray(from_here, side.heading_deg - 90.0)
-    if not floor.is_free(from_here) or not NARROWEST_MM <= width <= WIDEST_MM:
+def _jog(floor: _Floor, side: Side, at_end: bool, beyond: float) -> _Strip | None:
+    along = side.high + beyond if at_end else side.low - beyond
+    forward = direction(side.heading_deg)
+    probe = Point(side.begin.x + along * forward.x, side.begin.y + along * forward.y)
+    width = floor.ray(probe, side.heading_deg - 90.0)
+    if not floor.is_free(probe) or not MIN_WIDTH_MM <= width <= MAX_WIDTH_MM:
         return None
-    low, high = sorted((along, side.high if not at_its_end else side.low))
+    low, high = sorted((along, side.high if not at_end else side.low))
     return _strip(side, width, low, high, side.edges)
 
 
@@ -330,11 +330,11 @@ def _corridor(floor: _Floor, strip: _Strip) -> Corridor:
     """Extend a strip to the walls at its ends, but by at most a corridor's width."""
     low, high = strip.low, strip.high
     for seed in strip.seeds:
-        at = strip.point(seed)
-        if floor.is_free(at):
-            high = max(high, seed + floor.ray(at, strip.heading_deg))
-            low = min(low, seed - floor.ray(at, strip.heading_deg + 180.0))
-    low, high = max(low, strip.low - WIDEST_MM), min(high, strip.high + WIDEST_MM)
+        point = strip.point(seed)
+        if floor.is_free(point):
+            high = max(high, seed + floor.ray(point, strip.heading_deg))
+            low = min(low, seed - floor.ray(point, strip.heading_deg + 180.0))
+    low, high = max(low, strip.low - MAX_WIDTH_MM), min(high, strip.high + MAX_WIDTH_MM)
     return Corridor(
         start=strip.point(low),
         end=strip.point(high),

@@ -18,10 +18,10 @@ class Side:
     """The part of a ring from one corner to the next, traced with the wall on the left.
 
     Attributes:
-        ring: its index.
+        ring: index of the ring.
         begin, end: the corners, in mm.
-        heading_deg: heading of most of its length.
-        inset: distance of the line on which most of it lies to the right of `begin`, in mm.
+        heading_deg: heading of the largest part of the side.
+        inset: offset to the right of `begin` of the line on which most of the side lies, in mm.
         edges: indices (ring, edge) of its edges, in order.
         turn_before, turn_after: turns of the ring at either end, counterclockwise, in degrees.
     """
@@ -35,15 +35,15 @@ class Side:
     turn_before: float
     turn_after: float
 
-    def along(self, at: Point) -> float:
-        """Return the distance of a place from `begin`, along the heading, in mm."""
+    def along(self, point: Point) -> float:
+        """Return the distance of a point from `begin`, along the heading, in mm."""
         unit = direction(self.heading_deg)
-        return (at.x - self.begin.x) * unit.x + (at.y - self.begin.y) * unit.y
+        return (point.x - self.begin.x) * unit.x + (point.y - self.begin.y) * unit.y
 
-    def right_of(self, at: Point) -> float:
-        """Return the distance of a place to the right of the line on which most of the side lies, in mm."""
+    def right_of(self, point: Point) -> float:
+        """Return the distance of a point to the right of the line on which most of the side lies, in mm."""
         unit = direction(self.heading_deg)
-        return (at.x - self.begin.x) * unit.y - (at.y - self.begin.y) * unit.x - self.inset
+        return (point.x - self.begin.x) * unit.y - (point.y - self.begin.y) * unit.x - self.inset
 
     @property
     def low(self) -> float:
@@ -62,16 +62,16 @@ def sides_of(source: Map) -> tuple[Side, ...]:
 
 
 def _ring_sides(index: int, ring: Ring) -> list[Side]:
-    cuts = _cuts(ring)
+    cuts = _corner_indices(ring)
     count = len(ring.edges)
     sides = []
-    for at, following in zip(cuts, [*cuts[1:], cuts[0] + count], strict=True):
-        sides.append(_side(index, ring, [k % count for k in range(at, following)]))
+    for cut, next_cut in zip(cuts, [*cuts[1:], cuts[0] + count], strict=True):
+        sides.append(_side(index, ring, [k % count for k in range(cut, next_cut)]))
     return sides
 
 
-def _cuts(ring: Ring) -> list[int]:
-    """Return the nodes at which a ring's walls change direction for good: its corners."""
+def _corner_indices(ring: Ring) -> list[int]:
+    """Return the indices of a ring's corners: the nodes at which its walls change direction for good."""
     named = [i for i, node in enumerate(ring.nodes) if node.corner]
     if len(named) >= 3:
         return named
@@ -82,11 +82,13 @@ def _cuts(ring: Ring) -> list[int]:
 def _side(index: int, ring: Ring, edges: list[int]) -> Side:
     nodes, headings = corners(ring), trace(ring).headings_deg
     begin, end = nodes[edges[0]], nodes[(edges[-1] + 1) % len(nodes)]
-    heading = _most([(headings[k], ring.edges[k].length_mm) for k in edges], _SAME_HEADING_DEG, period=360.0)
+    heading = _weighted_mode(
+        [(headings[k], ring.edges[k].length_mm) for k in edges], _SAME_HEADING_DEG, period=360.0
+    )
     unit = direction(heading)
     lines = []
     for k in edges:
-        if _apart(headings[k], heading) <= _SAME_HEADING_DEG:
+        if _angle_between(headings[k], heading) <= _SAME_HEADING_DEG:
             here = nodes[k]
             right = (here.x - begin.x) * unit.y - (here.y - begin.y) * unit.x
             lines.append((right, ring.edges[k].length_mm))
@@ -95,22 +97,22 @@ def _side(index: int, ring: Ring, edges: list[int]) -> Side:
         begin=begin,
         end=end,
         heading_deg=heading,
-        inset=_most(lines, _SAME_LINE_MM),
+        inset=_weighted_mode(lines, _SAME_LINE_MM),
         edges=tuple((index, k) for k in edges),
         turn_before=ring.nodes[edges[0]].turn_deg,
         turn_after=ring.nodes[(edges[-1] + 1) % len(nodes)].turn_deg,
     )
 
 
-def _apart(one: float, other: float) -> float:
-    return abs((one - other + 180.0) % 360.0 - 180.0)
+def _angle_between(a: float, b: float) -> float:
+    return abs((a - b + 180.0) % 360.0 - 180.0)
 
 
-def _most(values: list[tuple[float, float]], near: float, period: float = math.inf) -> float:
-    """Return the value that has the most weight near it."""
+def _weighted_mode(values: list[tuple[float, float]], tolerance: float, period: float = math.inf) -> float:
+    """Return the value with the largest total weight of values within `tolerance`."""
 
-    def distance(one: float, other: float) -> float:
-        return abs(one - other) if period == math.inf else _apart(one, other)
+    def distance(a: float, b: float) -> float:
+        return abs(a - b) if period == math.inf else _angle_between(a, b)
 
-    weights = [sum(w for other, w in values if distance(value, other) <= near) for value, _ in values]
+    weights = [sum(w for other, w in values if distance(value, other) <= tolerance) for value, _ in values]
     return values[weights.index(max(weights))][0]

@@ -1,8 +1,8 @@
 """The signs on the walls of a map: door plates and the markers on elevator doors (sections 5.4.6 and 5.7).
 
 The signs follow from the doors and elevators of the map. The plate of a door hangs beside it, on the side of
-its right jamb as seen from the corridor, or on the other side if there is no wall. A marker is pasted on the
-middle of an elevator's doors. All signs hang at the height of the robot's cameras.
+its right jamb as seen from the corridor, or on the other side if there is no wall. A marker is
+centered on an elevator's doors. All signs hang at the height of the robot's cameras.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import facing_deg, point_on, walls_of
 
 SIGN_HEIGHT_MM = 1350.0
-"""Height of the middle of plates and markers above the floor (53 inches)."""
+"""Height of the center of plates and markers above the floor (53 inches)."""
 
 PLATE_WIDTH_MM, PLATE_HEIGHT_MM = 356.0, 127.0
 CHARACTER_HEIGHT_MM = 89.0
@@ -27,7 +27,7 @@ STRIPE_MM, STRIPE_HEIGHT_MM = 88.9, 152.4
 MARKER_BITS = 3
 MARKER_WIDTH_MM = (2 * MARKER_BITS + 1) * STRIPE_MM
 MARKER_CODES = (0b000, 0b100, 0b010, 0b001, 0b101)
-"""All codes of three bits without two ones in a row; the elevators of a map get them in turn."""
+"""All codes of three bits without two consecutive ones; the elevators of a map get them in turn."""
 
 CHARACTERS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 """The characters that may appear on a plate."""
@@ -42,15 +42,15 @@ class Sign:
 
     Attributes:
         edge: index of the map's edge on which it hangs, in the order of `Map.edges`.
-        start_mm, end_mm: its range along that edge, from its node.
-        middle: place of its middle in the plane, in mm.
+        start_mm, end_mm: its extent along that edge, from the edge's first node.
+        center: position of its center in the plane, in mm.
         heading_deg: heading of a robot that faces it: into the wall, perpendicular to it.
     """
 
     edge: int
     start_mm: float
     end_mm: float
-    middle: Point
+    center: Point
     heading_deg: float
 
 
@@ -76,7 +76,7 @@ class Marker(Sign):
 def plate_text(door: str) -> str:
     """Return the text on the plate of a door: the part of its name with a digit, or else the last part.
 
-    "340.cmptr.room" is 340, "A342" A342, "NE.men" MEN. At most five characters, all of `CHARACTERS`.
+    "340.cmptr.room" -> 340, "A342" -> A342, "NE.men" -> MEN. The text has at most five of the `CHARACTERS`.
     """
     parts = door.split(".")
     part = next((p for p in parts if any(c.isdigit() for c in p)), parts[-1])
@@ -86,12 +86,12 @@ def plate_text(door: str) -> str:
 def plates_of(floor: Map) -> tuple[Plate, ...]:
     """Return the plates of all doors, in the order of the map.
 
-    A door has no plate if no wall beside it is wide enough, if its neighbor's plate leaves no room, or if its
+    A door has no plate if no wall beside it is wide enough, if a neighbor's plate is in the way, or if its
     name has no characters to write.
     """
     walls = walls_of(floor)
-    rows = walls.segments.tolist()
-    lengths = _lengths(rows)
+    segments = walls.segments.tolist()
+    lengths = _lengths(segments)
     doors = [
         (first + i, first + (i + 1) % len(ring), first + (i - 1) % len(ring), door_name(name))
         for ring, first in _rings(floor)
@@ -102,12 +102,12 @@ def plates_of(floor: Map) -> tuple[Plate, ...]:
     for at_right in (True, False):
         for door, after, before, name in doors:
             edge, text = after if at_right else before, plate_text(name)
-            room = lengths[edge]
-            start = _GAP_MM if at_right else room - _GAP_MM - PLATE_WIDTH_MM
-            free = walls.kinds[edge] is EdgeKind.WALL and room >= PLATE_WIDTH_MM + _GAP_MM
-            free = free and not any(_reaches(other, edge, start) for other in plates.values())
-            if text and free and door not in plates and _is_straight(rows[edge], rows[door]):
-                plates[door] = _plate(rows[edge], edge, start, name, text)
+            length = lengths[edge]
+            start = _GAP_MM if at_right else length - _GAP_MM - PLATE_WIDTH_MM
+            free = walls.kinds[edge] is EdgeKind.WALL and length >= PLATE_WIDTH_MM + _GAP_MM
+            free = free and not any(_is_too_close(other, edge, start) for other in plates.values())
+            if text and free and door not in plates and _is_straight(segments[edge], segments[door]):
+                plates[door] = _plate(segments[edge], edge, start, name, text)
     return tuple(plates[door] for door, *_ in doors if door in plates)
 
 
@@ -119,28 +119,28 @@ def markers_of(floor: Map) -> tuple[Marker, ...]:
     walls = walls_of(floor)
     names = [node.name for ring in floor.rings for node in ring.nodes]
     markers: list[Marker] = []
-    for edge, (kind, row) in enumerate(zip(walls.kinds, walls.segments.tolist(), strict=True)):
-        room = math.hypot(row[2] - row[0], row[3] - row[1])
-        if kind is EdgeKind.ELEVATOR and room >= MARKER_WIDTH_MM:
-            start = (room - MARKER_WIDTH_MM) / 2
+    for edge, (kind, segment) in enumerate(zip(walls.kinds, walls.segments.tolist(), strict=True)):
+        length = math.hypot(segment[2] - segment[0], segment[3] - segment[1])
+        if kind is EdgeKind.ELEVATOR and length >= MARKER_WIDTH_MM:
+            start = (length - MARKER_WIDTH_MM) / 2
             code = MARKER_CODES[len(markers) % len(MARKER_CODES)]
             end = start + MARKER_WIDTH_MM
             markers.append(
                 Marker(
-                    edge=edge, start_mm=start, end_mm=end, middle=point_on(row, room / 2),
-                    heading_deg=facing_deg(row), node=names[edge], code=code,
+                    edge=edge, start_mm=start, end_mm=end, center=point_on(segment, length / 2),
+                    heading_deg=facing_deg(segment), node=names[edge], code=code,
                 )
             )  # fmt: skip
     return tuple(markers)
 
 
 def door_name(node: str) -> str:
-    """Return the name of a door without the letter of its jamb: "352L" is 352, "NE.men.L" NE.men."""
+    """Return the name of a door without the letter of its jamb: "352L" -> 352, "NE.men.L" -> NE.men."""
     return node[:-1].rstrip(".") if len(node) > 1 and node[-1] in "LR" else node
 
 
 def _rings(floor: Map) -> list[tuple[list[str], int]]:
-    """Return the names of each ring's nodes, and the number of its first edge."""
+    """Return the names of each ring's nodes, and the index of its first edge."""
     rings, first = [], 0
     for ring in floor.rings:
         rings.append(([node.name for node in ring.nodes], first))
@@ -148,31 +148,31 @@ def _rings(floor: Map) -> list[tuple[list[str], int]]:
     return rings
 
 
-def _plate(row: list[float], edge: int, start: float, door: str, text: str) -> Plate:
+def _plate(segment: list[float], edge: int, start: float, door: str, text: str) -> Plate:
     end = start + PLATE_WIDTH_MM
-    middle = point_on(row, (start + end) / 2)
+    center = point_on(segment, (start + end) / 2)
     return Plate(
         edge=edge,
         start_mm=start,
         end_mm=end,
-        middle=middle,
-        heading_deg=facing_deg(row),
+        center=center,
+        heading_deg=facing_deg(segment),
         door=door,
         text=text,
     )
 
 
-def _reaches(plate: Plate, edge: int, start: float) -> bool:
-    """Return True if a plate overlaps one that begins at `start`, or is within the usual gap of it."""
+def _is_too_close(plate: Plate, edge: int, start: float) -> bool:
+    """Return True if a plate overlaps one that would begin at `start`, or leaves less than the usual gap."""
     return plate.edge == edge and abs(plate.start_mm - start) < PLATE_WIDTH_MM + _GAP_MM
 
 
-def _lengths(rows: list[list[float]]) -> list[float]:
-    return [math.hypot(x1 - x0, y1 - y0) for x0, y0, x1, y1 in rows]
+def _lengths(segments: list[list[float]]) -> list[float]:
+    return [math.hypot(x1 - x0, y1 - y0) for x0, y0, x1, y1 in segments]
 
 
-def _is_straight(one: list[float], other: list[float]) -> bool:
-    """Return True if two segments have the same direction, so that the wall goes on beside the door."""
-    (ax, ay, bx, by), (cx, cy, dx, dy) = one, other
+def _is_straight(first: list[float], second: list[float]) -> bool:
+    """Return True if two segments have the same direction: the wall continues straight beside the door."""
+    (ax, ay, bx, by), (cx, cy, dx, dy) = first, second
     ux, uy, vx, vy = bx - ax, by - ay, dx - cx, dy - cy
     return abs(ux * vy - uy * vx) < 0.02 * math.hypot(ux, uy) * math.hypot(vx, vy) and ux * vx + uy * vy > 0.0

@@ -1,4 +1,4 @@
-"""Viewpoints: poses from which a robot looks at a sign, in the middle of the corridor."""
+"""Viewpoints: poses in the middle of a corridor, from which a robot looks at a sign."""
 
 from __future__ import annotations
 
@@ -10,50 +10,52 @@ from colony.nav.maps.stickrep.model import EdgeKind, Map, Pose
 from colony.nav.maps.walls import facing_deg, free_distance, point_on, walls_of
 from colony.text.suggestions import did_you_mean
 
-_FARTHEST_MM = 1900.0  # from a sign in a wide corridor or a hall
-_MIN_ROOM_MM = 500.0
-_FROM_CORNER_MM = 500.0  # of a wall that begins at a node
+_MAX_DISTANCE_MM = 1900.0  # from a sign in a wide corridor or a hall
+_MIN_CLEARANCE_MM = 500.0
+_FROM_CORNER_MM = 500.0  # from the node at which a wall begins
 
 
-class NoPlaceError(ValueError):
-    """A map does not have a place; the message says what was found, and what to do."""
+class NoViewpointError(ValueError):
+    """A map has no such viewpoint; the message says what was found, and what to do."""
 
 
-def parse_pose(floor: Map, place: str) -> Pose:
+def parse_pose(floor: Map, text: str) -> Pose:
     """Parse the pose "X,Y,HEADING", in mm and degrees.
 
     Raises:
-        NoPlaceError: it is not three numbers, or outside of the building.
+        NoViewpointError: it is not three numbers, or the position is outside the building.
     """
     try:
-        x, y, heading = (float(part) for part in place.split(","))
+        x, y, heading = (float(part) for part in text.split(","))
     except ValueError:
-        raise NoPlaceError(f"`{place}` is not a place; expected a door, a node or X,Y,HEADING") from None
+        raise NoViewpointError(
+            f"`{text}` is not a viewpoint; expected a door, a node or X,Y,HEADING"
+        ) from None
     low_x, low_y, high_x, high_y = walls_of(floor).bounds
     if not (low_x <= x <= high_x and low_y <= y <= high_y and math.isfinite(heading)):
         found = f"({x:g}, {y:g}), heading {heading:g}, is outside of `{floor.name}`"
-        raise NoPlaceError(
+        raise NoViewpointError(
             f"{found}; expected x from {low_x:.0f} to {high_x:.0f}, y from {low_y:.0f} to {high_y:.0f}"
         )
     return Pose(x, y, heading % 360.0)
 
 
-def pose_before(floor: Map, name: str) -> Pose:
-    """Return the pose in the middle of the corridor before a door, a node or an elevator.
+def viewpoint_of(floor: Map, name: str) -> Pose:
+    """Return the pose in the middle of the corridor in front of a door, a node or an elevator.
 
-    A door's plate is to the robot's left, or the middle of a door without a plate. An elevator is ahead of
-    the robot.
+    A door's plate, or the center of a door without one, is to the left of the robot; an elevator is ahead of
+    it.
 
     Args:
         floor: the map.
         name: name of the door ("376"), of one of its jambs, or of another node that begins an edge.
 
     Raises:
-        NoPlaceError: there is no such node, or no room before it.
+        NoViewpointError: there is no such node, or no space in front of it.
     """
     for plate in plates_of(floor):
         if name == plate.door:
-            return _before(floor, name, plate.middle, plate.heading_deg, to_left=True)
+            return _facing(floor, name, plate.center, plate.heading_deg, to_left=True)
     walls = walls_of(floor)
     names = [node.name for ring in floor.rings for node in ring.nodes]
     for edge, node in enumerate(names):
@@ -61,20 +63,22 @@ def pose_before(floor: Map, name: str) -> Pose:
         if name == node or (is_door and name == door_name(node)):
             wall = walls.segments[edge].tolist()
             half = math.dist(wall[:2], wall[2:]) / 2
-            middle = point_on(wall, half if is_door else min(half, _FROM_CORNER_MM))
+            target = point_on(wall, half if is_door else min(half, _FROM_CORNER_MM))
             to_left = walls.kinds[edge] is not EdgeKind.ELEVATOR
-            return _before(floor, name, middle, facing_deg(wall), to_left=to_left)
+            return _facing(floor, name, target, facing_deg(wall), to_left=to_left)
     known = [*dict.fromkeys((*map(door_name, names), *names))]
-    hint = did_you_mean(name, known, most=3) or "see `colony map`"
-    raise NoPlaceError(f"`{floor.name}` has no door or node `{name}`; {hint}")
+    hint = did_you_mean(name, known, max_names=3) or "see `colony map`"
+    raise NoViewpointError(f"`{floor.name}` has no door or node `{name}`; {hint}")
 
 
-def _before(floor: Map, name: str, middle: Point, into_deg: float, *, to_left: bool) -> Pose:
+def _facing(floor: Map, name: str, target: Point, into_deg: float, *, to_left: bool) -> Pose:
     into = direction(into_deg)
     away = Point(-into.x, -into.y)
-    free = free_distance(walls_of(floor).segments, middle, away)
-    if free < 2 * _MIN_ROOM_MM:
-        raise NoPlaceError(f"before `{name}` of `{floor.name}` there are {free:.0f} mm; expected a corridor")
-    back = min(free / 2, _FARTHEST_MM)
+    free = free_distance(walls_of(floor).segments, target, away)
+    if free < 2 * _MIN_CLEARANCE_MM:
+        raise NoViewpointError(
+            f"in front of `{name}` of `{floor.name}` only {free:.0f} mm are free; expected a corridor"
+        )
+    back = min(free / 2, _MAX_DISTANCE_MM)
     heading = into_deg - 90.0 if to_left else into_deg
-    return Pose(middle.x + back * away.x, middle.y + back * away.y, heading % 360.0)
+    return Pose(target.x + back * away.x, target.y + back * away.y, heading % 360.0)

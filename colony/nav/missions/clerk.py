@@ -1,12 +1,12 @@
 """The Navigator's clerk: handles the semaphores, which a compiled network cannot use.
 
 For each $GoalData of the Planner the clerk increments GoalNumber. When the network reports that number in
-GoalReached, the clerk ups $RobotStatus (thesis section 5.3). A goal that arrives while another one is pursued
-replaces it, and the old goal is never answered: its Planner is gone.
+GoalReached, the clerk ups $RobotStatus (thesis section 5.3). A goal that arrives during the pursuit of
+another one replaces it; the old goal is never answered, as its Planner no longer runs.
 
-A restarted clerk resumes where its predecessor ended: a goal with a number and no answer is still pursued,
-and answered even if it was reached meanwhile. Only a goal between $GoalData and GoalNumber is lost: the robot
-stands then, and needs a new Planner.
+A restarted clerk resumes where its predecessor stopped: a goal with a number and no answer is still pursued,
+and is answered even if the robot reached it in the meantime. A goal is lost only if the clerk dies between
+$GoalData and GoalNumber: the robot then stands still and needs a new Planner.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ TRACKER_TIMEOUT_S = 1.0
 
 
 def clerk() -> Script:
-    """Pass goals from the Planner to the network, and the network's answers back; never ends."""
+    """Pass goals from the Planner to the network, and the network's answers back, forever."""
     for name in (GOAL_DATA, ROBOT_STATUS):
         yield from do("DServer", data.create_semaphore(name, 0))
-    number = int((yield from _value(GOAL_NUMBER)) or 0)
-    pursued = number != int((yield from _value(GOAL_ANSWERED)) or 0)
+    number = int((yield from _read_variable(GOAL_NUMBER)) or 0)
+    pursued = number != int((yield from _read_variable(GOAL_ANSWERED)) or 0)
     while True:
-        if pursued and (yield from _reached(number)):
+        if pursued and (yield from _await_goal(number)):
             # In this order: the Planner discards a duplicate answer, but waits forever for a lost one.
             yield from do("DServer", data.signal(ROBOT_STATUS))
             yield from do("DServer", data.set(GOAL_ANSWERED, number))
@@ -56,21 +56,21 @@ def clerk() -> Script:
         pursued = True
 
 
-def _reached(number: int) -> Generator[Step, Any, bool]:
-    """Wait until the goal is reached (True), or another one replaces it (False)."""
+def _await_goal(number: int) -> Generator[Step, Any, bool]:
+    """Wait until the goal is reached, and return True; return False if another goal replaces it."""
     while True:
         # The wait for the next goal is the pause between two checks.
         if (yield from try_wait(GOAL_DATA, PERIOD_S)):
             return False
-        if (yield from _value(GOAL_REACHED)) == number:
+        if (yield from _read_variable(GOAL_REACHED)) == number:
             return True
 
 
 def _await_tracker() -> Generator[Step, Any, None]:
-    """Hold back a goal of lights while CeilingLight still counts those of the previous goal.
+    """Hold back a goal of lights while CeilingLight still counts the lights of the previous goal.
 
-    CTracker resets the count when it takes the new goal. A network that saw the goal before would take the
-    old count for the new one, and report the goal as reached.
+    CTracker resets the count when it takes the new goal. A network that saw the goal earlier would compare it
+    with the old count, and report it as reached.
     """
     variables = yield from read_variables(GOAL_TYPE, GOAL_DISTANCE, CEILING_LIGHT)
     if variables is None or variables[GOAL_TYPE] != GoalKind.LIGHTS:
@@ -83,7 +83,7 @@ def _await_tracker() -> Generator[Step, Any, None]:
         variables[CEILING_LIGHT] = yield from do("DServer", data.get(CEILING_LIGHT))
 
 
-def _value(name: str) -> Generator[Step, Any, Any]:
-    """Return a variable, or None if it was never set."""
+def _read_variable(name: str) -> Generator[Step, Any, Any]:
+    """Return the value of a variable, or None if it was never set."""
     variables = yield from read_variables(name)
     return None if variables is None else variables[name]

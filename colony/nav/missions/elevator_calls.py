@@ -18,14 +18,14 @@ class ElevatorCall(NamedTuple):
     destination: str
 
 
-def elevator_call_of(value: object) -> ElevatorCall | None:
-    """Decode a value of ElevatorCall; None if it is no call."""
+def decode_elevator_call(value: object) -> ElevatorCall | None:
+    """Decode a value of ElevatorCall; None if it is not a call."""
     if isinstance(value, (list, tuple)) and len(value) == 3 and all(isinstance(word, str) for word in value):
         return ElevatorCall(*value)
     return None
 
 
 def current_call() -> Generator[Step, Any, ElevatorCall | None]:
-    """Return the present call at DServer, or None without one."""
+    """Return the current call at DServer, or None if there is none."""
     variables = yield from read_variables(ELEVATOR_CALL)
-    return None if variables is None else elevator_call_of(variables[ELEVATOR_CALL])
+    return None if variables is None else decode_elevator_call(variables[ELEVATOR_CALL])

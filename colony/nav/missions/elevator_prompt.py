@@ -1,7 +1,7 @@
 """The operator of a real elevator's buttons: a person at the terminal (thesis section 5.4.6).
 
-The robot's sonars detect the doors opening before it. Inside, metal walls confuse them: the operator presses
-Enter when the elevator is at the other floor and its doors are open.
+The robot's sonars detect the doors opening in front of it. Inside, metal walls confuse them, so the operator
+presses Enter when the elevator is at the other floor and its doors are open.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data
 
 POLL_INTERVAL_S = 0.2
-"""Seconds between two checks whether Enter was pressed."""
+"""Seconds between two polls for Enter."""
 
 PollResult = Literal["line", "nothing", "end"]
-"""A line was entered, none was entered yet, or the input has ended."""
+"""Result of a poll: a line was entered, no line was entered yet, or the input has ended."""
 
 
 class LineInput(Protocol):
     """A nonblocking reader of the lines that the operator enters."""
 
     def discard(self) -> None:
-        """Discard what was typed before a question."""
+        """Discard the lines typed so far."""
 
     def poll(self) -> PollResult:
-        """Take the next line that was entered, if there is one."""
+        """Consume the next line, if one was entered."""
 
 
 def elevator_prompt(building: Building, line_input: LineInput, *, say: Callable[[str], None]) -> Script:
     """Ask the operator to press the buttons of each elevator that the robot calls, and report its arrival.
 
-    Without an operator, the robot relies on its sonars alone. Never ends.
+    Without an operator, the robot relies on its sonars alone. The script never ends.
 
     Args:
         building: the building, for the names of its floors.
@@ -48,7 +48,7 @@ def elevator_prompt(building: Building, line_input: LineInput, *, say: Callable[
         yield from do("DServer", data.set(FLOOR_REACHED, int(not can_answer)))
         while (call := (yield from current_call())) is None:
             yield from sleep(POLL_INTERVAL_S)
-        say(asked_for(building, call))
+        say(instructions(building, call))
         reached = False
         if can_answer:
             line_input.discard()
@@ -64,19 +64,19 @@ def elevator_prompt(building: Building, line_input: LineInput, *, say: Callable[
             yield from sleep(POLL_INTERVAL_S)
 
 
-def asked_for(building: Building, call: ElevatorCall) -> str:
+def instructions(building: Building, call: ElevatorCall) -> str:
     """Return the instructions to the operator for a call."""
-    where, other = _floor(building, call.floor), _floor(building, call.destination)
-    button = f"Press the button of the elevator {door_name(call.node)} on {where}{_way(building, call)}"
-    return f"{button}. When the robot has turned around inside, press that of {other}."
+    here, destination = _floor(building, call.floor), _floor(building, call.destination)
+    button = f"Press the button of the elevator {door_name(call.node)} on {here}{_direction(building, call)}"
+    return f"{button}. When the robot has turned around inside, press the one for {destination}."
 
 
 def _floor(building: Building, name: str) -> str:
     return f"floor {building.map_named(name).floor}"
 
 
-def _way(building: Building, call: ElevatorCall) -> str:
-    """Return the direction of the ride, if floors have numbers."""
+def _direction(building: Building, call: ElevatorCall) -> str:
+    """Return the direction of the ride, or "" if the floors are not numbered."""
     here, there = (building.map_named(name).floor for name in (call.floor, call.destination))
     try:
         return ", up" if int(there) > int(here) else ", down"

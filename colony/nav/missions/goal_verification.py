@@ -1,8 +1,8 @@
 """Verification that a robot has arrived at its goal, by the door plate there (thesis section 6.3).
 
 The plate finder publishes each new plate in PlateSeen, of which DServer keeps the newest values. The goal's
-plate, read near its place, confirms the goal; another plate in its place refutes it. No plate decides
-nothing: the goal's may be on the wall to the right, or hidden by a person.
+plate, read near its position, confirms the goal; another plate at that position refutes it. Without a plate
+nothing is decided: the goal's plate may be on the wall to the right, or hidden by a person.
 """
 
 from __future__ import annotations
@@ -20,20 +20,19 @@ from colony.runtime.kit.script import Step, sleep
 from colony.runtime.library import data
 
 SAME_PLATE_MM = 1_500.0
-"""Largest distance of a reading from the plate's place; a text read farther away is that of another plate."""
+"""Maximum distance of a reading from the plate's position; the same text farther away is on another plate."""
 
-SAME_PLACE_MM = 600.0
-"""Largest distance at which another plate is in the place of the goal's: doors are farther apart than
-this."""
+SAME_POSITION_MM = 600.0
+"""Maximum distance of another plate from the position of the goal's to refute it: doors are farther apart."""
 
 HISTORY_LENGTH = 16
-"""Number of plates that DServer keeps: those of a corridor's last meters."""
+"""Number of plates that DServer keeps: those along the last meters of a corridor."""
 
 EARLY_NS = 3_000_000_000
-"""Time before the last segment in which the robot may already have read the plate beside the goal."""
+"""Time before the last segment during which the robot may already have read the goal's plate, in ns."""
 
 READ_TIMEOUT_S, POLL_INTERVAL_S = 2.0, 0.25
-"""Timeout of reading the plate after the arrival, and interval between two checks, in seconds."""
+"""Timeout for reading the plate after the arrival, and interval between two checks, in seconds."""
 
 
 class Verdict(IntEnum):
@@ -45,7 +44,7 @@ class Verdict(IntEnum):
 
 
 class ReportedPlate(NamedTuple):
-    """A value of PlateSeen: time, number since the finder's start, text, and place in mm."""
+    """A value of PlateSeen: time, number since the finder's start, text, and position in mm."""
 
     t_ns: int
     number: int
@@ -64,42 +63,44 @@ def reported_plate(value: Any) -> ReportedPlate | None:
 
 
 def verdict_of(plate: Plate, seen: Iterable[ReportedPlate]) -> Verdict:
-    """Return the verdict of the plates seen on a goal where `plate` hangs; unreadable plates do not count."""
+    """Return the verdict of the reported plates on a goal with `plate`; unread plates do not count."""
     verdict = Verdict.UNSEEN
-    for read in seen:
-        off_mm = math.hypot(read.x_mm - plate.middle.x, read.y_mm - plate.middle.y)
-        if read.text == plate.text and off_mm <= SAME_PLATE_MM:
+    for report in seen:
+        distance_mm = math.hypot(report.x_mm - plate.center.x, report.y_mm - plate.center.y)
+        if report.text == plate.text and distance_mm <= SAME_PLATE_MM:
             return Verdict.RIGHT
-        if read.text and off_mm <= SAME_PLACE_MM:
+        if report.text and distance_mm <= SAME_POSITION_MM:
             verdict = Verdict.WRONG
     return verdict
 
 
 def plate_at(floor: Map, node: str) -> Plate | None:
-    """Return the plate of a node's door, or None without one.
+    """Return the plate of a node's door, or None if it has none.
 
-    The node may carry its floor: "376L" or "2:250R".
+    The node may have a prefix with its floor: "376L" or "2:250R".
     """
     door = door_name(node.rpartition(":")[2])
     return next((plate for plate in plates_of(floor) if plate.door == door), None)
 
 
 def remember_plates() -> Generator[Step, Any, None]:
-    """Make DServer keep the newest plates, not only the last one."""
+    """Make DServer keep a history of the newest plates."""
     yield from try_ask("DServer", data.set_history(PLATE_SEEN, HISTORY_LENGTH))
 
 
 def goal_verdict(plate: Plate, *, begun_ns: int) -> Generator[Step, Any, Verdict]:
     """Return the verdict of the plates seen on the last segment, or shortly before.
 
-    A plate in view has until the timeout to be read.
+    The verdict waits up to `READ_TIMEOUT_S` for a plate in view to be read.
     """
     since_ns = begun_ns - EARLY_NS
     waited_s = 0.0
     while True:
         values = (yield from try_ask("DServer", data.history(PLATE_SEEN))) or ()
         plates = (reported_plate(value.read()) for value in values)
-        verdict = verdict_of(plate, [read for read in plates if read is not None and read.t_ns >= since_ns])
+        verdict = verdict_of(
+            plate, [report for report in plates if report is not None and report.t_ns >= since_ns]
+        )
         if verdict is Verdict.RIGHT or waited_s >= READ_TIMEOUT_S:
             return verdict
         yield from sleep(POLL_INTERVAL_S)

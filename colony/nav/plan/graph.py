@@ -1,9 +1,9 @@
 """The routes through a building as a directed graph, and the shortest of them.
 
-On a map that is traveled with the wall on the left, a place is a position on a ring, and a route follows the
-rings as they are traced; its length is that of the counted edges. It changes rings at links only, and never
-between two nodes of one ring (thesis sections 5.1 and 6.1). On a map that is traveled either way, a place is
-a position on the middle line of a corridor, and a route changes corridors in turning spaces.
+On a map that is traveled with the wall on the left, positions are on rings, and a route follows the rings in
+the direction in which they are traced; its length is that of the counted edges. It changes rings only at
+links, and never between two nodes of one ring (thesis sections 5.1 and 6.1). On a map that is traveled either
+way, positions are on the centerlines of corridors, and a route changes corridors in turning spaces.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from colony.nav.maps.stickrep.geometry import Point, corners, trace
 from colony.nav.maps.stickrep.model import Map, Travel
 from colony.nav.maps.walls import lights_of
 
-_HOP_MM = 0.001  # per step, to prefer the fewest steps among equally long routes
+_HOP_MM = 0.001  # cost per step, to prefer the fewest steps among equally long routes
 _TURN_MM = 0.1
 _RIDE_MM = 20_000.0
 """Cost of an elevator ride, in mm of travel."""
@@ -29,13 +29,13 @@ _RIDE_MM = 20_000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Layout:
-    """A floor with what is derived from its map.
+    """A floor's map, with the geometry derived from it.
 
     Attributes:
         source: the map.
-        nodes: places of the nodes, a tuple per ring.
+        nodes: positions of the nodes, a tuple per ring.
         headings_deg: headings of the edges, a tuple per ring.
-        corridors, spaces: as `colony/nav/maps/corridors.py` finds them.
+        corridors, spaces: corridors and turning spaces, as found by `colony/nav/maps/corridors.py`.
         lights: (x, y) of the ceiling lights in mm.
         bounded: indices of the corridors that an edge bounds, by the edge's (ring, edge).
     """
@@ -49,23 +49,23 @@ class Layout:
     bounded: Mapping[tuple[int, int], tuple[int, ...]]
 
     def corridor_at(self, ring: int, edge: int) -> int | None:
-        """Return the corridor that an edge bounds; of several in a row, the one nearest to its middle."""
+        """Return the corridor that an edge bounds; of several, the one nearest to the edge's center."""
         found = self.bounded.get((ring, edge), ())
         if len(found) < 2:
             return found[0] if found else None
         here, there = self.nodes[ring][edge], self.nodes[ring][(edge + 1) % len(self.nodes[ring])]
         middle = Point((here.x + there.x) / 2, (here.y + there.y) / 2)
-        return min(found, key=lambda i: _beyond(self.corridors[i], middle))
+        return min(found, key=lambda i: _distance_beyond(self.corridors[i], middle))
 
     def corridor_of_node(self, ring: int, node: int) -> int | None:
-        """Return the corridor of a node: that of the edge after it, or else of the one before."""
+        """Return the corridor bounded by the edge after a node, or else by the edge before it."""
         after = self.corridor_at(ring, node)
         return after if after is not None else self.corridor_at(ring, (node - 1) % len(self.nodes[ring]))
 
-    def joined(self, corridors: tuple[int, ...]) -> tuple[int, ...]:
+    def with_skipped(self, corridors: tuple[int, ...]) -> tuple[int, ...]:
         """Insert the corridors that a route skips when it changes rings in a turning space.
 
-        Two successive corridors that no turning spaces connect stay as they are.
+        Nothing is inserted between corridors that are not connected by turning spaces.
         """
         graph = nx.Graph(space.corridors for space in self.spaces)
         chain = list(corridors[:1])
@@ -96,13 +96,13 @@ def layout_of(source: Map) -> Layout:
     )
 
 
-def _beyond(corridor: Corridor, at: Point) -> float:
+def _distance_beyond(corridor: Corridor, at: Point) -> float:
     along = corridor.along(at.x, at.y)
     return max(-along, along - corridor.length_mm, 0.0)
 
 
 class NodeIndex(NamedTuple):
-    """A node of a building: the index of its floor, of its ring, and its own."""
+    """A node of a building, by its indices: of the floor, of the ring, and of the node on the ring."""
 
     floor: int
     ring: int
@@ -119,9 +119,9 @@ class Lift:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
-    """The part of a route on one floor: from node to node through corridors, by their indices.
+    """The part of a route on one floor, from node to node.
 
-    `length_mm` is its counted length.
+    `corridors` are the indices of the corridors on it, `length_mm` is its counted length.
     """
 
     origin: NodeIndex
@@ -135,7 +135,7 @@ Route = tuple[Stretch | Lift, ...]
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class _RingPlace:
+class _RingPosition:
     floor: int
     ring: int
     edge: int
@@ -143,7 +143,7 @@ class _RingPlace:
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class _MiddlePlace:
+class _CorridorPosition:
     floor: int
     corridor: int
     along_mm: float
@@ -156,9 +156,9 @@ def shortest_route(
     goal: NodeIndex,
     travel: Travel | None,
 ) -> Route | None:
-    """Return the shortest route from node to node, or None without one.
+    """Return the shortest route from node to node, or None if there is none.
 
-    A route between nodes of one floor uses elevators only if the floor itself has no route.
+    A route between nodes of the same floor uses elevators only if there is no route on the floor.
 
     Args:
         layouts: the layouts of all floors.
@@ -168,9 +168,9 @@ def shortest_route(
         travel: direction of travel on all floors; None for that of each floor's map.
     """
     if origin.floor == goal.floor:
-        alone = _shortest(layouts, (), origin, goal, travel)
-        if alone is not None:
-            return alone
+        direct = _shortest(layouts, (), origin, goal, travel)
+        if direct is not None:
+            return direct
     return _shortest(layouts, lifts, origin, goal, travel) if lifts else None
 
 
@@ -182,30 +182,30 @@ def _shortest(
     travel: Travel | None,
 ) -> Route | None:
     graph = nx.DiGraph()
-    ends = {origin, goal, *(spot for lift in lifts for spot in (lift.first, lift.second))}
-    for floor in {spot.floor for spot in ends}:
+    ends = {origin, goal, *(end for lift in lifts for end in (lift.first, lift.second))}
+    for floor in {end.floor for end in ends}:
         layout = layouts[floor]
-        here = [spot for spot in ends if spot.floor == floor]
+        floor_ends = [end for end in ends if end.floor == floor]
         match travel or layout.source.travel:
             case "wall-on-left":
                 one_ring = origin.floor == goal.floor == floor and origin.ring == goal.ring
-                _add_rings(graph, floor, layout, here, linked=not one_ring)
+                _add_rings(graph, floor, layout, floor_ends, linked=not one_ring)
             case "either":
-                _add_corridors(graph, floor, layout, here)
+                _add_corridors(graph, floor, layout, floor_ends)
     for lift in lifts:
-        for one, other in ((lift.first, lift.second), (lift.second, lift.first)):
-            graph.add_edge(one, other, weight=_RIDE_MM, length=0.0, corridor=None)
+        for here, there in ((lift.first, lift.second), (lift.second, lift.first)):
+            graph.add_edge(here, there, weight=_RIDE_MM, length=0.0, corridor=None)
     try:
-        return _parts(graph, nx.dijkstra_path(graph, origin, goal))
+        return _split_at_rides(graph, nx.dijkstra_path(graph, origin, goal))
     except (nx.NetworkXNoPath, nx.NodeNotFound):
         return None
 
 
 def _step(
-    graph: Any, here: object, there: object, length: float, corridor: int | None, more: float = 0.0
+    graph: Any, here: object, there: object, length: float, corridor: int | None, extra: float = 0.0
 ) -> None:
-    """Add an edge to the graph; keep the shortest of several between the same places."""
-    weight = length + more + _HOP_MM
+    """Add an edge to the graph; keep only the shortest edge between the same positions."""
+    weight = length + extra + _HOP_MM
     if not graph.has_edge(here, there) or graph[here][there]["weight"] > weight:
         graph.add_edge(here, there, weight=weight, length=length, corridor=corridor)
 
@@ -213,52 +213,55 @@ def _step(
 def _add_rings(graph: Any, floor: int, layout: Layout, ends: list[NodeIndex], linked: bool) -> None:
     links = layout.source.links if linked else ()
     rings = layout.source.rings
-    spots = {node.name: (r, n) for r, ring in enumerate(rings) for n, node in enumerate(ring.nodes)}
-    ports = [tuple(_RingPlace(floor, *spots[site.node], site.offset_mm) for site in link) for link in links]
+    node_indices = {node.name: (r, n) for r, ring in enumerate(rings) for n, node in enumerate(ring.nodes)}
+    ports = [
+        tuple(_RingPosition(floor, *node_indices[site.node], site.offset_mm) for site in link)
+        for link in links
+    ]
     for r, ring in enumerate(rings):
-        places = [_RingPlace(floor, r, n, 0.0) for n in range(len(ring.nodes))]
-        places += [place for port in ports for place in port if place.ring == r]
-        places = sorted(set(places))
-        for here, there in zip(places, [*places[1:], places[0]], strict=True):
+        positions = [_RingPosition(floor, r, n, 0.0) for n in range(len(ring.nodes))]
+        positions += [position for port in ports for position in port if position.ring == r]
+        positions = sorted(set(positions))
+        for here, there in zip(positions, [*positions[1:], positions[0]], strict=True):
             edge = ring.edges[here.edge]
             until = there.offset_mm if there.edge == here.edge and there > here else edge.length_mm
             length = until - here.offset_mm if edge.counted else 0.0
             _step(graph, here, there, length, layout.corridor_at(r, here.edge))
-    for one, other in ports:
-        _step(graph, one, other, 0.0, None)
-        _step(graph, other, one, 0.0, None)
-    for spot in ends:
-        place = _RingPlace(floor, spot.ring, spot.node, 0.0)
-        _step(graph, spot, place, 0.0, None)
-        _step(graph, place, spot, 0.0, None)
+    for first, second in ports:
+        _step(graph, first, second, 0.0, None)
+        _step(graph, second, first, 0.0, None)
+    for end in ends:
+        position = _RingPosition(floor, end.ring, end.node, 0.0)
+        _step(graph, end, position, 0.0, None)
+        _step(graph, position, end, 0.0, None)
 
 
 def _add_corridors(graph: Any, floor: int, layout: Layout, ends: list[NodeIndex]) -> None:
-    along: list[set[_MiddlePlace]] = [set() for _ in layout.corridors]
+    along: list[set[_CorridorPosition]] = [set() for _ in layout.corridors]
     for space in layout.spaces:
-        turn = [
-            _MiddlePlace(floor, k, round(layout.corridors[k].along(*space.middle), 3))
+        pair = [
+            _CorridorPosition(floor, k, round(layout.corridors[k].along(*space.center), 3))
             for k in space.corridors
         ]
-        for place in turn:
-            along[place.corridor].add(place)
-        _step(graph, turn[0], turn[1], 0.0, None, _TURN_MM)
-        _step(graph, turn[1], turn[0], 0.0, None, _TURN_MM)
-    for spot in ends:
-        k = layout.corridor_of_node(spot.ring, spot.node)
+        for position in pair:
+            along[position.corridor].add(position)
+        _step(graph, pair[0], pair[1], 0.0, None, _TURN_MM)
+        _step(graph, pair[1], pair[0], 0.0, None, _TURN_MM)
+    for end in ends:
+        k = layout.corridor_of_node(end.ring, end.node)
         if k is not None:
-            at = layout.nodes[spot.ring][spot.node]
-            place = _MiddlePlace(floor, k, round(layout.corridors[k].abreast(*at), 3))
-            along[k].add(place)
-            _step(graph, spot, place, 0.0, k)
-            _step(graph, place, spot, 0.0, k)
-    for k, places in enumerate(along):
-        for here, there in pairwise(sorted(places)):
+            at = layout.nodes[end.ring][end.node]
+            position = _CorridorPosition(floor, k, round(layout.corridors[k].reachable_along(*at), 3))
+            along[k].add(position)
+            _step(graph, end, position, 0.0, k)
+            _step(graph, position, end, 0.0, k)
+    for k, positions in enumerate(along):
+        for here, there in pairwise(sorted(positions)):
             _step(graph, here, there, there.along_mm - here.along_mm, k)
             _step(graph, there, here, there.along_mm - here.along_mm, k)
 
 
-def _parts(graph: Any, path: list[Any]) -> Route:
+def _split_at_rides(graph: Any, path: list[Any]) -> Route:
     """Split a path of the graph at its elevator rides."""
     parts: list[Stretch | Lift] = []
     origin, length = path[0], 0.0

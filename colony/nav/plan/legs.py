@@ -1,8 +1,9 @@
 """Divides a path through corridors into straight legs, and each leg into segments (section 5.3).
 
-L  from the start of the leg to below its last light; left out on a leg without lights E  on to the middle of
-the turning space         (all legs but the last) C  from there, in the heading of the next leg, out of the
-turning space D  on to the goal                                (the last leg)
+L  from the start of the leg to below its last light; omitted on a leg without lights
+E  on to the center of the turning space (all legs but the last)
+C  from there, in the heading of the next leg, out of the turning space
+D  on to the goal (last leg only)
 """
 
 from __future__ import annotations
@@ -13,26 +14,25 @@ from itertools import pairwise
 
 from colony.nav.maps.corridors import Corridor, crossing
 from colony.nav.maps.stickrep.geometry import Point, direction
-from colony.nav.plan.plan import Place, Segment
+from colony.nav.plan.plan import FloorPoint, Segment
 from colony.nav.shared import GoalKind
 
 LEAVE_MM = 500.0
 """Distance that a robot drives out of a turning space before it looks for lights."""
 
 LIGHT_AHEAD_MM = 600.0
-"""Least distance to a light where tracking begins: the leading edge of a nearer one, 0.3 m before its middle,
-is
-about to pass or has passed already."""
+"""Minimum distance to a light where tracking begins: the leading edge of a nearer light, 0.3 m before its
+center, is about to pass or has passed already."""
 
 LIGHT_BEFORE_GOAL_MM = 500.0
-"""Least distance from a tracked light to the goal: a robot that passes the light may overshoot."""
+"""Minimum distance from a tracked light to the goal: a robot that passes the light may overshoot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leg:
     """A straight part of a path along the middle of one corridor.
 
-    `before_mm` and `after_mm` are the lengths of its parts in turning spaces, at either end.
+    `before_mm` and `after_mm` are the lengths within the turning spaces at its start and end.
     """
 
     corridor: Corridor
@@ -52,8 +52,8 @@ class Leg:
         along = self.corridor.along(*self.end) - self.corridor.along(*self.start)
         return self.corridor.heading_deg if along >= 0.0 else (self.corridor.heading_deg + 180.0) % 360.0
 
-    def at(self, along_mm: float) -> Point:
-        """Return the place at this distance from the start."""
+    def point_at(self, along_mm: float) -> Point:
+        """Return the point at this distance from the start."""
         unit = direction(self.heading_deg)
         return Point(self.start.x + along_mm * unit.x, self.start.y + along_mm * unit.y)
 
@@ -69,17 +69,21 @@ class DisconnectedCorridors:
 def legs_of(
     corridors: tuple[Corridor, ...], origin: Point, goal: Point
 ) -> tuple[Leg, ...] | DisconnectedCorridors:
-    """Return the legs through corridors, from abreast of one place to abreast of another."""
+    """Return the legs through corridors, from abreast of `origin` to abreast of `goal`."""
     order = _without_returns(list(range(len(corridors))), corridors)
     bends = []
     for i, j in pairwise(order):
-        middle = crossing(corridors[i], corridors[j])
-        if middle is None:
+        corner = crossing(corridors[i], corridors[j])
+        if corner is None:
             return DisconnectedCorridors(corridors[i], corridors[j])
-        bends.append(middle)
+        bends.append(corner)
     chain = [corridors[i] for i in order]
     first, last = chain[0], chain[-1]
-    ends = [first.at(first.abreast(*origin)), *bends, last.at(last.abreast(*goal))]
+    ends = [
+        first.point_at(first.reachable_along(*origin)),
+        *bends,
+        last.point_at(last.reachable_along(*goal)),
+    ]
     legs = []
     for i, corridor in enumerate(chain):
         before = chain[i - 1].width_mm / 2 if i > 0 else 0.0
@@ -89,7 +93,7 @@ def legs_of(
 
 
 def _without_returns(order: list[int], corridors: tuple[Corridor, ...]) -> list[int]:
-    """Leave out the dead ends that a ring enters and leaves again."""
+    """Leave out dead ends, which the path enters from a corridor only to return to it."""
     kept: list[int] = []
     for i in order:
         if kept and corridors[kept[-1]] == corridors[i]:
@@ -104,24 +108,24 @@ def _without_returns(order: list[int], corridors: tuple[Corridor, ...]) -> list[
 def segments_of(
     legs: tuple[Leg, ...], lights: tuple[Point, ...], floor: str
 ) -> tuple[tuple[Segment, ...], str]:
-    """Return the segments of legs on one floor, and one letter per mode."""
+    """Return the segments of legs on one floor, and the string of their modes."""
     segments: list[Segment] = []
     modes = ""
     for i, leg in enumerate(legs):
         last = i == len(legs) - 1
         marks = _lights_on(leg, lights, first=i == 0, last=last)
-        at = 0.0
+        done_mm = 0.0
         if i > 0:
-            at = _leaving(leg, marks)
-            segments.append(_segment(GoalKind.CORNER, leg, 0.0, at, floor))
+            done_mm = _exit_mm(leg, marks)
+            segments.append(_segment(GoalKind.CORNER, leg, 0.0, done_mm, floor))
             modes += "c"
         if marks:
-            offsets = tuple(mark - at for mark in marks)
-            segments.append(_segment(GoalKind.LIGHTS, leg, at, marks[-1], floor, offsets))
+            offsets = tuple(mark - done_mm for mark in marks)
+            segments.append(_segment(GoalKind.LIGHTS, leg, done_mm, marks[-1], floor, offsets))
             modes += "l"
-            at = marks[-1]
+            done_mm = marks[-1]
         kind = GoalKind.DEAD_RECKONING if last else GoalKind.ENTER_CORNER
-        segments.append(_segment(kind, leg, at, leg.length_mm, floor))
+        segments.append(_segment(kind, leg, done_mm, leg.length_mm, floor))
     return tuple(segments), modes + "d"
 
 
@@ -139,14 +143,14 @@ def _lights_on(leg: Leg, lights: tuple[Point, ...], first: bool, last: bool) -> 
     return tuple(sorted(marks))
 
 
-def _leaving(leg: Leg, marks: tuple[float, ...]) -> float:
+def _exit_mm(leg: Leg, marks: tuple[float, ...]) -> float:
     """Return the distance to drive out of the turning space in which a leg begins.
 
-    It is at most half of the leg, so that the leg's end stays ahead of a robot that drives too far, and
-    leaves the first light ahead.
+    It is at most half of the leg's length, so that a robot that overshoots is still before the leg's end, and
+    ends before the first light.
     """
-    out = min(leg.before_mm + LEAVE_MM, leg.length_mm / 2)
-    return min(out, marks[0] - LIGHT_AHEAD_MM) if marks else out
+    exit_mm = min(leg.before_mm + LEAVE_MM, leg.length_mm / 2)
+    return min(exit_mm, marks[0] - LIGHT_AHEAD_MM) if marks else exit_mm
 
 
 def _segment(
@@ -155,8 +159,8 @@ def _segment(
     return Segment(
         kind=kind,
         heading_deg=leg.heading_deg,
-        start=Place(*leg.at(start), floor),
-        end=Place(*leg.at(end), floor),
+        start=FloorPoint(*leg.point_at(start), floor),
+        end=FloorPoint(*leg.point_at(end), floor),
         width_mm=leg.corridor.width_mm,
         lights_mm=lights,
     )

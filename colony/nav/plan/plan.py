@@ -9,7 +9,7 @@ from typing import NamedTuple
 from colony.nav.shared import GoalKind
 
 
-class Place(NamedTuple):
+class FloorPoint(NamedTuple):
     """A point of a floor, in mm, x east and y north; `floor` is the name of its map."""
 
     x_mm: float
@@ -22,17 +22,18 @@ class Segment:
     """A straight part of a path in one mode, along the middle of a corridor, from `start` to `end`.
 
     In the light-tracking mode `lights_mm` are the distances of the lights from `start`, ascending, and `end`
-    is below the last one. A corner segment begins in the middle of the turning space, with a turn to its
-    heading, and ends in the next corridor. `width_mm` is the corridor's. An elevator segment leads from the
-    front of its doors, which `heading_deg` faces, to their front on another floor, whose map has them turned
-    by `turn_deg` counterclockwise. Its `width_mm` is that of the doors, `doors_mm` are the distances of the
-    doors from its start and from its end, and `doors` the nodes where they begin on both floors.
+    is below the last one. A corner segment begins at the center of the turning space, with a turn to its
+    heading, and ends in the next corridor. `width_mm` is the corridor's. An elevator segment leads from in
+    front of its doors, faced at `heading_deg`, to in front of its doors on another floor, whose map shows
+    them rotated by `turn_deg` counterclockwise. Its `width_mm` is that of the doors, `doors_mm` are the
+    distances of the doors from its start and from its end, and `doors` are the nodes where they begin on
+    either floor.
     """
 
     kind: GoalKind
     heading_deg: float
-    start: Place
-    end: Place
+    start: FloorPoint
+    end: FloorPoint
     width_mm: float
     lights_mm: tuple[float, ...] = ()
     turn_deg: float = 0.0
@@ -53,11 +54,11 @@ class Plan:
 
     Attributes:
         origin, goal: names of nodes, "350R".
-        segments: the segments in order; the first begins at the robot's place.
+        segments: the segments in order; the first begins at the robot's position.
         distance_mm: for travel with the wall on the left, the sum of the counted edges along the rings, as in
             the thesis's tables; else the distance along the middle of the corridors.
-        modes: one letter per mode, for the confidence automaton: "lclcld". A corner is one `c`, whatever its
-            segments (section 6.3); an elevator ride is a `v`, which the thesis does not have.
+        modes: one letter per mode, for the confidence automaton: "lclcld". A corner is one `c`, even if it
+            has two segments (section 6.3); an elevator ride is a `v`, which the thesis does not have.
     """
 
     origin: str
@@ -68,9 +69,9 @@ class Plan:
 
     @property
     def floors(self) -> tuple[str, ...]:
-        """The names of the maps on the path, each once, in order."""
-        places = (place for segment in self.segments for place in (segment.start, segment.end))
-        return tuple(dict.fromkeys(place.floor for place in places))
+        """The names of the maps on the path, without repetitions, in order."""
+        points = (point for segment in self.segments for point in (segment.start, segment.end))
+        return tuple(dict.fromkeys(point.floor for point in points))
 
     @property
     def travel_mm(self) -> float:

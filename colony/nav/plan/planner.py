@@ -4,16 +4,17 @@ For each segment it sets GoalType, GoalDirection and GoalDistance, ups $GoalData
 A segment of lights also goes to CTracker, by LightOffset and $TrackData, and to the Local Mapper, by
 $StartMap; the Planner then also waits for $EndLMode, and reads Overshoot.
 
-The distance of a goal has two sources. By the pose, it is the rest of the segment from the robot's estimated
-position, which other clients keep correcting. By reckoning, as in the thesis, it is the segment's length,
-less the overshoot of the lights before it; the thesis compensates for the overshoot since December 1993.
+The distance of a goal has two sources. With `pose`, it is the remaining length of the segment from the
+robot's estimated position, which other clients keep correcting. With `reckoning`, as in the thesis, it is the
+segment's length minus the overshoot of the lights before it; the thesis compensates for the overshoot since
+December 1993.
 
-Before an elevator's segment the Planner sets ElevatorCall, for the operator of the buttons. After it, it
-moves the position to the new floor's map, and then sets Floor, for the clients that need the walls around the
-robot.
+Before an elevator segment, the Planner sets ElevatorCall for the operator of the buttons. Afterwards it
+converts the position to the new floor's map, and then sets Floor for the clients that need the walls around
+the robot.
 
-If a Planner dies, the robot continues to the present goal and stands there. The next Planner starts with a
-plan from the robot's place: its first goal replaces the pursued one, and pending answers are discarded. If
+If a Planner dies, the robot continues to the current goal and stops there. The next Planner starts with a
+plan from the robot's position: its first goal replaces the pursued one, and pending answers are discarded. If
 another client sets GoalType to NONE, the robot halts while the Planner keeps waiting. This does not pause the
 goal: the Navigator would measure its whole distance again. To stop for good, end the Planner, then set
 GoalType to NONE; to continue, start another Planner.
@@ -52,12 +53,12 @@ from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
 
 INTO_ELEVATOR_MM = 900.0
-"""Distance behind the doors at which a robot stands in an elevator: the middle of a cabin 1.8 m deep."""
+"""Distance behind the doors at which a robot stands in an elevator: the center of a cabin 1.8 m deep."""
 
 MIN_SHORTFALL_MM, MAX_SHORTFALL_MM = 50.0, 1_500.0
-"""Limits of the distance by which a robot may be short of its goal, according to the plate there.
+"""Limits of a robot's distance before its goal, as measured by the plate there.
 
-A robot that is short by more than the former drives on; one that is short by more than the latter is lost,
+A robot with a longer distance than the minimum drives on; one with a longer distance than the maximum is lost
 and stays where it is.
 """
 
@@ -83,11 +84,11 @@ class Goal(NamedTuple):
 def goal_of(segment: Segment, progress_mm: float) -> Goal:
     """Return the goal of a segment for a robot at this distance from its start.
 
-    Lights that are behind are left out. If nothing is left of a segment, its goal is 0 mm away, which the
-    Navigator reaches at once: so the goals of a plan correspond to its segments, in their order.
+    Lights behind the robot are left out. If nothing is left of a segment, its goal is 0 mm away, and the
+    Navigator reaches it at once; so each segment has exactly one goal.
 
     Raises:
-        ValueError: no robot can go along a segment of this kind.
+        ValueError: the segment has the kind NONE.
     """
     match segment.kind:
         case GoalKind.LIGHTS:
@@ -108,27 +109,27 @@ def goal_of(segment: Segment, progress_mm: float) -> Goal:
 
 
 def progress_along(segment: Segment, x_mm: float, y_mm: float) -> float:
-    """Return the distance of a place from a segment's start, along its heading, in mm."""
+    """Return the distance of a point from a segment's start, along its heading, in mm."""
     unit = direction(segment.heading_deg)
     return (x_mm - segment.start.x_mm) * unit.x + (y_mm - segment.start.y_mm) * unit.y
 
 
-def place_after_ride(ride: Segment, x_mm: float, y_mm: float) -> Point:
-    """Return the place of a robot after an elevator ride, in mm on the new floor's map.
+def position_after_ride(ride: Segment, x_mm: float, y_mm: float) -> Point:
+    """Return the position of a robot after an elevator ride, in mm on the new floor's map.
 
-    It is as far from the doors as it would be on the old floor, even if the corridor has another width.
+    Its distance from the doors is that on the old floor, even if the corridor has another width.
 
     Args:
         ride: the elevator's segment.
-        x_mm: the robot's reckoned place, as if the ride had led back to the floor where it began.
-        y_mm: the same, to the north.
+        x_mm: x of the robot's odometry, as if it had left the elevator on the old floor.
+        y_mm: y of the robot's odometry.
     """
     unit, ahead = direction(ride.turn_deg), direction(ride.heading_deg + ride.turn_deg)
     x, y = x_mm - ride.start.x_mm, y_mm - ride.start.y_mm
-    nearer = ride.doors_mm[1] - ride.doors_mm[0]
+    shift = ride.doors_mm[1] - ride.doors_mm[0]
     return Point(
-        ride.end.x_mm + unit.y * x + unit.x * y + nearer * ahead.x,
-        ride.end.y_mm - unit.x * x + unit.y * y + nearer * ahead.y,
+        ride.end.x_mm + unit.y * x + unit.x * y + shift * ahead.x,
+        ride.end.y_mm - unit.x * x + unit.y * y + shift * ahead.y,
     )
 
 
@@ -141,16 +142,16 @@ def planner(
     verify: Plate | None = None,
     on_verdict: OnVerdict | None = None,
 ) -> Script:
-    """Lead the robot along a plan; end when it has arrived and stands.
+    """Lead the robot along a plan; end when it has stopped at the goal.
 
     Args:
         plan: the plan.
         positions: the source of distances.
-        compensate: True to subtract the overshoot of lights from the next distance, with `reckoning`.
+        compensate: with `reckoning`: True to subtract the overshoot of lights from the next distance.
         on_segment: callback at the start of each segment.
-        verify: the plate that hangs at the goal. GoalVerified reports whether it was read there, and a robot
-            that is short of the goal by it drives the rest.
-        on_verdict: callback with the verdict.
+        verify: the plate at the goal. GoalVerified is set to the verdict; a robot that is short of the goal
+            according to the plate drives the rest.
+        on_verdict: callback with the final verdict.
     """
     yield from _begin(plan.segments[0].start.floor)
     if verify is not None:
@@ -181,7 +182,7 @@ def planner(
 
 
 def _begin(floor: str) -> Generator[Step, Any, None]:
-    """Create missing semaphores, and withdraw the pending announcements of an interrupted Planner."""
+    """Create missing semaphores, and drain those that an interrupted Planner has upped."""
     for name in SEMAPHORES:
         yield from do("DServer", data.create_semaphore(name, 0))
     for name in (START_MAP, TRACK_DATA, GOAL_DATA):
@@ -190,7 +191,7 @@ def _begin(floor: str) -> Generator[Step, Any, None]:
 
 
 def _verify(plate: Plate, last: Segment, begun_ns: int) -> Generator[Step, Any, Verdict]:
-    """Read the plate at the goal, which also corrects the position, and drive the rest of the path."""
+    """Wait for the verdict on the goal; drive the rest of the path by the corrected position."""
     verdict = yield from goal_verdict(plate, begun_ns=begun_ns)
     here = yield from do("RServer", robot.position())
     rest_mm = last.length_mm - progress_along(last, here.x, here.y)
@@ -217,7 +218,7 @@ def _pursue(goal: Goal) -> Generator[Step, Any, float]:
     if lights:
         values[LIGHT_OFFSET] = list(goal.offsets_mm)
     yield from do("DServer", data.set_many(values))
-    # Answers that are pending now are to goals of an interrupted Planner.
+    # Answers that are already pending belong to goals of an interrupted Planner.
     yield from _drain(ROBOT_STATUS)
     yield from _drain(END_L_MODE)
     if lights:
@@ -233,8 +234,8 @@ def _pursue(goal: Goal) -> Generator[Step, Any, float]:
 
 
 def _change_floor(ride: Segment) -> Generator[Step, Any, None]:
-    """Move the base's position from the map of the floor left behind to that of the other floor."""
+    """Convert the base's position from the old floor's map to the new floor's."""
     here = yield from do("RServer", robot.position())
-    there = place_after_ride(ride, here.x, here.y)
-    yield from do("RServer", robot.adjust_position(there.x - here.x, there.y - here.y, ride.turn_deg))
+    after = position_after_ride(ride, here.x, here.y)
+    yield from do("RServer", robot.adjust_position(after.x - here.x, after.y - here.y, ride.turn_deg))
     yield from do("DServer", data.set_many({FLOOR: ride.end.floor, ELEVATOR_CALL: []}))

@@ -7,12 +7,12 @@ from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import EdgeKind, Map, Travel
 from colony.nav.plan.graph import Layout, Lift, NodeIndex, Route, Stretch, layout_of, shortest_route
 from colony.nav.plan.legs import DisconnectedCorridors, Leg, legs_of, segments_of
-from colony.nav.plan.plan import Place, Plan, Segment
+from colony.nav.plan.plan import FloorPoint, Plan, Segment
 from colony.nav.shared import GoalKind
 from colony.text.suggestions import did_you_mean
 
 JAMB_SUFFIXES = ("L", "R", ".L", ".R")
-"""Suffixes of a door's name in the names of its jambs."""
+"""Suffixes that turn a door's name into the names of its jambs."""
 
 
 class NoPlanError(Exception):
@@ -35,17 +35,18 @@ def plan(source: Map | Building, origin: str, goal: str, *, travel: Travel | Non
         source: a floor, or a building.
         origin: name of the node or door where the path begins.
         goal: name of the node or door where it ends.
-        travel: direction in which rings are followed, instead of the maps' own.
+        travel: direction of travel on all floors; None for each map's own.
 
     Raises:
-        NoPlanError: a name is unknown, both names are the same place, or no path leads from one to the other.
+        NoPlanError: a name is unknown, both names are the same place, or no path leads from one to the
+            other.
     """
     building = source if isinstance(source, Building) else Building(maps=(source,))
-    layouts = tuple(layout_of(one) for one in building.maps)
-    known = _known(layouts)
-    starts, goals = _spots(layouts, known, origin, "start"), _spots(layouts, known, goal, "goal")
+    layouts = tuple(layout_of(floor) for floor in building.maps)
+    known = _nodes_by_name(layouts)
+    starts, goals = _find_nodes(layouts, known, origin, "start"), _find_nodes(layouts, known, goal, "goal")
     if set(starts) == set(goals):
-        message = f"{_quoted(origin)} and {_quoted(goal)} are the same place"
+        message = f"{_quote(origin)} and {_quote(goal)} are the same place"
         raise NoPlanError(message, "name a start and a goal that differ")
     lifts = _lifts(building)
     routes = [
@@ -71,19 +72,19 @@ def _length(route: Route) -> float:
     return sum(part.length_mm for part in route if isinstance(part, Stretch))
 
 
-def _name(layouts: tuple[Layout, ...], spot: NodeIndex) -> str:
-    return layouts[spot.floor].source.rings[spot.ring].nodes[spot.node].name
+def _name(layouts: tuple[Layout, ...], node_index: NodeIndex) -> str:
+    return layouts[node_index.floor].source.rings[node_index.ring].nodes[node_index.node].name
 
 
 # --- names ----------------------------------------------------------------------------------------------
 
 
-Known = dict[str, list[NodeIndex]]
+NodesByName = dict[str, list[NodeIndex]]
 
 
-def _known(layouts: tuple[Layout, ...]) -> Known:
-    """Return all nodes by their names, with and without the floor's prefix."""
-    known: Known = {}
+def _nodes_by_name(layouts: tuple[Layout, ...]) -> NodesByName:
+    """Return all nodes by name, with and without the floor's prefix."""
+    known: NodesByName = {}
     for f, layout in enumerate(layouts):
         for r, ring in enumerate(layout.source.rings):
             for n, node in enumerate(ring.nodes):
@@ -95,56 +96,60 @@ def _known(layouts: tuple[Layout, ...]) -> Known:
     return known
 
 
-def _spots(layouts: tuple[Layout, ...], known: Known, name: str, what: str) -> tuple[NodeIndex, ...]:
-    found = known.get(name) or [spot for jamb in JAMB_SUFFIXES for spot in known.get(name + jamb, ())]
-    if any(spot.floor == 0 for spot in found):
-        found = [spot for spot in found if spot.floor == 0]
-    maps = [layouts[f].source.name for f in sorted({spot.floor for spot in found})]
+def _find_nodes(
+    layouts: tuple[Layout, ...], known: NodesByName, name: str, what: str
+) -> tuple[NodeIndex, ...]:
+    found = known.get(name) or [
+        node_index for jamb in JAMB_SUFFIXES for node_index in known.get(name + jamb, ())
+    ]
+    if any(node_index.floor == 0 for node_index in found):
+        found = [node_index for node_index in found if node_index.floor == 0]
+    maps = [layouts[f].source.name for f in sorted({node_index.floor for node_index in found})]
     if len(maps) > 1:
-        message = f"the {what} {_quoted(name)} is on several floors: {', '.join(f'`{m}`' for m in maps)}"
+        message = f"the {what} {_quote(name)} is on several floors: {', '.join(f'`{m}`' for m in maps)}"
         raise NoPlanError(message, f"say which one: `{maps[0]}:{name.rpartition(':')[2]}`")
     if found:
         return tuple(found)
     where = " or ".join(f"`{layout.source.name}`" for layout in layouts)
-    hint = _similar(name, known) or "`colony map` draws the names"
-    raise NoPlanError(f"there is no {what} {_quoted(name)} in the map {where}", hint)
+    hint = _similar_names(name, known) or "`colony map` draws the names"
+    raise NoPlanError(f"there is no {what} {_quote(name)} in the map {where}", hint)
 
 
-def _quoted(name: str) -> str:
+def _quote(name: str) -> str:
     """Quote a name for a message, in one line and shortened."""
     shown = name if name.isprintable() else ascii(name)[1:-1]
     return f"`{shown if len(shown) <= 40 else shown[:37] + '...'}`"
 
 
-def _similar(name: str, known: Known) -> str | None:
+def _similar_names(name: str, known: NodesByName) -> str | None:
     """Return a hint with similar names.
 
-    The hint has the same name in other letter case, or up to three similar names of doors and of nodes that
-    are no jambs.
+    The hint has the same name in different case, or up to three similar names of doors and of nodes that
+    are not jambs.
     """
     folded = [one for one in known if one.lower() == name.lower()]
     doors = {one.removesuffix(jamb) for one in known for jamb in JAMB_SUFFIXES if one.endswith(jamb)} - {""}
     others = {one for one in known if not any(one.removesuffix(jamb) in doors for jamb in JAMB_SUFFIXES)}
-    return did_you_mean(name, folded or sorted(doors | others), most=3)
+    return did_you_mean(name, folded or sorted(doors | others), max_names=3)
 
 
 def _lifts(building: Building) -> tuple[Lift, ...]:
-    spots = {
+    nodes_by_name = {
         (floor.name, node.name): NodeIndex(f, r, n)
         for f, floor in enumerate(building.maps)
         for r, ring in enumerate(floor.rings)
         for n, node in enumerate(ring.nodes)
     }
-    return tuple(Lift(spots[ride.first], spots[ride.second]) for ride in building.rides)
+    return tuple(Lift(nodes_by_name[ride.first], nodes_by_name[ride.second]) for ride in building.rides)
 
 
 def _no_route(
     layouts: tuple[Layout, ...], start: NodeIndex, goal: NodeIndex, travel: Travel | None
 ) -> NoPlanError:
     message = f"no path leads from `{_name(layouts, start)}` to `{_name(layouts, goal)}`"
-    for spot in (start, goal):
-        if layouts[spot.floor].corridor_of_node(spot.ring, spot.node) is None:
-            message += f": `{_name(layouts, spot)}` is in no corridor"
+    for node_index in (start, goal):
+        if layouts[node_index.floor].corridor_of_node(node_index.ring, node_index.node) is None:
+            message += f": `{_name(layouts, node_index)}` is in no corridor"
             return NoPlanError(message, "a corridor has two walls that face each other, 1 m to 4.5 m apart")
     one, other = layouts[start.floor].source, layouts[goal.floor].source
     if one is not other:
@@ -165,7 +170,8 @@ def _no_route(
 def _segments(layouts: tuple[Layout, ...], route: Route) -> tuple[tuple[Segment, ...], str]:
     segments: list[Segment] = []
     modes = ""
-    landings = {spot for part in route if isinstance(part, Lift) for spot in (part.first, part.second)}
+    rides = [part for part in route if isinstance(part, Lift)]
+    landings = {landing for ride in rides for landing in (ride.first, ride.second)}
     for part in route:
         match part:
             case Stretch():
@@ -183,55 +189,57 @@ def _segments(layouts: tuple[Layout, ...], route: Route) -> tuple[tuple[Segment,
 def _legs(layouts: tuple[Layout, ...], stretch: Stretch, landings: set[NodeIndex]) -> tuple[Leg, ...]:
     layout = layouts[stretch.origin.floor]
     message = f"the path from `{_name(layouts, stretch.origin)}` to `{_name(layouts, stretch.goal)}`"
-    corridors = tuple(layout.corridors[k] for k in layout.joined(stretch.corridors))
+    corridors = tuple(layout.corridors[k] for k in layout.with_skipped(stretch.corridors))
     if not corridors:
         raise NoPlanError(f"{message} is in no corridor", "a corridor has two walls that face each other")
     ends = [
-        _doors(layout, spot) if spot in landings else layout.nodes[spot.ring][spot.node]
-        for spot in (stretch.origin, stretch.goal)
+        _doors(layout, node_index)
+        if node_index in landings
+        else layout.nodes[node_index.ring][node_index.node]
+        for node_index in (stretch.origin, stretch.goal)
     ]
     legs = legs_of(corridors, ends[0], ends[1])
     if isinstance(legs, DisconnectedCorridors):
-        places = [_shown(c.at(c.length_mm / 2)) for c in (legs.first, legs.second)]
+        places = [_format_point(c.point_at(c.length_mm / 2)) for c in (legs.first, legs.second)]
         message += f" leads from the corridor around {places[0]} to the one around {places[1]}"
         raise NoPlanError(f"{message}, and these do not meet", "`colony map` draws their walls")
     return legs
 
 
-def _shown(at: Point) -> str:
+def _format_point(at: Point) -> str:
     return f"({at.x / 1000:.1f} m, {at.y / 1000:.1f} m)"
 
 
-def _doors(layout: Layout, spot: NodeIndex) -> Point:
-    """Return the middle of an elevator's doors."""
-    nodes = layout.nodes[spot.ring]
-    here, there = nodes[spot.node], nodes[(spot.node + 1) % len(nodes)]
+def _doors(layout: Layout, node_index: NodeIndex) -> Point:
+    """Return the center of an elevator's doors."""
+    nodes = layout.nodes[node_index.ring]
+    here, there = nodes[node_index.node], nodes[(node_index.node + 1) % len(nodes)]
     return Point((here.x + there.x) / 2, (here.y + there.y) / 2)
 
 
 def _ride(layouts: tuple[Layout, ...], lift: Lift) -> Segment:
-    places, headings, routes = [], [], []
-    for spot in (lift.first, lift.second):
-        layout = layouts[spot.floor]
-        k = layout.corridor_of_node(spot.ring, spot.node)
+    points, headings, doors_mm = [], [], []
+    for node_index in (lift.first, lift.second):
+        layout = layouts[node_index.floor]
+        k = layout.corridor_of_node(node_index.ring, node_index.node)
         if k is None:
-            message = f"the elevator `{_name(layouts, spot)}` opens into no corridor"
+            message = f"the elevator `{_name(layouts, node_index)}` opens into no corridor"
             raise NoPlanError(message, "a corridor has two walls that face each other, 1 m to 4.5 m apart")
         corridor = layout.corridors[k]
-        doors = _doors(layout, spot)
-        places.append(Place(*corridor.at(corridor.abreast(*doors)), layout.source.name))
-        routes.append(abs(corridor.beside(*doors)))
-        # The elevator is behind its doors, on the left along the wall.
-        headings.append((layout.headings_deg[spot.ring][spot.node] + 90.0) % 360.0)
+        doors = _doors(layout, node_index)
+        points.append(FloorPoint(*corridor.point_at(corridor.reachable_along(*doors)), layout.source.name))
+        doors_mm.append(abs(corridor.offset(*doors)))
+        # The elevator is to the left of its edge.
+        headings.append((layout.headings_deg[node_index.ring][node_index.node] + 90.0) % 360.0)
     ring = layouts[lift.first.floor].source.rings[lift.first.ring]
     assert ring.edges[lift.first.node].kind is EdgeKind.ELEVATOR
     return Segment(
         kind=GoalKind.ELEVATOR,
         heading_deg=headings[0],
-        start=places[0],
-        end=places[1],
+        start=points[0],
+        end=points[1],
         width_mm=ring.edges[lift.first.node].length_mm,
         turn_deg=(headings[1] - headings[0]) % 360.0,
-        doors_mm=(routes[0], routes[1]),
+        doors_mm=(doors_mm[0], doors_mm[1]),
         doors=(_name(layouts, lift.first), _name(layouts, lift.second)),
     )

@@ -1,6 +1,6 @@
 """The beam model of the position filter: the predicted readings of a ring of sonars at a pose on the map.
 
-A wall reflects ultrasound like a mirror. A sonar detects the part of a wall that its cone meets within the
+A wall reflects ultrasound like a mirror. A sonar detects the part of a wall that its cone hits within the
 critical angle to the wall's normal, and reads the nearest point of that part: the perpendicular distance if
 the normal lies in the cone (a region of constant depth), else the distance along the edge of the cone.
 Corners are not modeled: a sonar that detects one mostly detects its walls as well. Source: Leonard and
@@ -35,14 +35,14 @@ class SonarModel:
 
     Attributes:
         ring_mm: distance from the robot's center to each transducer, where ranges begin.
-        half_beam_deg: half the opening of the cone.
-        critical_deg: largest angle to a wall's normal at which the wall returns an echo.
+        half_beam_deg: half the opening angle of the cone.
+        critical_deg: maximum angle to a wall's normal at which the wall returns an echo.
         full_range_mm: reading of a sonar without an echo.
-        reach_mm: largest reading that is used.
-        noise_mm, noise: standard deviation of a reading of a wall whose normal is in the cone: a constant,
-            and a part of the range. It is several times that of a single echo, since the errors of successive
-            echoes of a wall are correlated.
-        oblique_mm: the constant for a wall detected by the edge of the cone, which is not sharp in reality.
+        reach_mm: maximum reading that is used.
+        noise_mm, noise_fraction: standard deviation of a reading of a wall whose normal is in the cone: a
+            constant, plus a fraction of the range. It is several times that of a single echo, since the
+            errors of successive echoes of a wall are correlated.
+        oblique_mm: the constant for a wall detected by the edge of the cone, which is blurred in reality.
     """
 
     ring_mm: float = 360.0
@@ -51,7 +51,7 @@ class SonarModel:
     full_range_mm: float = 10_000.0
     reach_mm: float = 6_000.0
     noise_mm: float = 12.0
-    noise: float = 0.006
+    noise_fraction: float = 0.006
     oblique_mm: float = 30.0
 
 
@@ -59,12 +59,12 @@ class Reflectors(NamedTuple):
     """The walls of a map as reflectors of ultrasound.
 
     Attributes:
-        start: (n, 2), one end of each in mm; the free space is to the right, looking from there along the
-            wall.
-        along, normal: (n, 2), unit vectors: to the other end, and into the free space.
+        start: (n, 2), one end of each wall in mm; looking along the wall from there, the free space is to the
+            right.
+        along, normal: (n, 2), unit vectors toward the other end, and into the free space.
         length: (n,) in mm.
-        sigma_factor: (n,), factor of a reading's standard deviation: 1 for a wall, more for a door, which may
-            be open, infinity for glass, which may return no echo.
+        sigma_factor: (n,), factor for a reading's standard deviation: 1 for a wall, more for a door, which
+            may be open, infinity for glass, which may return no echo.
     """
 
     start: Floats
@@ -73,11 +73,11 @@ class Reflectors(NamedTuple):
     length: Floats
     sigma_factor: Floats
 
-    def near(self, x_mm: float, y_mm: float, reach_mm: float) -> Reflectors:
+    def within(self, x_mm: float, y_mm: float, reach_mm: float) -> Reflectors:
         """Return the walls that come within `reach_mm` of a point."""
         to_start = self.start - (x_mm, y_mm)
-        part = np.clip(-(to_start * self.along).sum(axis=1), 0.0, self.length)
-        nearest = to_start + part[:, None] * self.along
+        nearest_along = np.clip(-(to_start * self.along).sum(axis=1), 0.0, self.length)
+        nearest = to_start + nearest_along[:, None] * self.along
         chosen = (nearest * nearest).sum(axis=1) < reach_mm * reach_mm
         return Reflectors(*(field[chosen] for field in self))
 
@@ -120,9 +120,10 @@ class Prediction(NamedTuple):
 _RAYS = 5
 _MIN_COSINE = 1e-6
 _LEAK_MM = 0.5
-# An echo this many times as far away as the infinite wall would be is that of the wall's end. The end lies
-# somewhere between two rays, scan after scan the same two: up to 3 % off, which no averaging removes.
-_END = 1.003
+# An echo from this many times the distance of the infinitely extended wall comes from the wall's end. The end
+# is somewhere between two rays, and scan after scan between the same two: an error of up to 3 %, which
+# averaging does not remove.
+_END_RATIO = 1.003
 _CHANNEL = np.arange(CHANNELS)
 _RAY = np.arange(_RAYS)[None, :]
 
@@ -147,7 +148,7 @@ class SonarRing:
     """A ring of sonars with its beam model. Immutable."""
 
     def __init__(self, model: SonarModel) -> None:
-        """Lay out the rays: five per cone, two of them on its edges."""
+        """Precompute the rays: five per cone, two of them on its edges."""
         self.model = model
         self._half_beam = math.radians(model.half_beam_deg)
         offsets = np.linspace(-1.0, 1.0, _RAYS) * self._half_beam
@@ -158,16 +159,16 @@ class SonarRing:
     def predict(self, reflectors: Reflectors, x_mm: float, y_mm: float, heading_rad: float) -> Prediction:
         """Predict the readings at a pose; the heading counts counterclockwise from north."""
         if len(reflectors.length) == 0:
-            silence = np.full(CHANNELS, np.inf)
-            return Prediction(silence, silence, np.zeros((CHANNELS, 3)))
+            no_echo = np.full(CHANNELS, np.inf)
+            return Prediction(no_echo, no_echo, np.zeros((CHANNELS, 3)))
         sine, cosine = math.sin(heading_rad), math.cos(heading_rad)
         ray_x = -self._ray_u * sine - self._ray_v * cosine
         ray_y = self._ray_u * cosine - self._ray_v * sine
         axis_x, axis_y = ray_x[_RAYS // 2 :: _RAYS], ray_y[_RAYS // 2 :: _RAYS]
-        from_x = x_mm + self.model.ring_mm * axis_x
-        from_y = y_mm + self.model.ring_mm * axis_y
-        hit = self._cast(reflectors, np.stack([ray_x, ray_y], axis=1), np.stack([from_x, from_y], axis=1))
-        return self._predicted(reflectors, hit, axis_x, axis_y)
+        origin_x = x_mm + self.model.ring_mm * axis_x
+        origin_y = y_mm + self.model.ring_mm * axis_y
+        hit = self._cast(reflectors, np.stack([ray_x, ray_y], axis=1), np.stack([origin_x, origin_y], axis=1))
+        return self._prediction(reflectors, hit, axis_x, axis_y)
 
     def _cast(self, reflectors: Reflectors, rays: Floats, origins: Floats) -> _Hit:
         """Return the first hit of each sonar."""
@@ -179,33 +180,36 @@ class SonarRing:
         passing = (rays @ along).reshape(CHANNELS, _RAYS, -1)
         with np.errstate(divide="ignore", invalid="ignore"):
             distances = height[:, None, :] / closing
-        spots = foot[:, None, :] + distances * passing
+        hit_along = foot[:, None, :] + distances * passing
         hits = (closing > _MIN_COSINE) & (height[:, None, :] > 0.0)
-        hits &= (spots > -_LEAK_MM) & (spots < reflectors.length + _LEAK_MM)
+        hits &= (hit_along > -_LEAK_MM) & (hit_along < reflectors.length + _LEAK_MM)
         distances = np.where(hits, distances, np.inf)
         walls = distances.argmin(axis=2)
-        at = (_CHANNEL[:, None], _RAY, walls)
-        depth, cosine = distances[at], closing[at]
+        ray_index = (_CHANNEL[:, None], _RAY, walls)
+        depth, cosine = distances[ray_index], closing[ray_index]
         detected = (depth < self.model.reach_mm) & (cosine >= self._cos_critical)
         distance = np.where(detected, depth, np.inf)
-        pick = (_CHANNEL, distance.argmin(axis=1))
-        first = walls[pick]
+        best_ray = (_CHANNEL, distance.argmin(axis=1))
+        first = walls[best_ray]
         return _Hit(
-            distance=distance[pick], wall=first, height=height[_CHANNEL, first], detected=detected[pick]
+            distance=distance[best_ray],
+            wall=first,
+            height=height[_CHANNEL, first],
+            detected=detected[best_ray],
         )
 
-    def _predicted(self, reflectors: Reflectors, hit: _Hit, axis_x: Floats, axis_y: Floats) -> Prediction:
-        """Return the prediction from these hits."""
+    def _prediction(self, reflectors: Reflectors, hit: _Hit, axis_x: Floats, axis_y: Floats) -> Prediction:
+        """Return the prediction for these hits."""
         model = self.model
         normal_x, normal_y = reflectors.normal[hit.wall].T
-        phi = np.arctan2(  # of the axis, counterclockwise from the way straight to the wall
+        phi = np.arctan2(  # angle of the axis from the perpendicular to the wall, counterclockwise
             normal_y * axis_x - normal_x * axis_y, -normal_x * axis_x - normal_y * axis_y
         )
         psi = phi - np.clip(phi, -self._half_beam, self._half_beam)
         secant = np.where(hit.detected, 1.0 / np.cos(psi), 1.0)
         turning = model.ring_mm * np.sin(phi) * secant + hit.height * np.sin(psi) * secant * secant
-        sigma = np.where(psi == 0.0, model.noise_mm, model.oblique_mm) + model.noise * hit.height
-        whole = hit.detected & (hit.distance < _END * hit.height * secant)
+        sigma = np.where(psi == 0.0, model.noise_mm, model.oblique_mm) + model.noise_fraction * hit.height
+        whole = hit.detected & (hit.distance < _END_RATIO * hit.height * secant)
         return Prediction(
             ranges=hit.distance,
             sigma=np.where(whole, sigma * reflectors.sigma_factor[hit.wall], np.inf),

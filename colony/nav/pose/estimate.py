@@ -2,11 +2,11 @@
 
 It fuses odometry, scans against the map, local maps, ceiling lights, door plates and the markers of elevators
 into one pose with one covariance. A client that observes a landmark publishes a `Fix` at DServer; the
-estimator uses each fix once, for the pose at its time. It publishes the estimate at DServer, and sends
-corrections to RServer.
+estimator uses each fix once, as a measurement of the pose at the fix's time. It publishes the estimate at
+DServer, and sends corrections to RServer.
 
-In an elevator the sonars are not used: its walls are mirrors, and its cabin is on no map. On another floor
-the estimator changes the map and restarts from RServer's position, with the uncertainty of a ride.
+In an elevator the sonars are not used: the walls act as mirrors, and the cabin is not on any map. On another
+floor the estimator changes the map and restarts from RServer's position, with the uncertainty of a ride.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from colony.runtime.library.proximity import SonarReading
 from colony.runtime.library.robot import Position
 
 _FIXES = {LIGHT_FIX: Source.LIGHTS, PLATE_FIX: Source.PLATES, MARKER_FIX: Source.MARKERS}
-_AHEAD_NS = 1_000_000_000
-"""Largest time of a fix ahead of the robot's clock; a fix from farther in the future is discarded."""
+_MAX_AHEAD_NS = 1_000_000_000
+"""Maximum lead of a fix's time over the robot's clock; fixes from farther in the future are discarded."""
 _WITH_SCANS = frozenset({Source.SONAR, Source.LOCAL_MAPS})
 
 
@@ -39,11 +39,11 @@ def pose_estimator(
 ) -> Script:
     """Estimate the robot's pose from all sources together, and correct RServer's position, forever.
 
-    Without RServer's position the estimator waits; a source whose server does not answer is left out.
+    While RServer does not answer, the estimator waits; a source whose server does not answer is left out.
 
     Args:
-        floors: the walls of each floor, by the values of FLOOR; the first floor counts until FLOOR is set.
-        sources: the sources besides the odometry.
+        floors: the walls of each floor, by the value of FLOOR; until FLOOR is set, the first floor is used.
+        sources: the sources used besides the odometry.
         period_s: seconds between two readings of the sonars and the position.
 
     Raises:
@@ -55,7 +55,7 @@ def pose_estimator(
 
 
 class _Estimator:
-    """The state of the estimator: the tracker, the floor, and the newest inputs. Mutable."""
+    """The estimator's state: the tracker, the floor, and the newest inputs. Mutable."""
 
     def __init__(self, floors: Mapping[str, Walls], sources: frozenset[Source]) -> None:
         self._floors, self._sources = floors, sources
@@ -74,31 +74,31 @@ class _Estimator:
             scan = None
             if self._sources & _WITH_SCANS:
                 scan = yield from try_ask("PServer", proximity.sonar())
-            where = yield from try_ask("RServer", robot.position())
-            if where is None:
+            reported = yield from try_ask("RServer", robot.position())
+            if reported is None:
                 continue
             fresh = scan if scan is not None and scan.t_ns > self._scan_ns else None
-            if fresh is None and self._last is not None and where.t_ns <= self._last.t_ns:
+            if fresh is None and self._last is not None and reported.t_ns <= self._last.t_ns:
                 continue
-            yield from self._take(fresh, where)
+            yield from self._process(fresh, reported)
 
-    def _take(self, scan: SonarReading | None, where: Position) -> Generator[Step, Any, None]:
+    def _process(self, scan: SonarReading | None, reported: Position) -> Generator[Step, Any, None]:
         """Update the tracker with a scan, a position and the fixes of landmarks, and publish the result."""
         ranges = None
-        at = where
+        scan_position = reported
         if scan is not None:
             self._scan_ns = scan.t_ns
-            at = position_at(scan.t_ns, where, self._last)
+            scan_position = position_at(scan.t_ns, reported, self._last)
             if not (yield from self._is_riding()):
                 ranges = scan.ranges
-        fixes = yield from self._fixes(where.t_ns)
-        correction = self._tracker.update(ranges, at, fixes)
-        self._last = where
+        fixes = yield from self._fixes(reported.t_ns)
+        correction = self._tracker.update(ranges, scan_position, fixes)
+        self._last = reported
         dx, dy, turn = correction.x_mm, correction.y_mm, correction.heading_deg
         if correction.is_significant and (yield from try_adjust_position(dx, dy, turn)):
             self._tracker.record_correction(correction)
-            heading = where.heading + turn
-            self._last = Position(x=where.x + dx, y=where.y + dy, heading=heading, t_ns=where.t_ns)
+            heading = reported.heading + turn
+            self._last = Position(x=reported.x + dx, y=reported.y + dy, heading=heading, t_ns=reported.t_ns)
         if (pose := self._tracker.estimate) is not None:
             yield from try_ask("DServer", data.set(POSE, pose_list(pose)))
 
@@ -113,12 +113,12 @@ class _Estimator:
         self._tracker.enter(self._floors[floor])
 
     def _is_riding(self) -> Generator[Step, Any, bool]:
-        """Return True if the robot is on its way into an elevator, or in it."""
+        """Return True if the robot is entering an elevator, in it, or leaving it."""
         goal = yield from try_ask("DServer", data.get(GOAL_TYPE))
         return goal == GoalKind.ELEVATOR
 
     def _fixes(self, now_ns: int) -> Generator[Step, Any, list[LandmarkFix]]:
-        """Return the fixes that were not used yet."""
+        """Return the fixes that have not been used yet."""
         values = yield from try_ask("DServer", data.get_many(_FIXES))
         if values is None:
             yield from _create_fix_variables()
@@ -126,14 +126,14 @@ class _Estimator:
         found: list[LandmarkFix] = []
         for name, source in _FIXES.items():
             fix = fix_of(values[name])
-            if fix is not None and self._newest_ns[name] < fix.t_ns <= now_ns + _AHEAD_NS:
+            if fix is not None and self._newest_ns[name] < fix.t_ns <= now_ns + _MAX_AHEAD_NS:
                 self._newest_ns[name] = fix.t_ns
                 found.append(LandmarkFix(source, fix))
         return found
 
 
 def _create_fix_variables() -> Generator[Step, Any, None]:
-    """Set the fix variables that are unset to an empty list, so that all can be read at once."""
+    """Set unset fix variables to an empty list, so that all of them can be read in one call."""
     for name in _FIXES:
         if (yield from try_ask("DServer", data.get(name))) is None:
             yield from try_ask("DServer", data.set(name, []))

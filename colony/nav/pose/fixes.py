@@ -1,13 +1,13 @@
 """Fixes: measurements of the robot's pose by landmarks, linear in x, y and the heading.
 
-A ceiling light measures the position along its corridor; a plate of the map, that and the distance to the
-wall; lines on the ceiling, or a wall, the heading. Each measurement is a row: the coefficients of x and y (in
+A ceiling light measures the position along its corridor; a plate of the map also the distance to the wall;
+a line on the ceiling, or a wall, the heading. Each measurement is a row: the coefficients of x and y (in
 mm) and of the heading (in radians), the measured sum, and its standard deviation. Rows hold for the pose at
 the time of the image, `t_ns`.
 
-Headings are measured modulo a full turn: 359 and -1 degrees are the same `value`, as the filter takes the
-turn that fits best. In a row of both position and heading, a full turn of the heading must change the sum by
-more than the position can be off; otherwise the row is rejected.
+Headings are measured modulo a full turn: 359 and -1 degrees are the same `value`, as the filter chooses
+the turn that fits best. In a row of both position and heading, a full turn of the heading must change the sum
+by more than any position error could; otherwise the row is rejected.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 
 class Row(NamedTuple):
-    """cx * x + cy * y + ch * heading = value, give or take `sigma`; mm and radians."""
+    """The measurement cx * x + cy * y + ch * heading = value, with its standard deviation; mm and radians."""
 
     cx: float
     cy: float
@@ -39,7 +39,7 @@ def fix_list(fix: Fix) -> list[float]:
 
 
 def fix_of(value: Any) -> Fix | None:
-    """Decode a fix from DServer; None if the value is no list of finite numbers of the right length."""
+    """Decode a fix from DServer; None if the value is not a list of finite numbers of the right length."""
     if not isinstance(value, list | tuple) or len(value) % 5 != 1:
         return None
     if not all(isinstance(number, int | float) and math.isfinite(number) for number in value):

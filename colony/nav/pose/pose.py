@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 
 
 class PoseEstimate(NamedTuple):
-    """A pose in the map of the present floor, with its covariance.
+    """A pose in the map of the current floor, with its covariance.
 
     `x_mm` is east and `y_mm` north, the heading counterclockwise from north. `xx` to `hh` are the upper
-    triangle of the covariance, row by row: mm^2, mm^2, mm deg, mm^2, mm deg, deg^2. The estimate is that at
-        `t_ns`, in the robot's time.
+    triangle of the covariance, row by row: mm^2, mm^2, mm deg, mm^2, mm deg, deg^2. The pose is that at
+    `t_ns`, in the robot's time.
     """
 
     t_ns: int
@@ -42,7 +42,7 @@ def pose_list(pose: PoseEstimate) -> list[float]:
 
 
 def pose_of(value: Any) -> PoseEstimate | None:
-    """Decode a pose from DServer; None if the value is no list of ten finite numbers."""
+    """Decode a pose from DServer; None if the value is not a list of ten finite numbers."""
     if not isinstance(value, list | tuple) or len(value) != len(PoseEstimate._fields):
         return None
     if not all(isinstance(number, int | float) and math.isfinite(number) for number in value):

@@ -1,4 +1,4 @@
-"""Motion of the robot by its odometry: from one time to the next, and since a past time."""
+"""Motion of the robot by its odometry: in one step, and since a past time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 class Step(NamedTuple):
     """A motion of the robot in its frame at the start.
 
-    Ahead and to the left in mm, and the turn in radians counterclockwise.
+    Distances ahead and to the left in mm, and the turn in radians counterclockwise.
     """
 
     ahead_mm: float
@@ -17,9 +17,10 @@ class Step(NamedTuple):
 
 
 class MotionSince(NamedTuple):
-    """The motion of the robot since a past time, in its present frame.
+    """The motion of the robot since a past time, in its current frame.
 
-    Ahead and to the left in mm, the turn in radians counterclockwise, and the distance traveled in mm.
+    Distances ahead and to the left in mm, the turn in radians counterclockwise, and the distance traveled in
+    mm.
     """
 
     ahead_mm: float

@@ -1,9 +1,9 @@
 """The pose tracker: follows a robot through the map of its floor by odometry, sonar and landmarks.
 
-Normally the position filter alone tracks the pose. If it is lost, because a wheel slipped, for example, the
+Normally the position filter alone tracks the pose. If it is lost, for example because a wheel slipped, the
 tracker tries headings around the estimated one on single scans. If that fails, it builds a local map of the
-last meters, and matches the lines in it to the walls. Without the source of scans against the map, a sequence
-of such local maps replaces it.
+last meters and matches the lines in it to the walls. Without `Source.SONAR`, the pose is tracked by a
+sequence of such local maps instead.
 """
 
 from __future__ import annotations
@@ -61,19 +61,19 @@ class Correction:
     @property
     def is_significant(self) -> bool:
         """True if the correction exceeds the noise of the estimate."""
-        return math.hypot(self.x_mm, self.y_mm) > _WORTH_MM or abs(self.heading_deg) > _WORTH_DEG
+        return math.hypot(self.x_mm, self.y_mm) > _SIGNIFICANT_MM or abs(self.heading_deg) > _SIGNIFICANT_DEG
 
 
-_WORTH_MM = 4.0
-_WORTH_DEG = 0.15
+_SIGNIFICANT_MM = 4.0
+_SIGNIFICANT_DEG = 0.15
 _JUMP_MM = 1_000.0
-_FASTEST_MM_S = 800.0
+_MAX_SPEED_MM_S = 800.0
 _SLACK_MM = 20.0
-_NEAR_MM = 1_000.0
-_TIMING_S = 0.02
+_SEARCH_INTERVAL_MM = 1_000.0
+_TIMING_SIGMA_S = 0.02
 _RETRY_SCANS = 5
 _HOPEFUL_SCANS = 50
-_PAUSE_SCANS = 20  # relocation is expensive, and a robot that stays lost is probably outside of the map
+_PAUSE_SCANS = 20  # relocation is expensive, and a robot that stays lost is probably outside the map
 _TRAIL_MM = 3_000.0
 _MIN_TRAIL_MM = 1_500.0
 _NO_STEP = Step(0.0, 0.0, 0.0)
@@ -81,7 +81,7 @@ _MAX_PENDING = 20
 _LINES_AFTER_SCANS = 15
 _LINES_GATE = Gate(angle_deg=40.0, offset_mm=1_000.0)
 _LINES_MM, _LINES_DEG = 20.0, 0.3  # lower bounds: the map's walls are not exact
-# A lost robot is relocated by two lights; a plate or a marker may be mistaken for another one.
+# Two lights may relocate a lost robot; a plate or a marker may be mistaken for another one.
 _JUMP_LIMITS = {
     Source.LIGHTS: JumpLimit(2_600.0, math.radians(20.0)),
     Source.PLATES: JumpLimit(400.0, math.radians(10.0)),
@@ -94,12 +94,12 @@ _NEW_FLOOR_MM, _NEW_FLOOR_DEG = 150.0, 4.0  # after a ride, during which only od
 class PoseTracker:
     """A tracker of the robot's pose. Mutable.
 
-    It holds the filter, the newest position, the motion and scans of the last meters, the reflectors nearby,
-    and the fixes whose times are still to come.
+    It holds the filter, the newest position, the motion and scans of the last meters, the nearby reflectors,
+    and fixes that are newer than the newest position.
     """
 
     def __init__(self, walls: Walls, *, sources: frozenset[Source] = EVERY_SOURCE) -> None:
-        """Begin without a position: the first one is taken as it is."""
+        """Start without a position: the first one is adopted unchanged."""
         self._sonar = SonarModel()
         self._sources = sources
         self._ring = SonarRing(self._sonar)
@@ -135,63 +135,67 @@ class PoseTracker:
         self._last, self._pending = None, ()
 
     def update(
-        self, ranges: Sequence[float] | None, at: Position, fixes: Iterable[LandmarkFix] = ()
+        self, ranges: Sequence[float] | None, position: Position, fixes: Iterable[LandmarkFix] = ()
     ) -> Correction:
         """Update with a scan, its odometry and the fixes of landmarks; return the correction of the odometry.
 
-        Without ranges there is no scan. Ranges and positions that are not finite are ignored. Fixes whose
-        times are still to come are kept until then.
+        `ranges` is None without a scan. Ranges and positions that are not finite are ignored. Fixes newer
+        than the position are kept until their time.
         """
-        if not all(map(math.isfinite, (at.x, at.y, at.heading))):
+        if not all(map(math.isfinite, (position.x, position.y, position.heading))):
             return Correction(x_mm=0.0, y_mm=0.0, heading_deg=0.0)
         scan = None if ranges is None else np.array(ranges, dtype=np.float64)
-        last, self._last = self._last, at
+        last, self._last = self._last, position
         if self._filter is None:
-            self._filter = PoseFilter(self._ring, (at.x, at.y, at.heading))
-            self._history.restart(at.t_ns)
+            self._filter = PoseFilter(self._ring, (position.x, position.y, position.heading))
+            self._history.restart(position.t_ns)
         elif last is None:
-            self._begin(self._filter, at, (_NEW_FLOOR_MM, _NEW_FLOOR_DEG))
+            self._restart(self._filter, position, (_NEW_FLOOR_MM, _NEW_FLOOR_DEG))
         else:
-            self._move(self._filter, last, at, scan)
-        self._take_fixes(self._filter, fixes)
+            self._move(self._filter, last, position, scan)
+        self._apply_fixes(self._filter, fixes)
         if scan is not None:
-            self._take_scan(self._filter, scan, _blur_rad(last, at))
+            self._apply_scan(self._filter, scan, _blur_rad(last, position))
         x, y, heading = self._filter.state[:3].tolist()
-        turned = math.remainder(math.degrees(heading) - at.heading, 360.0)
-        return Correction(x_mm=x - at.x, y_mm=y - at.y, heading_deg=turned)
+        turned = math.remainder(math.degrees(heading) - position.heading, 360.0)
+        return Correction(x_mm=x - position.x, y_mm=y - position.y, heading_deg=turned)
 
-    def record_correction(self, by: Correction) -> None:
-        """Record that the odometry was corrected: its next positions include the correction."""
+    def record_correction(self, correction: Correction) -> None:
+        """Record that the odometry was corrected: from now on its positions include the correction."""
         if (last := self._last) is not None:
-            heading = last.heading + by.heading_deg
-            self._last = Position(x=last.x + by.x_mm, y=last.y + by.y_mm, heading=heading, t_ns=last.t_ns)
+            heading = last.heading + correction.heading_deg
+            self._last = Position(
+                x=last.x + correction.x_mm, y=last.y + correction.y_mm, heading=heading, t_ns=last.t_ns
+            )
 
-    def _begin(
-        self, filter_: PoseFilter, at: Position, sigma: tuple[float | None, float | None] = (None, None)
+    def _restart(
+        self, filter_: PoseFilter, position: Position, sigma: tuple[float | None, float | None] = (None, None)
     ) -> None:
         """Restart the filter at another position."""
-        filter_.reset((at.x, at.y, at.heading), *sigma)
+        filter_.reset((position.x, position.y, position.heading), *sigma)
         self._trail.clear()
-        self._history.restart(at.t_ns)
+        self._history.restart(position.t_ns)
 
-    def _move(self, filter_: PoseFilter, last: Position, at: Position, scan: Floats | None) -> None:
-        farthest = _FASTEST_MM_S * max(at.t_ns - last.t_ns, 0) / 1e9
-        too_far = math.hypot(at.x - last.x, at.y - last.y) - farthest
-        if too_far > _JUMP_MM:  # another client set it
-            self._begin(filter_, at)
-        elif too_far > _SLACK_MM:  # another client corrected it
-            turned = math.remainder(at.heading - last.heading, 360.0)
-            filter_.shift(at.x - last.x, at.y - last.y, math.radians(turned))
-            self._history.add(at.t_ns, _NO_STEP)
+    def _move(self, filter_: PoseFilter, last: Position, position: Position, scan: Floats | None) -> None:
+        farthest = _MAX_SPEED_MM_S * max(position.t_ns - last.t_ns, 0) / 1e9
+        excess = math.hypot(position.x - last.x, position.y - last.y) - farthest
+        if excess > _JUMP_MM:  # another client set the position
+            self._restart(filter_, position)
+        elif excess > _SLACK_MM:  # another client corrected the position
+            turned = math.remainder(position.heading - last.heading, 360.0)
+            filter_.shift(position.x - last.x, position.y - last.y, math.radians(turned))
+            self._history.add(position.t_ns, _NO_STEP)
         else:
-            step = filter_.move(step_between(last, at))
-            self._history.add(at.t_ns, step)
+            step = filter_.move(step_between(last, position))
+            self._history.add(position.t_ns, step)
             self._trail.add(step, scan)
 
-    def _take_fixes(self, filter_: PoseFilter, fixes: Iterable[LandmarkFix]) -> None:
-        """Update the filter with the fixes whose times have come."""
+    def _apply_fixes(self, filter_: PoseFilter, fixes: Iterable[LandmarkFix]) -> None:
+        """Update the filter with the fixes that are not newer than the newest position."""
         known = (*self._pending, *(fix for fix in fixes if fix.source in self._sources))
-        self._pending = tuple(new for new in known if new.fix.t_ns > self._history.t_ns)[-_MAX_PENDING:]
+        self._pending = tuple(pending for pending in known if pending.fix.t_ns > self._history.t_ns)[
+            -_MAX_PENDING:
+        ]
         for source, fix in known:
             motion = self._history.motion_since(fix.t_ns)
             if fix.t_ns > self._history.t_ns or motion is None:
@@ -199,67 +203,67 @@ class PoseTracker:
             for row in fix.rows:
                 filter_.observe(row, motion, _JUMP_LIMITS[source])
 
-    def _take_scan(self, filter_: PoseFilter, scan: Floats, blur_rad: float) -> None:
+    def _apply_scan(self, filter_: PoseFilter, scan: Floats, blur_rad: float) -> None:
         """Update the filter with a scan."""
-        near = self._nearby_reflectors(*filter_.state[:2].tolist())
+        reflectors = self._nearby_reflectors(*filter_.state[:2].tolist())
         if Source.SONAR in self._sources:
-            filter_.observe_scan(near, scan, blur_rad)
-            self._relocate(filter_, near, scan)
+            filter_.observe_scan(reflectors, scan, blur_rad)
+            self._relocate(filter_, reflectors, scan)
         elif Source.LOCAL_MAPS in self._sources and self._trail.travel_mm >= _MIN_TRAIL_MM:
-            for match in self._matches(filter_, near):
+            for match in self._matches(filter_, reflectors):
                 for row in _measurements(match, filter_.state):
                     filter_.observe(row, limit=_JUMP_LIMITS[Source.LOCAL_MAPS])
-            self._trail.clear()  # each scan counts once
+            self._trail.clear()  # so that each scan is used once
 
-    def _relocate(self, filter_: PoseFilter, near: Reflectors, scan: Floats) -> None:
+    def _relocate(self, filter_: PoseFilter, reflectors: Reflectors, scan: Floats) -> None:
         """Relocate the filter if it is lost."""
         if not filter_.is_lost:
             self._lost_scans = 0
             return
         self._lost_scans += 1
         pause = _RETRY_SCANS if self._lost_scans < _HOPEFUL_SCANS else _PAUSE_SCANS
-        if self._lost_scans % pause == 1 and filter_.relocate(near, scan):
+        if self._lost_scans % pause == 1 and filter_.relocate(reflectors, scan):
             self._trail.clear()  # the time of the slip is unknown
         elif Source.LOCAL_MAPS not in self._sources:
             return
         elif self._lost_scans % _LINES_AFTER_SCANS == 0 and self._trail.travel_mm >= _MIN_TRAIL_MM:
-            self._match_lines(filter_, near, scan)
+            self._match_lines(filter_, reflectors, scan)
 
-    def _match_lines(self, filter_: PoseFilter, near: Reflectors, scan: Floats) -> None:
+    def _match_lines(self, filter_: PoseFilter, reflectors: Reflectors, scan: Floats) -> None:
         """Correct the filter by the lines in a map of the last meters."""
         x, y, heading = filter_.state[:3].tolist()
-        fix = combine_matches(self._matches(filter_, near))
+        fix = combine_matches(self._matches(filter_, reflectors))
         if fix is not None:
             pose = (x + fix.x_mm, y + fix.y_mm, math.degrees(heading) + fix.heading_deg)
-            filter_.adopt_if_better(pose, near, scan)
+            filter_.adopt_if_better(pose, reflectors, scan)
 
-    def _matches(self, filter_: PoseFilter, near: Reflectors) -> tuple[WallMatch, ...]:
+    def _matches(self, filter_: PoseFilter, reflectors: Reflectors) -> tuple[WallMatch, ...]:
         """Match the lines in a map of the last meters to walls."""
         x, y, heading = filter_.state[:3].tolist()
         here = Pose(x, y, math.degrees(heading))
         lines = self._trail.lines(self._himm)
-        found = (match_wall(in_building_frame(line, here), near, here, _LINES_GATE) for line in lines)
+        found = (match_wall(in_building_frame(line, here), reflectors, here, _LINES_GATE) for line in lines)
         return tuple(match for match in found if match is not None)
 
     def _nearby_reflectors(self, x_mm: float, y_mm: float) -> Reflectors:
-        """Return the reflectors in reach of a place; search again after each meter."""
+        """Return the reflectors in reach of a position; the search is repeated after each meter."""
         moved = math.hypot(x_mm - self._nearby_at[0], y_mm - self._nearby_at[1])
-        if self._nearby is None or moved > _NEAR_MM:
-            reach = self._sonar.reach_mm + self._sonar.ring_mm + _NEAR_MM
-            self._nearby, self._nearby_at = self._reflectors.near(x_mm, y_mm, reach), (x_mm, y_mm)
+        if self._nearby is None or moved > _SEARCH_INTERVAL_MM:
+            reach = self._sonar.reach_mm + self._sonar.ring_mm + _SEARCH_INTERVAL_MM
+            self._nearby, self._nearby_at = self._reflectors.within(x_mm, y_mm, reach), (x_mm, y_mm)
         return self._nearby
 
 
-def _blur_rad(last: Position | None, at: Position) -> float:
-    """Return the error of the heading from the time difference between scan and position."""
-    if last is None or at.t_ns <= last.t_ns:
+def _blur_rad(last: Position | None, position: Position) -> float:
+    """Return the standard deviation of the heading due to the time difference between scan and position."""
+    if last is None or position.t_ns <= last.t_ns:
         return 0.0
-    turned = math.radians(abs(math.remainder(at.heading - last.heading, 360.0)))
-    return turned / ((at.t_ns - last.t_ns) / 1e9) * _TIMING_S
+    turned = math.radians(abs(math.remainder(position.heading - last.heading, 360.0)))
+    return turned / ((position.t_ns - last.t_ns) / 1e9) * _TIMING_SIGMA_S
 
 
 def _measurements(match: WallMatch, state: Floats) -> tuple[Row, ...]:
-    """Return the measurements by a wall matched in a local map: the heading, and the distance of the wall."""
+    """Return the measurements by a matched wall: the heading, and the distance of the wall."""
     x, y, heading = state[:3].tolist()
     off = match.normal_x * x + match.normal_y * y + match.shift_mm
     turned = heading + math.radians(match.turn_deg)

@@ -6,16 +6,16 @@ one. So exactly one of the commands requested in a frame is dispatched, once:
 
 - Clients evaluate exclusive guards: a client that bids a command knows that the network lets it through, and
   normally no other client bids one in that frame. Priorities are the second line of defense.
-- The frame is decided as soon as a command has arrived and all live clients with a higher place have been
+- The frame is decided as soon as a command has arrived and all live clients of higher priority have been
   heard from. A higher client that does not answer delays the decision by at most the grace period, because
   the exclusive guard of the command says that it is the right one. When all live clients have been heard
   from and none commands, the actuator is idle.
 - At the deadline the highest command that has arrived is dispatched, or the idle command. A late or lost
   client therefore leads to idle, never to a lesser behavior.
-- Two commands in one frame are a violation: it is recorded, and the higher place wins.
+- Two commands in one frame are a violation: it is recorded, and the higher priority wins.
 - Connections from outside the network, locks and the emergency stop are `Interventions`.
 
-`ballot.py` has the rule, `Arbiter` the protocol around it: ticks, requests and times in, events out.
+`ballot.py` contains the rule, `Arbiter` the protocol around it: ticks, requests and times in, events out.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from colony.runtime.arbitration.ballot import (
     NO_INTERVENTIONS,
     Ballot,
     Choice,
+    ClientRanking,
     Interventions,
-    Places,
-    malformed,
+    request_error,
 )
-from colony.runtime.protocol.deployment import ActuatorTable
+from colony.runtime.protocol.deployment import ActuatorSpec
 from colony.runtime.protocol.messages import Fate, Hold, Request, Tick, Verdict
 
 
@@ -71,17 +71,17 @@ class Dispatch(NamedTuple):
 Event = Dispatch | Verdict
 
 MAX_FRAMES_AHEAD = 64
-"""Largest number of frames by which a request may precede its tick; others are refused."""
+"""Maximum number of frames by which a request may precede its tick; earlier ones are dropped."""
 
 MAX_NOTES = 20
 MAX_NOTE_LENGTH = 200
-"""Limits of a verdict: its number of notes, and the characters of each, whatever clients send."""
+"""Maximum number of notes in a verdict, and of characters in each, whatever clients send."""
 
 Phase = Literal["open", "dispatched", "closed"]
 
 
 class Arbiter:
-    """The arbitration protocol of one actuator. Mutable: the requests of the present frame and of later ones.
+    """The arbitration protocol of one actuator. Stateful: keeps requests for this frame and later ones.
 
     Every frame gives exactly one `Dispatch` and one `Verdict`: the dispatch when the frame is decided, the
     verdict when every live client has been heard from, or the next frame begins.
@@ -91,23 +91,23 @@ class Arbiter:
         times: deadline and grace period.
     """
 
-    def __init__(self, actuator: ActuatorTable, times: Timing) -> None:
+    def __init__(self, actuator: ActuatorSpec, times: Timing) -> None:
         self._actuator = actuator
-        self._places = Places(actuator.clients)
+        self._ranking = ClientRanking(actuator.clients)
         self._times = times
         self._phase: Phase = "closed"
         self._tick = Tick(k=-1, t_ns=0)
         self._ahead: dict[int, list[Request]] = {}
-        self._remarks: list[str] = []
+        self._next_notes: list[str] = []
         self._begin(self._tick, frozenset(), 0, NO_INTERVENTIONS)
 
     def _begin(self, tick: Tick, lost: frozenset[str], now_ns: int, interventions: Interventions) -> None:
         self._tick, self._interventions = tick, interventions
-        self._lost = lost.intersection(self._places.names) if lost else lost
-        self._ballot = Ballot(self._places, self._lost)
+        self._lost = lost.intersection(self._ranking.names) if lost else lost
+        self._ballot = Ballot(self._ranking, self._lost)
         self._late: set[str] = set()
         self._refused: set[str] = set()
-        self._notes, self._remarks = self._remarks, []
+        self._notes, self._next_notes = self._next_notes, []
         began_ns = now_ns if self._times.from_arrival else tick.t_ns
         self._deadline_ns = began_ns + self._times.deadline_ns
         self._decide_by = self._deadline_ns
@@ -121,7 +121,7 @@ class Arbiter:
     def open(
         self, tick: Tick, lost: frozenset[str], now_ns: int, interventions: Interventions = NO_INTERVENTIONS
     ) -> tuple[Event, ...]:
-        """Begin a frame, and end the previous one in its present state; ignore ticks of the past."""
+        """Begin a frame, and end the previous one as it stands; ignore ticks of the past."""
         if tick.k <= self._tick.k:
             return ()
         events = self._end_frame()
@@ -145,7 +145,7 @@ class Arbiter:
         return self._advance(now_ns)
 
     def intervene(self, interventions: Interventions, now_ns: int) -> tuple[Event, ...]:
-        """Apply a change of commands from outside, locks or the stop; a dispatched frame stays as it is."""
+        """Apply a change of outside commands, locks or the stop; a dispatched frame is not affected."""
         if self._phase != "open":
             return ()
         self._interventions = interventions
@@ -156,34 +156,34 @@ class Arbiter:
         return self._advance(now_ns)
 
     def finish(self) -> tuple[Event, ...]:
-        """End the present frame in its present state, as no other follows."""
+        """End the current frame as it stands, because no other follows."""
         return self._end_frame()
 
     def add_note(self, note: str) -> None:
         """Add a note for users to the verdict of this frame or, if it is over, of the next."""
-        notes = self._notes if self._phase in ("open", "dispatched") else self._remarks
+        notes = self._notes if self._phase in ("open", "dispatched") else self._next_notes
         if len(notes) < MAX_NOTES:
             notes.append(note if len(note) <= MAX_NOTE_LENGTH else f"{note[: MAX_NOTE_LENGTH - 3]}...")
 
     def _keep_for_later(self, request: Request) -> None:
-        if request.client not in self._places.rank:
+        if request.client not in self._ranking.rank:
             return
         if self._tick.k >= 0:
             too_far = request.k > self._tick.k + MAX_FRAMES_AHEAD
         else:  # no tick yet: the first may have any number
             too_far = request.k not in self._ahead and len(self._ahead) >= MAX_FRAMES_AHEAD
         kept = None if too_far else self._ahead.setdefault(request.k, [])
-        if kept is not None and len(kept) < 2 * len(self._places.names):
+        if kept is not None and len(kept) < 2 * len(self._ranking.names):
             kept.append(request)
 
     def _take(self, request: Request, now_ns: int) -> None:
         client = request.client
         if client in self._ballot.requests or client in self._refused or client in self._late:
             return  # a duplicated message
-        reason = malformed(request, self._actuator, self._places.rank)
+        reason = request_error(request, self._actuator, self._ranking.rank)
         if reason is not None:
             self.add_note(reason)
-            if client in self._places.rank:
+            if client in self._ranking.rank:
                 self._refused.add(client)
                 self._ballot.exclude(client)
             return
@@ -238,7 +238,7 @@ class Arbiter:
             actuator=self._actuator.name,
             by=sent.by,
             values=in_declared_units(sent.values, self._actuator.fields),
-            fates=(*((c, self._fate(c, sent)) for c in self._places.names), *self._fates_outside(sent)),
+            fates=(*((c, self._fate(c, sent)) for c in self._ranking.names), *self._fates_outside(sent)),
             fault=sent.fault,
             violation=self._ballot.commands > 1,
             notes=tuple(self._notes),
@@ -261,7 +261,7 @@ class Arbiter:
         return _losing_fate(sent)
 
     def _fates_outside(self, sent: Dispatch) -> tuple[tuple[str, Fate], ...]:
-        """Return the fates of outside connections whose command was not sent, after those of the network."""
+        """Return the fates of outside connections whose command was not sent."""
         if not self._interventions.commands:
             return ()
         fate: Fate = "overridden" if sent.hold is None else _losing_fate(sent)

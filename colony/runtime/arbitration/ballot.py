@@ -1,13 +1,13 @@
-"""The rule that gives an actuator to one of the parties that request it in a frame.
+"""The rule that decides which of the parties that command an actuator in a frame acts.
 
 There are three kinds of parties. The clients of the network bid, and by their exclusive guards at most one of
 them commands. Connections from outside command with the priority of the connection, which no client has: one
-above the network's winner acts in its stead, one below acts only when the network is idle. The emergency stop
-keeps out all parties; a lock keeps out all but its holder.
+above the network's winner acts instead of it, one below acts only when the network is idle. The emergency
+stop keeps out all parties; a lock keeps out all but its holder.
 
 The rule applies to the requests that have arrived so far; a missing request is never taken for an idle one. A
-command from outside acts when every client with a higher place was heard from and does not command, or when
-the network's winner has a lower place (then, by the exclusive guards, every client above that winner is
+command from outside acts when every client of higher priority was heard from and does not command, or when
+the network's winner has lower priority (then, by the exclusive guards, every client above that winner is
 inactive). If a higher client is late, lost or refused, the actuator is idle.
 """
 
@@ -19,12 +19,12 @@ from typing import NamedTuple, get_args
 
 from colony.ir.frame import Bid
 from colony.ir.types import ScalarValue
-from colony.runtime.protocol.deployment import ActuatorTable, FieldTable
+from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec
 from colony.runtime.protocol.messages import Hold, Request
 
 
-class Places:
-    """The clients of an actuator, highest place first, and their priorities in descending order."""
+class ClientRanking:
+    """The clients of an actuator and their priorities, in descending order of priority (rank 0 first)."""
 
     def __init__(self, clients: tuple[tuple[str, int], ...]) -> None:
         self.names = tuple(name for name, _ in clients)
@@ -61,7 +61,7 @@ STOPPED = Interventions(hold="stopped")
 
 
 class Choice(NamedTuple):
-    """The present decision of a frame: the client `by` or the connection `outside` acts, or neither (idle).
+    """The decision of a frame so far: the client `by` or the connection `outside` acts, or neither (idle).
 
     `settled` is True if no outstanding request can change it.
     """
@@ -72,20 +72,20 @@ class Choice(NamedTuple):
 
 
 class Ballot:
-    """The requests of one actuator in one frame. Mutable: the requests that arrived.
+    """The requests for one actuator in one frame. Stateful: collects the requests that arrive.
 
-    Methods take constant time in the number of clients; only the constructor does not.
+    All requests of a frame together take time linear in the number of clients.
     """
 
-    def __init__(self, places: Places, lost: Iterable[str]) -> None:
-        count = len(places.names)
-        self._places = places
+    def __init__(self, ranking: ClientRanking, lost: Iterable[str]) -> None:
+        count = len(ranking.names)
+        self._ranking = ranking
         self.requests: dict[str, Request] = {}
         self.commands = 0
         self._heard = bytearray(count)
-        self._first_unheard = 0  # the highest rank that is still waited for
-        self._first_unknown = count  # the highest rank whose request will never be known
-        self._contender = count  # the highest rank that commands
+        self._first_unheard = 0  # the highest-ranked client that is still waited for
+        self._first_unknown = count  # the highest-ranked client whose request will never be known
+        self._contender = count  # the highest-ranked client that commands
         for client in lost:
             self.exclude(client)
 
@@ -96,7 +96,7 @@ class Ballot:
 
     def take(self, request: Request) -> None:
         """Take a client's first, well-formed request; a lost client's request does not count."""
-        rank = self._places.rank[request.client]
+        rank = self._ranking.rank[request.client]
         self.requests[request.client] = request
         if self._heard[rank]:
             return
@@ -107,13 +107,13 @@ class Ballot:
 
     def exclude(self, client: str) -> None:
         """Stop waiting for a client; its bid stays unknown."""
-        rank = self._places.rank[client]
+        rank = self._ranking.rank[client]
         self._first_unknown = min(self._first_unknown, rank)
         self._mark_heard(rank)
 
     def mark_late(self, client: str) -> None:
         """Stop waiting for a client whose request came after the decision."""
-        self._mark_heard(self._places.rank[client])
+        self._mark_heard(self._ranking.rank[client])
 
     def choose(self, interventions: Interventions) -> Choice:
         """Return the decision according to the requests so far."""
@@ -128,31 +128,31 @@ class Ballot:
         count = len(self._heard)
         if interventions.commands:
             outside = interventions.commands[0]
-            above = self._places.above(outside.priority)
+            above = self._ranking.above(outside.priority)
             if above <= self._contender:
                 if min(self._first_unheard, self._first_unknown) >= above:
                     return Choice(None, outside, True)
                 if self._contender < count:
                     return Choice(None, outside, False)
         if self._contender < count:
-            return Choice(self._places.names[self._contender], None, self._first_unheard > self._contender)
+            return Choice(self._ranking.names[self._contender], None, self._first_unheard > self._contender)
         return Choice(None, None, self.complete)
 
     def _mark_heard(self, rank: int) -> None:
         heard = self._heard
         heard[rank] = 1
         if rank == self._first_unheard:
-            first = heard.find(0, rank)
-            self._first_unheard = len(heard) if first < 0 else first
+            next_rank = heard.find(0, rank)
+            self._first_unheard = len(heard) if next_rank < 0 else next_rank
 
 
 _BIDS = frozenset(get_args(Bid))
 
 
-def malformed(request: Request, actuator: ActuatorTable, places: Container[str]) -> str | None:
-    """Return why a request is malformed, or None. No malformed request may move a robot."""
-    if request.client not in places:
-        return f"`{request.client}` is no client of {actuator.name}"
+def request_error(request: Request, actuator: ActuatorSpec, clients: Container[str]) -> str | None:
+    """Return the reason why a request is malformed, or None. No malformed request may move a robot."""
+    if request.client not in clients:
+        return f"`{request.client}` is not a client of {actuator.name}"
     if request.bid not in _BIDS:
         return f"`{request.client}` bids {request.bid!r}"
     if request.bid != "command":
@@ -162,12 +162,12 @@ def malformed(request: Request, actuator: ActuatorTable, places: Container[str])
     if len(request.values) != len(actuator.fields):
         return f"`{request.client}` gave {len(request.values)} values, expected {len(actuator.fields)}"
     for field, value in zip(actuator.fields, request.values, strict=True):
-        if not _acceptable(field, value):
+        if not _is_acceptable(field, value):
             return f"`{request.client}` gave {field.name} = {value!r}"
     return None
 
 
-def _acceptable(field: FieldTable, value: ScalarValue) -> bool:
+def _is_acceptable(field: ActuatorFieldSpec, value: ScalarValue) -> bool:
     if field.kind == "bool":
         return isinstance(value, bool)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):

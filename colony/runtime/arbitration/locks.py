@@ -1,9 +1,9 @@
 """The lock of a server: one token, and the queue for it (thesis section 4.6.3, "Locking Mechanism").
 
-RServer's lock gives one connection exclusive motion, a CServer's keeps its image from being replaced. Waiting
-calls are served by the priority of their connections, then in the order of their arrival. Each waits no
-longer than its timeout, so that no client gets a lock for which it no longer waits. `drop` handles the end of
-a connection that holds the lock or waits for it.
+RServer's lock gives one connection exclusive use of the base; a CServer's keeps its image from being
+replaced. Waiting calls are served by the priority of their connections, then in the order of their arrival.
+None waits longer than its timeout, so that no client gets a lock that it no longer expects. `drop` handles
+the end of a connection that holds the lock or waits for it.
 """
 
 from __future__ import annotations
@@ -14,30 +14,30 @@ from colony.runtime.protocol.calls import CallId, RefusedError
 from colony.runtime.protocol.connections import Caller
 
 
-class _Waiting(NamedTuple):
+class _QueuedCall(NamedTuple):
     order: tuple[int, int]
     until_ns: int
     call_id: CallId
 
 
 class LockQueue:
-    """The holder of a token, and the calls that wait for it. Mutable: both.
+    """The holder of a token, and the calls that wait for it. Mutable.
 
-    Methods return the calls to answer: those that are granted now, or whose timeout has passed.
+    Methods return the calls to answer now: those that get the token, or whose timeout has passed.
     """
 
     def __init__(self) -> None:
         self._holder: Caller | None = None
-        self._waiting: list[_Waiting] = []
+        self._waiting: list[_QueuedCall] = []
         self._count = 0
 
     @property
     def holder(self) -> Caller | None:
-        """The connection that has the token."""
+        """The connection that holds the token."""
         return self._holder
 
     @property
-    def waiting(self) -> tuple[Caller, ...]:
+    def queue(self) -> tuple[Caller, ...]:
         """Callers that wait for the token, in the order in which they will be served."""
         return tuple(w.call_id.caller for w in sorted(self._waiting))
 
@@ -46,11 +46,11 @@ class LockQueue:
         """The earliest timeout of the waiting calls."""
         return min((w.until_ns for w in self._waiting), default=None)
 
-    def ask(self, call_id: CallId, now_ns: int, *, wait_ns: int) -> bool:
-        """Return True if the token is granted now; otherwise the call waits. The lock is reentrant.
+    def acquire(self, call_id: CallId, now_ns: int, *, wait_ns: int) -> bool:
+        """Return True if the call gets the token now; otherwise queue the call. The lock is reentrant.
 
         Raises:
-            RefusedError: "locked": another connection has the token, and the call does not wait.
+            RefusedError: "locked": another connection holds the token, and the call does not wait.
         """
         if self._holder is None or self._holder.connection == call_id.caller.connection:
             self._holder = call_id.caller
@@ -58,11 +58,11 @@ class LockQueue:
         if wait_ns <= 0:
             raise self.refusal()
         self._count += 1
-        self._waiting.append(_Waiting((-call_id.caller.priority, self._count), now_ns + wait_ns, call_id))
+        self._waiting.append(_QueuedCall((-call_id.caller.priority, self._count), now_ns + wait_ns, call_id))
         return False
 
     def release(self, caller: Caller) -> tuple[CallId, ...]:
-        """Take the token back from its holder, and return the calls that are granted now.
+        """Take the token back from its holder, and return the calls that get it now.
 
         Raises:
             RefusedError: "unlocked": the caller does not hold the lock.
@@ -73,7 +73,7 @@ class LockQueue:
         return self._grant()
 
     def drop(self, caller: Caller) -> tuple[CallId, ...]:
-        """Remove a connection that ended as holder and from the queue; return the calls that are granted."""
+        """Remove a connection that ended; return the calls that get the token now."""
         self._waiting = [w for w in self._waiting if w.call_id.caller.connection != caller.connection]
         if self._holder is None or self._holder.connection != caller.connection:
             return ()
@@ -81,7 +81,7 @@ class LockQueue:
         return self._grant()
 
     def expire(self, now_ns: int) -> tuple[CallId, ...]:
-        """Return the calls whose timeout has passed; the caller refuses them."""
+        """Remove and return the calls whose timeout has passed; the caller refuses them."""
         late = tuple(w.call_id for w in sorted(self._waiting) if now_ns >= w.until_ns)
         self._waiting = [w for w in self._waiting if now_ns < w.until_ns]
         return late
@@ -92,7 +92,7 @@ class LockQueue:
         return RefusedError("locked", f"{name} holds the lock")
 
     def _grant(self) -> tuple[CallId, ...]:
-        """Give the token to the first waiting connection, with all of its calls that wait."""
+        """Give the token to the first connection in the queue, and return all of its waiting calls."""
         if not self._waiting:
             return ()
         self._holder = min(self._waiting).call_id.caller

@@ -1,6 +1,6 @@
-"""Motions of a base: the modes of the Labmate (thesis section 4.6.3), as control laws stepped once a frame.
+"""Motions of a base: the modes of the Labmate (thesis section 4.6.3), as control laws stepped once per frame.
 
-    joystick              no command yet: the base stands, and the joystick moves it
+    joystick              no command yet: the base stands still, and the joystick moves it
     go                    straight ahead, the heading held by a PI controller
     proportional go       the same by a P controller
     continuous turn       a number of degrees along an arc of a radius
@@ -8,10 +8,10 @@
     point-to-point turn   a number of degrees on the spot, with a trapezoidal speed profile
     jog                   a turning rate on top of forward motion
 
-Commands in degrees are positive clockwise, as in the thesis, and so lower the heading, which grows
-counterclockwise; the resulting speeds are positive counterclockwise, as a driver's are. The trapezoid brakes
-for the remaining distance less what is driven before the next frame, so that it does not overshoot on a base
-that brakes as commanded. Every finite motion ends at standstill.
+Commands in degrees are positive clockwise, as in the thesis, and so decrease the heading, which
+is counterclockwise; the resulting speeds are positive counterclockwise, as drivers of bases expect. The
+trapezoid brakes early by the distance that is driven until the next frame, so that a base that brakes as
+commanded does not overshoot. Every finite motion ends at standstill.
 
 A law is a value: `step` returns the speeds of a frame and the law's next value, which replaces the law only
 if the speeds are used. Pure.
@@ -40,17 +40,17 @@ INTEGRAL_GAIN = 0.5
 """Turning rate in deg/s for each degree-second of integrated heading error."""
 
 MAX_INTEGRAL = 20.0
-"""Anti-windup limit of the integral, in degree-seconds, so that a base that was blocked does not swing."""
+"""Anti-windup limit of the integral, in degree-seconds, so that a base does not swing after being blocked."""
 
 MAX_CORRECTION = 20.0
-"""Largest turning rate, in deg/s, of the heading controller."""
+"""Maximum turning rate, in deg/s, that the heading controller adds."""
 
 DISTANCE_TOLERANCE_MM = 1.0
 ANGLE_TOLERANCE_DEG = 0.2
-"""Tolerances within which a motion is done, in mm and degrees."""
+"""Remaining distance and angle at which a motion is done."""
 
 STALL_TIMEOUT_S = 2.0
-"""Seconds without progress after which a motion is given up."""
+"""Seconds without progress after which a motion is abandoned as stalled."""
 
 
 class Speeds(NamedTuple):
@@ -91,13 +91,16 @@ class ConstantSpeeds:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Go:
-    """Motion straight ahead. `heading` is held once it has begun; `error` is the integrated heading error."""
+    """Motion straight ahead.
+
+    `heading` is the heading to hold, None until it is measured; `integral` is the integrated heading error.
+    """
 
     velocity: float
     acceleration: float
     integrating: bool = True
     heading: float | None = None
-    error: float = 0.0
+    integral: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +115,7 @@ class Jog:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Halt:
-    """Standstill; reached immediately, or within the accelerations if `gradual`."""
+    """Standstill; reached immediately, or at the given accelerations if `gradual`."""
 
     gradual: bool
     acceleration: float
@@ -120,7 +123,7 @@ class Halt:
 
 
 class Progress(NamedTuple):
-    """Progress of a motion with an end: its origin, the most covered, and the time without progress."""
+    """Progress of a motion with an end: its origin, the maximum covered, and the time without progress."""
 
     origin: OdometerPose
     done: float = 0.0
@@ -197,7 +200,7 @@ def step(motion: Motion, observation: BaseObservation) -> Step:
 
 
 def mode(motion: Motion) -> Mode:
-    """Return the mode of a base that carries out a motion; a halted base is in go mode."""
+    """Return the mode of a base that carries out this motion; a halted base is in go mode."""
     match motion:
         case Go():
             return "go" if motion.integrating else "proportional go"
@@ -215,31 +218,31 @@ def mode(motion: Motion) -> Mode:
             assert_never(motion)
 
 
-def interrupted(motion: Motion) -> Motion:
-    """Return a motion after a frame in which another party acted: it holds the heading at which it resumes.
+def interrupt(motion: Motion) -> Motion:
+    """Return a motion after a frame in which another party acted: `Go` then holds a new heading.
 
     A finite motion continues with the remaining distance or angle.
     """
     if isinstance(motion, Go):
-        return replace(motion, heading=None, error=0.0)
+        return replace(motion, heading=None, integral=0.0)
     return motion
 
 
-def covered(motion: FiniteMotion, pose: OdometerPose | None) -> float:
-    """Return the distance or angle covered by a motion, in mm or degrees in the direction commanded."""
+def measure_progress(motion: FiniteMotion, pose: OdometerPose | None) -> float:
+    """Return the distance or angle covered so far, in mm or degrees in the commanded direction."""
     if motion.progress is None or pose is None:
         return 0.0
     origin = motion.progress.origin
     if isinstance(motion, Move):
         angle = math.radians(origin.heading)
-        along = math.cos(angle) * (pose.y - origin.y) - math.sin(angle) * (pose.x - origin.x)
-        return math.copysign(1.0, motion.distance) * along
+        distance = math.cos(angle) * (pose.y - origin.y) - math.sin(angle) * (pose.x - origin.x)
+        return math.copysign(1.0, motion.distance) * distance
     return math.copysign(1.0, motion.degrees) * (origin.heading - pose.heading)
 
 
-def approach(present: float, target: float, max_change: float) -> float:
-    """Return `present`, changed toward `target` by at most `max_change`."""
-    return present + min(max(target - present, -max_change), max_change)
+def approach(current: float, target: float, max_change: float) -> float:
+    """Return `current`, changed toward `target` by at most `max_change`."""
+    return current + min(max(target - current, -max_change), max_change)
 
 
 def braking_speed(distance: float, acceleration: float, dt_s: float) -> float:
@@ -263,18 +266,21 @@ def _go(motion: Go, observation: BaseObservation) -> Step:
     velocity = approach(observation.sent.velocity, motion.velocity, motion.acceleration * observation.dt_s)
     pose = observation.pose
     if pose is None or velocity == 0.0:
-        return Step(Speeds(velocity, 0.0), interrupted(motion))
+        return Step(Speeds(velocity, 0.0), interrupt(motion))
     heading = pose.heading if motion.heading is None else motion.heading
-    off = heading - pose.heading
-    error = 0.0
+    heading_error = heading - pose.heading
+    integral = 0.0
     if motion.integrating:
-        error = min(max(motion.error + off * observation.dt_s, -MAX_INTEGRAL), MAX_INTEGRAL)
-    return Step(Speeds(velocity, _correction(off, error)), replace(motion, heading=heading, error=error))
+        integral = min(max(motion.integral + heading_error * observation.dt_s, -MAX_INTEGRAL), MAX_INTEGRAL)
+    return Step(
+        Speeds(velocity, _correction(heading_error, integral)),
+        replace(motion, heading=heading, integral=integral),
+    )
 
 
-def _correction(off: float, error: float) -> float:
-    wanted = HEADING_GAIN * off + INTEGRAL_GAIN * error
-    return min(max(wanted, -MAX_CORRECTION), MAX_CORRECTION)
+def _correction(heading_error: float, integral: float) -> float:
+    rate = HEADING_GAIN * heading_error + INTEGRAL_GAIN * integral
+    return min(max(rate, -MAX_CORRECTION), MAX_CORRECTION)
 
 
 def _step_finite(motion: FiniteMotion, observation: BaseObservation) -> Step:
@@ -287,9 +293,9 @@ def _step_finite(motion: FiniteMotion, observation: BaseObservation) -> Step:
         total, tolerance = abs(motion.distance), DISTANCE_TOLERANCE_MM
     else:
         total, tolerance = abs(motion.degrees), ANGLE_TOLERANCE_DEG
-    done = covered(motion, pose)
-    left = total - done
-    if left <= tolerance:
+    done = measure_progress(motion, pose)
+    remaining = total - done
+    if remaining <= tolerance:
         return Step(STILL, motion, "done")
     if done > progress.done + tolerance:
         progress = progress._replace(done=done, idle_s=0.0)
@@ -298,21 +304,23 @@ def _step_finite(motion: FiniteMotion, observation: BaseObservation) -> Step:
     motion = replace(motion, progress=progress)
     if progress.idle_s > STALL_TIMEOUT_S:
         return Step(STILL, motion, "stalled")
-    return Step(_speeds(motion, left, pose, observation), motion)
+    return Step(_speeds(motion, remaining, pose, observation), motion)
 
 
-def _speeds(motion: FiniteMotion, left: float, pose: OdometerPose, observation: BaseObservation) -> Speeds:
+def _speeds(
+    motion: FiniteMotion, remaining: float, pose: OdometerPose, observation: BaseObservation
+) -> Speeds:
     sent, dt_s = observation.sent, observation.dt_s
     match motion:
         case Move():
             assert motion.progress is not None
-            speed = _trapezoid(sent.velocity, motion.distance, left, motion, dt_s)
+            speed = _trapezoid(sent.velocity, motion.distance, remaining, motion, dt_s)
             return Speeds(speed, _correction(motion.progress.origin.heading - pose.heading, 0.0))
         case Turn():
-            speed = _trapezoid(sent.turn, -motion.degrees, left, motion, dt_s)
+            speed = _trapezoid(sent.turn, -motion.degrees, remaining, motion, dt_s)
             return Speeds(approach(sent.velocity, 0.0, motion.braking * dt_s), speed)
         case Arc():
-            arc_mm = math.radians(left) * motion.radius
+            arc_mm = math.radians(remaining) * motion.radius
             speed = _trapezoid(sent.velocity, 1.0, arc_mm, motion, dt_s)
             turn = math.degrees(speed / motion.radius)
             return Speeds(speed, -math.copysign(turn, motion.degrees))
@@ -320,11 +328,11 @@ def _speeds(motion: FiniteMotion, left: float, pose: OdometerPose, observation: 
             assert_never(motion)
 
 
-def _trapezoid(sent: float, direction: float, left: float, motion: FiniteMotion, dt_s: float) -> float:
+def _trapezoid(sent: float, direction: float, remaining: float, motion: FiniteMotion, dt_s: float) -> float:
     """Return the next speed of a trapezoidal profile: accelerate, keep the velocity, brake in time.
 
-    It has the sign of `direction`; a base that still moves the other way is slowed down first.
+    It has the sign of `direction`; a base that still moves in the opposite direction is slowed down first.
     """
     sign = math.copysign(1.0, direction)
-    fastest = min(motion.velocity, braking_speed(left, motion.acceleration, dt_s))
-    return sign * min(fastest, sign * sent + motion.acceleration * dt_s)
+    max_speed = min(motion.velocity, braking_speed(remaining, motion.acceleration, dt_s))
+    return sign * min(max_speed, sign * sent + motion.acceleration * dt_s)

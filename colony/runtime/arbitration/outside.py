@@ -1,8 +1,8 @@
 """Connections that command an actuator from outside the network, with unique priorities and leases.
 
 A connection takes part in arbitration from its first command until it ends. For that time its priority is
-reserved: no other connection, and no client of the network, may command with it. The command holds until its
-lease expires, or until it is done.
+reserved: no other connection, and no client of the network, may command with it. Its command holds until the
+command's lease expires, or until the motion is done.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ MAX_LEASE_S = 60.0
 class Commander:
     """A connection and its command.
 
-    `until_ns` is the end of the command's lease (None: it holds until it is done), `call_id` the call that
-    waits for the end.
+    `until_ns` is the end of the command's lease (None: no lease; it holds until the motion is done).
+    `call_id` is the call that is answered when the command ends.
     """
 
     caller: Caller
@@ -34,14 +34,14 @@ class Commander:
 
 
 class OutsideCommanders:
-    """The connections that command from outside, by priority. Mutable: their commands."""
+    """The connections that command from outside, by priority. Mutable."""
 
     def __init__(self) -> None:
         self._by_priority: dict[int, Commander] = {}
 
     @property
     def all(self) -> tuple[Commander, ...]:
-        """All connections that have commanded, highest priority first."""
+        """All connections that take part, highest priority first."""
         return tuple(self._by_priority[p] for p in sorted(self._by_priority, reverse=True))
 
     @property
@@ -49,12 +49,12 @@ class OutsideCommanders:
         """The connections that command now, highest priority first."""
         return tuple(c for c in self.all if c.motion is not None) if self._by_priority else ()
 
-    def enter(self, caller: Caller, places: Mapping[int, str]) -> Commander:
-        """Return the commander of a connection; create it if needed.
+    def enter(self, caller: Caller, clients_by_priority: Mapping[int, str]) -> Commander:
+        """Return the commander of a connection, after adding it if it is new.
 
         Args:
             caller: connection that commands.
-            places: clients of the network by priority.
+            clients_by_priority: clients of the network by priority.
 
         Raises:
             RefusedError: "tie": another connection or client has that priority.
@@ -63,7 +63,9 @@ class OutsideCommanders:
         if known is not None and known.caller.connection == caller.connection:
             return known
         holder = (
-            f"`{places[caller.priority]}`, a client of the program," if caller.priority in places else None
+            f"`{clients_by_priority[caller.priority]}`, a client of the program,"
+            if caller.priority in clients_by_priority
+            else None
         )
         if known is not None:
             holder = f"{known.caller.name} ({known.caller.connection})"
@@ -73,14 +75,14 @@ class OutsideCommanders:
         entered = self._by_priority[caller.priority] = Commander(caller=caller)
         return entered
 
-    def of(self, caller: Caller) -> Commander | None:
+    def find(self, caller: Caller) -> Commander | None:
         """Return the commander of a connection, or None."""
         known = self._by_priority.get(caller.priority)
         return known if known is not None and known.caller.connection == caller.connection else None
 
     def leave(self, caller: Caller) -> None:
         """Free the priority of a connection that ended."""
-        if self.of(caller) is not None:
+        if self.find(caller) is not None:
             del self._by_priority[caller.priority]
 
     def expire(self, now_ns: int) -> None:
@@ -89,9 +91,9 @@ class OutsideCommanders:
             if commander.until_ns is not None and now_ns >= commander.until_ns:
                 commander.motion = commander.until_ns = None
 
-    def tied(self, places: Mapping[int, str]) -> str | None:
+    def find_tie(self, clients_by_priority: Mapping[int, str]) -> str | None:
         """Return the conflict between the priorities of a network and those of connections, or None."""
-        for priority, client in places.items():
+        for priority, client in clients_by_priority.items():
             if (known := self._by_priority.get(priority)) is not None:
                 holder = f"{known.caller.name} ({known.caller.connection})"
                 return f"`{client}` has priority {priority}, with which {holder} commands"

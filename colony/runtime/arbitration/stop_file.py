@@ -1,8 +1,8 @@
 """The file in which the Clock keeps the emergency stop, so that a restarted Clock knows of it.
 
-Its size never changes, and it is written in place: once the file exists, keeping a stop takes no further room
-on the disk, so that it works on a full one. (A copy-on-write file system, such as btrfs, may still need room;
-if there is none, the stop is not kept, and the Clock reports that.) A checksum covers the whole content.
+Its size never changes, and it is written in place: once the file exists, keeping a stop needs no further
+space, so that it works on a full disk. (A copy-on-write file system, such as btrfs, may still need space; if
+there is none, the stop is not kept, and the Clock reports that.) A checksum covers the whole content.
 Content torn by a loss of power, or written by another program, cannot be read: the Clock treats that as a
 stop.
 
@@ -28,7 +28,7 @@ FILE_BYTES = 4096
 _MAGIC = b"colony stop 1 "
 _BODY_BYTES = FILE_BYTES - len(_MAGIC) - 9
 _FLAGS = os.O_NOFOLLOW
-"""Flag against links: writing through one would change a file that is not the Clock's."""
+"""Do not follow symbolic links: writing through one would change a file that is not the Clock's."""
 
 
 class StopState(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -45,14 +45,14 @@ class StopFileError(Exception):
 class StopFile:
     """The file at `path`.
 
-    Mutable: the descriptor while it is open for writing, and the content written last.
+    Stateful: keeps the descriptor while the file is open for writing, and the content written last.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._descriptor: int | None = None
         self._written = b""
-        self._left_over = path.with_name(f"{path.name}.new")
+        self._leftover = path.with_name(f"{path.name}.new")
 
     def read(self) -> StopState | None:
         """Return the content, None if there is no file yet.
@@ -62,33 +62,33 @@ class StopFile:
                 version that died while it replaced this file.
             OSError: the file cannot be read.
         """
-        if os.path.lexists(self._left_over):
-            raise StopFileError(f"{self._left_over.name} was left over")
+        if os.path.lexists(self._leftover):
+            raise StopFileError(f"{self._leftover.name} was left over")
         try:
             descriptor = open_descriptor(self.path, os.O_RDONLY | _FLAGS)
         except FileNotFoundError:
             return None
         with open(descriptor, "rb") as file:
-            return _decoded(read_all(file, FILE_BYTES, self.path))
+            return _decode(read_all(file, FILE_BYTES, self.path))
 
-    def write(self, kept: StopState) -> None:
+    def write(self, state: StopState) -> None:
         """Write the file, creating it if the path leads to none, and wait until the disk has it.
 
         Raises:
             OSError: the content is not kept.
         """
-        data, opens = _encoded(kept), not self._in_place
+        data, must_open = _encode(state), not self._is_in_place
         try:
-            if opens:
+            if must_open:
                 self.close()
-                self._descriptor = self._reserved()
+                self._descriptor = self._open_for_writing()
             assert self._descriptor is not None
             _write(self._descriptor, data)
             self._written = data
-            if opens or os.path.lexists(self._left_over):
-                self._left_over.unlink(missing_ok=True)
+            if must_open or os.path.lexists(self._leftover):
+                self._leftover.unlink(missing_ok=True)
                 sync_folder(self.path.parent)
-            if not self._in_place:
+            if not self._is_in_place:
                 raise OSError(errno.ESTALE, "it was moved while it was being written")
         except OSError:
             self.close()
@@ -100,7 +100,7 @@ class StopFile:
         if self._descriptor is None:
             return False
         try:
-            return self._in_place and os.pread(self._descriptor, FILE_BYTES + 1, 0) == self._written
+            return self._is_in_place and os.pread(self._descriptor, FILE_BYTES + 1, 0) == self._written
         except OSError:
             return False
 
@@ -111,7 +111,7 @@ class StopFile:
             os.close(descriptor)
 
     @property
-    def _in_place(self) -> bool:
+    def _is_in_place(self) -> bool:
         if self._descriptor is None:
             return False
         try:
@@ -119,14 +119,16 @@ class StopFile:
         except OSError:
             return False
 
-    def _reserved(self) -> int:
-        """Open the file for writing; if there is none, create it with all of its room allocated."""
+    def _open_for_writing(self) -> int:
+        """Open the file for writing; if there is none, create it with all of its space allocated."""
         try:
             return open_descriptor(self.path, os.O_RDWR | _FLAGS)
         except FileNotFoundError:
             descriptor = open_descriptor(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL | _FLAGS)
         try:
-            _write(descriptor, bytes(FILE_BYTES))  # until it is filled, a reader finds it damaged: a stop
+            _write(
+                descriptor, bytes(FILE_BYTES)
+            )  # until its content is written, readers treat it as damaged: a stop
         except OSError:
             os.close(descriptor)
             self.path.unlink(missing_ok=True)
@@ -142,13 +144,13 @@ def _write(descriptor: int, data: bytes) -> None:
     os.fdatasync(descriptor)
 
 
-def _encoded(kept: StopState) -> bytes:
-    body = msgspec.json.encode(kept).ljust(_BODY_BYTES - 1) + b"\n"
+def _encode(state: StopState) -> bytes:
+    body = msgspec.json.encode(state).ljust(_BODY_BYTES - 1) + b"\n"
     assert len(body) == _BODY_BYTES
     return b"%s%08x %s" % (_MAGIC, crc32(body), body)
 
 
-def _decoded(data: bytes) -> StopState:
+def _decode(data: bytes) -> StopState:
     head, body = data[:-_BODY_BYTES], data[-_BODY_BYTES:]
     if not data:
         raise StopFileError("it is empty")
@@ -157,8 +159,8 @@ def _decoded(data: bytes) -> StopState:
     if head != b"%s%08x " % (_MAGIC, crc32(body)):
         raise StopFileError("it is damaged: the checksum is wrong")
     try:
-        kept = msgspec.json.decode(body, type=StopState)
-        msgspec.msgpack.encode(kept)  # a time that a tick could not carry is invalid
+        state = msgspec.json.decode(body, type=StopState)
+        msgspec.msgpack.encode(state)  # a time that a tick could not carry is invalid
     except (msgspec.DecodeError, UnicodeDecodeError, OverflowError) as problem:
         raise StopFileError(str(problem)) from None
-    return kept
+    return state

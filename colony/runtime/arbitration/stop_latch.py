@@ -1,10 +1,10 @@
 """The emergency stop, at the Clock and at the servers of actuators.
 
 The Clock has the `StopLatch`: it keeps the stop in a file, repeats it in every tick, and alone releases it. A
-server of actuators has a `StopFollower`: a call of its own or a tick stops it, its frames carry the stop, and
-it resumes when a tick carries a release that is not earlier than the stop. So a server that received a stop
-needs no other process to stay stopped, and a Clock that missed the call, or was restarted, learns of the stop
-from frames:
+server of actuators has a `StopFollower`: a call to the server or a tick stops it, its frames carry the stop,
+and it resumes when a tick carries a release that is not earlier than the stop. So a server that received a
+stop needs no other process to stay stopped, and a Clock that missed the call, or was restarted, learns of the
+stop from frames:
 
     a stop received at t is over once a release at r >= t is known, and only then
 
@@ -25,24 +25,24 @@ NEVER_RELEASED_NS = -1
 """Time of the last release if there was none."""
 
 UNREADABLE = "a file that cannot be read"
-"""Author of a stop that holds because it is unknown whether the robot was stopped."""
+"""Author of a stop that is assumed because the stop file cannot be read."""
 
 MAX_AUTHOR_LENGTH = 255
-"""Largest number of characters kept of a stop's author; each takes at most six bytes in the file."""
+"""Maximum length kept of a stop's author; each character takes at most six bytes in the file."""
 
 CHECK_NS = 1_000_000_000
-"""Nanoseconds between two checks that the file is in place and has the content written last."""
+"""Nanoseconds between two checks that the file is intact."""
 
 FIRST_RETRY_NS, LAST_RETRY_NS = 50_000_000, 1_000_000_000
 """Delay before a failed write of the file is retried, in nanoseconds: the first, and the longest."""
 
 
 class StopLatch:
-    """The Clock's memory of the emergency stop. Mutable: the stop, and whether the file is up to date.
+    """The Clock's record of the emergency stop. Mutable.
 
     Args:
         path: stop file, which need not exist; with None, a restart forgets the stop.
-        report: callback for a line to users each time the file causes a different problem.
+        report: callback for a line to users about each new problem with the file.
     """
 
     def __init__(self, path: Path | None, *, report: Callable[[str], None] = lambda line: None) -> None:
@@ -56,10 +56,10 @@ class StopLatch:
         self.released_ns = NEVER_RELEASED_NS
 
     def begin(self, now_ns: int) -> None:
-        """Load the file, and reserve its room on the disk; `now_ns` is the robot's time.
+        """Load the file, or create it so that its disk space is reserved; `now_ns` is the robot's time.
 
-        Later times in the file are from before the machine was rebooted: a stop then holds from now on, and a
-        release is dropped, because the stops that it ended are forgotten.
+        A time in the file later than `now_ns` is from before a reboot: such a stop counts as received now,
+        and such a release is forgotten, as are the stops that it ended.
         """
         if self._file is not None:
             self._load(self._file)
@@ -68,17 +68,17 @@ class StopLatch:
         if self.released_ns > now_ns:
             self.released_ns = NEVER_RELEASED_NS
         if not self._unreadable:
-            self._keep()
+            self._write()
 
     def engage(self, stopped: Stopped) -> None:
-        """Stop; the first of several stops is kept. Afterwards the file has it, or `trouble` is set.
+        """Stop; of several stops the first is kept. Afterwards it is in the file, or `trouble` is set.
 
         The file is written for each stop, even if it seems up to date, because each stop is acknowledged.
         """
         if self.stopped is None:
             self.stopped = Stopped(by=stopped.by[:MAX_AUTHOR_LENGTH], t_ns=stopped.t_ns)
         self._saved = False
-        self._keep()
+        self._write()
 
     def observe(self, stopped: Stopped | None) -> None:
         """Take over the stop that a server's frame carries, unless it has been released."""
@@ -86,11 +86,11 @@ class StopLatch:
             self.engage(stopped)
 
     def release(self, now_ns: int) -> None:
-        """End every stop received until `now_ns`; then the file has the release, or `trouble` is set."""
+        """End every stop received until `now_ns`; then the release is in the file, or `trouble` is set."""
         self.stopped = None
         self.released_ns = now_ns
         self._saved = False
-        self._keep()
+        self._write()
 
     def save(self, now_ns: int) -> None:
         """Keep the file in place and up to date; call this in each frame.
@@ -100,7 +100,7 @@ class StopLatch:
         """
         if self._unreadable or now_ns < self._due_ns:
             return
-        self._keep()
+        self._write()
         self._pause_ns = min(max(2 * self._pause_ns, FIRST_RETRY_NS), LAST_RETRY_NS) if self.trouble else 0
         self._due_ns = now_ns + (self._pause_ns or CHECK_NS)
 
@@ -109,7 +109,7 @@ class StopLatch:
         if self._file is not None:
             self._file.close()
 
-    def _keep(self) -> None:
+    def _write(self) -> None:
         """Write the file unless it is up to date and unchanged on disk; set or clear `trouble`."""
         self._unreadable = False
         if self._file is None or (self._saved and self._file.is_intact):
@@ -123,7 +123,7 @@ class StopLatch:
 
     def _load(self, file: StopFile) -> None:
         try:
-            kept = file.read()
+            state = file.read()
         except (OSError, ValueError, StopFileError) as problem:
             self._unreadable = True
             self.stopped = Stopped(by=UNREADABLE, t_ns=0)
@@ -132,8 +132,8 @@ class StopLatch:
                 f"{file.path}: {reason(problem)}",
             )
             return
-        if kept is not None:
-            self.stopped, self.released_ns = kept.stopped, kept.released_ns
+        if state is not None:
+            self.stopped, self.released_ns = state.stopped, state.released_ns
 
     def _note_trouble(self, summary: str, trouble: str) -> None:
         if trouble != self.trouble:
@@ -142,7 +142,7 @@ class StopLatch:
 
 
 class StopFollower:
-    """A server's part in the emergency stop. Mutable: the stop that keeps its actuators idle, if any."""
+    """The emergency stop at a server. Stateful: remembers the stop that keeps its actuators idle, if any."""
 
     def __init__(self) -> None:
         self.stopped: Stopped | None = None

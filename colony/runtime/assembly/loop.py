@@ -1,10 +1,11 @@
-"""A robot with its program, its servers and its scripts in one loop, for runs by the thousand.
+"""A robot with its program, servers and scripts in one loop, fast enough for thousands of runs.
 
 The loop consists of the parts of the real servers (`runtime/servers`), without messages, connections or a
-store. A frame is the same as among the real servers in virtual time (`virtual.py`), in one fixed order: the
-servers publish; the network decides and its commands are carried out; cameras grab when due; scripts that are
-due resume; the world advances to the next frame. The network therefore reads what a script, or the network
-itself, sets in a frame in the next one.
+store. Each frame has the same steps as with the real servers in virtual time (`virtual.py`), in a fixed
+order: the servers publish; the network decides and its commands are carried out; cameras grab when due;
+    scripts that
+are due resume; the world advances to the next frame. The network therefore reads a value that it or a script
+sets in the next frame.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.calls import CallId
-from colony.runtime.protocol.deployment import actuator_table, variables_read
+from colony.runtime.protocol.deployment import actuator_spec, variables_read
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.base import Base
 from colony.runtime.servers.base_actuator import speeds_of
 from colony.runtime.servers.cserver import Camera
-from colony.runtime.servers.data_methods import DataMethods, command
+from colony.runtime.servers.data_methods import DataMethods, set_commanded_variable
 from colony.runtime.servers.drivers import CameraDriver, Drivers
 from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.runtime_server import random_of_frame
@@ -39,11 +40,11 @@ from colony.runtime.store.store import Journal, MemoryStore
 from colony.runtime.transport.virtual import VirtualClock
 
 Watch = Callable[[Frame, Outcome], None]
-"""A function that takes every frame and its outcome, both in base units, before anything moves."""
+"""A function that takes every frame and its outcome, in base units, before commands are carried out."""
 
 
 class _NullJournal(Journal):
-    """A journal that keeps nothing, because nothing loads it."""
+    """A journal that keeps nothing, because no store is ever loaded."""
 
     def __init__(self) -> None:
         super().__init__(MemoryStore())
@@ -56,10 +57,10 @@ class _NullJournal(Journal):
 
 
 class LocalData(LocalServer):
-    """The variables and semaphores of DServer, called in this process. Mutable: both.
+    """The variables and semaphores of DServer, called in this process. Mutable.
 
     Args:
-        reads: the variables in frames, which the network reads.
+        reads: variables that the network reads, and which are therefore in frames.
     """
 
     def __init__(self, reads: Iterable[str] = ()) -> None:
@@ -73,13 +74,13 @@ class LocalData(LocalServer):
         super().__init__(DSERVER.name, methods.methods, methods.answers)
 
     def present(self, name: str) -> Any:
-        """Return the present value of a variable, None if it has none."""
-        found = self.variables.present(name)
-        return None if found is None else msgspec.msgpack.decode(found.data)
+        """Return the current value of a variable, None if it has none."""
+        variable = self.variables.current(name)
+        return None if variable is None else msgspec.msgpack.decode(variable.data)
 
 
 class LocalCamera(LocalServer):
-    """A camera server, called in this process. Mutable: the camera's image, its lock, the period."""
+    """A camera server, called in this process. Mutable."""
 
     def __init__(self, address: str, driver: CameraDriver) -> None:
         camera = Camera(address, driver)
@@ -94,17 +95,17 @@ class LocalCamera(LocalServer):
 
 
 class Loop:
-    """A robot in one loop. Mutable: the servers and scripts, the network's memory, the time.
+    """A robot in one loop. Mutable.
 
     Args:
         robot: sensors and actuators, as declared.
         executor: executor of the program in base units (`ir.program.robot_in_base_units`).
-        drivers: devices, which read time from `clock`.
-        scripts: scripts by name, in the order in which they run at one time.
+        drivers: device drivers, which read the time from `clock`.
+        scripts: scripts by name; those due at the same time run in this order.
         clock: time, which the loop advances.
-        advance: function that advances the world to the next frame, called with the clock already there.
+        advance: function that advances the world to the next frame, called after the clock has advanced.
         seed: seed of `Runtime.random`.
-        variables: DServer's variables, kept as fresh as each frame, in declared units.
+        variables: DServer's variables that stay fresh in every frame, in declared units.
         watch: callback for every frame and its outcome.
 
     Raises:
@@ -128,10 +129,13 @@ class Loop:
         bindings = bind(robot)
         self.base, proximity = Base(drivers.base), PServer(drivers.proximity, keep=1)
         self.data = LocalData(variables_read(bindings))
-        self.data.variables.hold(variables or {})
+        self.data.variables.pin(variables or {})
         self._cameras = tuple(LocalCamera(name, driver) for name, driver in drivers.cameras.items())
-        sensing = (LocalServer(RSERVER.name, self.base.methods), LocalServer(PSERVER.name, proximity.methods))
-        self.scripts = LocalScripts(scripts, (self.data, *sensing, *self._cameras))
+        sensor_servers = (
+            LocalServer(RSERVER.name, self.base.methods),
+            LocalServer(PSERVER.name, proximity.methods),
+        )
+        self.scripts = LocalScripts(scripts, (self.data, *sensor_servers, *self._cameras))
         self._watch = watch
         self._executor = executor
         self._frame_ns = robot.frame_ns
@@ -148,12 +152,12 @@ class Loop:
             RUNTIME.name: lambda now_ns: {"random": Sample(random_of_frame(seed, self.k), now_ns)},
         }
         self._publish = {b.server: servers[b.server] for b in sensors}
-        acts = tuple(
-            actuator_table(actuator, binding, ())
+        actuators = tuple(
+            actuator_spec(actuator, binding, ())
             for actuator, binding in zip(robot.actuators, bindings.actuators, strict=True)
         )
-        self._drives = tuple((i, act) for i, act in enumerate(acts) if act.server == RSERVER.name)
-        self._sets = tuple((i, act) for i, act in enumerate(acts) if act.server == DSERVER.name)
+        self._base_actuators = tuple((i, a) for i, a in enumerate(actuators) if a.server == RSERVER.name)
+        self._variable_actuators = tuple((i, a) for i, a in enumerate(actuators) if a.server == DSERVER.name)
         self.k = 0
 
     @property
@@ -173,14 +177,14 @@ class Loop:
         if self._watch is not None:
             self._watch(frame, outcome)
         decisions = outcome.decisions
-        for i, act in self._sets:
+        for i, actuator in self._variable_actuators:
             values = decisions[i].values
             if values is not None:
-                command(self.data.variables, act, values, now_ns)
-        for i, act in self._drives:
+                set_commanded_variable(self.data.variables, actuator, values, now_ns)
+        for i, actuator in self._base_actuators:
             values = decisions[i].values
             if values is not None:
-                self.base.drive(speeds_of(act, values))
+                self.base.drive(speeds_of(actuator, values))
         self.data.expire(now_ns)
         for camera in self._cameras:
             camera.poll(now_ns)

@@ -1,7 +1,6 @@
-"""The nodes that a compiled program needs on any robot.
+"""The nodes of a compiled program: its clients, the announcers of its Python modules, and the observer.
 
-They are its clients, the announcers of its Python modules, and the observer. Each process builds the nodes
-that run in it.
+Each process builds the nodes that run in it.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from typing import NamedTuple
 from colony.execute.compiled import Compiled
 from colony.execute.executor import ModuleExecutor, ProgramExecutor
 from colony.execute.needs import ClientKey, needs_of_clients
-from colony.execute.views import of_clients
+from colony.execute.views import clients_view
 from colony.runtime.clients.announcer import Announcer
 from colony.runtime.clients.client import ClientNode
 from colony.runtime.clients.client_program import ClientProgram
@@ -33,11 +32,11 @@ def build_clients(
         KeyError: the program has no such client.
     """
     degrading = {a.name for a in compiled.robot.actuators if a.on_loss == "degrade"}
-    here = tuple(clients)
-    needs = needs_of_clients(of_clients(compiled.code, here))
+    keys = tuple(clients)
+    needs = needs_of_clients(clients_view(compiled.code, keys))
     groups: dict[_Inputs, list[ClientKey]] = {}
-    for client in here:
-        servers = frozenset(b.server for b in _only(bindings.sensors, needs[client].sensors))
+    for client in keys:
+        servers = frozenset(b.server for b in _bindings_of(bindings.sensors, needs[client].sensors))
         awaited: Awaited = "degrade" if client[0] in degrading else "all"
         groups.setdefault(_Inputs(servers, needs[client].python_modules, awaited), []).append(client)
     return tuple(
@@ -56,16 +55,16 @@ class _Inputs(NamedTuple):
 def _client_node(
     compiled: Compiled, bindings: Bindings, clients: list[ClientKey], awaited: Awaited, run: str
 ) -> ClientNode:
-    part = ClientProgram(compiled, clients)
+    program = ClientProgram(compiled, clients)
     assembler = FrameAssembler(
-        _only(bindings.sensors, part.sensors),
-        part.python_modules,
+        _bindings_of(bindings.sensors, program.sensors),
+        program.python_modules,
         run=run,
         keep=frames_kept(compiled.frame_ns),
         awaited=awaited,
     )
     server = {b.actuator: b.server for b in bindings.actuators}
-    return ClientNode(part, [server[actuator] for actuator, _ in clients], assembler, run=run)
+    return ClientNode(program, [server[actuator] for actuator, _ in clients], assembler, run=run)
 
 
 def build_announcer(compiled: Compiled, bindings: Bindings, module: str, run: str) -> Announcer:
@@ -77,7 +76,7 @@ def build_announcer(compiled: Compiled, bindings: Bindings, module: str, run: st
     """
     executor = ModuleExecutor(compiled, module)
     keep = frames_kept(compiled.frame_ns)
-    assembler = FrameAssembler(_only(bindings.sensors, executor.sensors), run=run, keep=keep)
+    assembler = FrameAssembler(_bindings_of(bindings.sensors, executor.sensors), run=run, keep=keep)
     return Announcer(module, assembler, executor, run=run, keep=keep)
 
 
@@ -90,7 +89,11 @@ def build_observer(
     requests: bool = False,
 ) -> Observer:
     """Build the node that sees every frame and, with `requests`, the clients' requests."""
-    actuators, modules, keep = compiled.robot.actuators, compiled.announced, frames_kept(compiled.frame_ns)
+    actuators, modules, keep = (
+        compiled.robot.actuators,
+        compiled.python_modules,
+        frames_kept(compiled.frame_ns),
+    )
     degrading = (a.name for a in actuators if a.on_loss == "degrade")
     return Observer(
         FrameAssembler(bindings.sensors, run=run, keep=keep, declared=True),
@@ -103,6 +106,6 @@ def build_observer(
     )
 
 
-def _only(bindings: tuple[SensorBinding, ...], sensors: tuple[str, ...]) -> tuple[SensorBinding, ...]:
+def _bindings_of(bindings: tuple[SensorBinding, ...], sensors: tuple[str, ...]) -> tuple[SensorBinding, ...]:
     wanted = frozenset(sensors)
     return tuple(b for b in bindings if b.sensor in wanted)

@@ -1,7 +1,7 @@
 """The assignment of a program's clients to processes, and the names of the processes.
 
-All names are different, whatever the names of actuators and modules: the name of the shared process has one
-part, that of a client two, that of a Python module three.
+All process names are different, whatever the names of actuators and modules: the name of the shared process
+has one part, that of a client two, and that of a Python module three.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SHARED = "clients"
 class ClientProcess(NamedTuple):
     """The clients of one process.
 
-    `shared` is True for the process of all clients that do not run apart, even of a single one.
+    `shared` is True for the process of all clients that are not isolated, even if there is only one.
     """
 
     clients: tuple[ClientKey, ...]
@@ -28,7 +28,7 @@ class ClientProcess(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The name of the process: a client that runs apart gives it its address."""
+        """The name of the process; the process of an isolated client is named after the client's address."""
         return SHARED if self.shared else client_address(*self.clients[0])
 
 
@@ -36,15 +36,15 @@ def client_processes(compiled: Compiled, *, isolate: bool) -> tuple[ClientProces
     """Return the processes of the clients of a program.
 
     Modules written in the language can neither crash nor hang, and Python modules run elsewhere, so all
-    clients share one process. Clients of an actuator with `on_loss degrade` run apart, so that losing one
-    does not lose the others. With `isolate`, all clients run apart.
+    clients share one process. Clients of an actuator with `on_loss degrade` are isolated, each in its own
+    process, so that losing one does not lose the others. With `isolate`, all clients are.
     """
-    apart = {a.name for a in compiled.robot.actuators if isolate or a.on_loss == "degrade"}
+    isolated = {a.name for a in compiled.robot.actuators if isolate or a.on_loss == "degrade"}
     keys = [(actuator, module) for actuator, module, _ in compiled.clients]
-    shared = tuple(key for key in keys if key[0] not in apart)
+    shared = tuple(key for key in keys if key[0] not in isolated)
     return (
         *((ClientProcess(shared, shared=True),) if shared else ()),
-        *(ClientProcess((key,), shared=False) for key in keys if key[0] in apart),
+        *(ClientProcess((key,), shared=False) for key in keys if key[0] in isolated),
     )
 
 

@@ -1,4 +1,4 @@
-"""A whole robot in one process: clock, servers, clients and observer, joined by a transport in virtual time.
+"""A whole robot in one process: Clock, servers, clients and observer, in virtual time.
 
     clock = VirtualClock()
     session = VirtualSession(compiled, drivers, clock=clock, seed=1)
@@ -36,7 +36,7 @@ from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.rserver import RServer
 from colony.runtime.servers.runtime_server import RuntimeServer
 from colony.runtime.store.store import MemoryStore
-from colony.runtime.transport.virtual import Link, VirtualClock, VirtualTransport, perfect
+from colony.runtime.transport.virtual import Link, VirtualClock, VirtualTransport, deliver_immediately
 
 RUN = "run"
 """The name of a run in virtual time."""
@@ -52,10 +52,10 @@ It takes the deployment and the number of frames that the servers keep.
 
 
 class VirtualRobot:
-    """The nodes of one run, joined by a transport in virtual time. Mutable: everything below it.
+    """The nodes of one run, connected by a transport in virtual time. Mutable.
 
-    `kill`, `freeze`, `restart` and `revive` do to a process what may happen to a real one; use `transport.at`
-    to do so at a given time. Data in a store survives, as it would on a disk.
+    `kill`, `freeze`, `restart` and `revive` imitate what may happen to a real process; use `transport.at` to
+    call them at a given time. Data in a store survives, as it would on a disk.
 
     Args:
         compiled: program to run.
@@ -65,11 +65,11 @@ class VirtualRobot:
         seed: seed of `Runtime.random`.
         sinks: sinks of the frames.
         ticking: True to run a Clock; without one, the caller injects ticks.
-        order_seed: seed of the order in which messages of one moment arrive; no result depends on it.
+        order_seed: seed of the order of messages that arrive at the same time; no result depends on it.
         link: faults of the transport.
-        requests: True to add the clients' requests to frames.
+        requests: True to add the clients' requests to the frame logs.
         nodes: additional nodes, such as camera servers and scripts; started last, in this order, and never
-            restarted: `restart` and `revive` are for the processes of `processes`.
+            restarted: `restart` and `revive` accept only the names in `processes`.
         isolate: True to run each client in its own process.
 
     Raises:
@@ -87,7 +87,7 @@ class VirtualRobot:
         sinks: tuple[Sink, ...] = (),
         ticking: bool = True,
         order_seed: int | None = None,
-        link: Link = perfect,
+        link: Link = deliver_immediately,
         requests: bool = False,
         nodes: tuple[Node, ...] = (),
         isolate: bool = False,
@@ -101,7 +101,7 @@ class VirtualRobot:
         builders.update(built)
         for process in client_processes(compiled, isolate=isolate):
             builders[process.name] = partial(build_clients, compiled, bindings, process.clients, RUN)
-        for module in compiled.announced:
+        for module in compiled.python_modules:
             builders[announcer_process(module)] = partial(build_announcer, compiled, bindings, module, RUN)
         self.observer = build_observer(compiled, bindings, sinks, RUN, requests=requests)
         self._builders = builders
@@ -115,7 +115,7 @@ class VirtualRobot:
 
     @property
     def processes(self) -> tuple[str, ...]:
-        """The names of the restartable processes: the address of the node, if it has one."""
+        """The names of the restartable processes; a process with one node has the address of that node."""
         return tuple(self._builders)
 
     def start(self) -> None:
@@ -142,7 +142,7 @@ class VirtualRobot:
             self.restart(process)
 
     def restart(self, process: str) -> None:
-        """Replace a process by a new one, killing it if it is still alive; not for the observer."""
+        """Kill a process if it is still alive, and start a new one. The observer cannot be restarted."""
         self.kill(process)
         for node in self._build(process):
             self.transport.add(node)
@@ -159,14 +159,14 @@ class VirtualRobot:
 
 
 class VirtualSession(VirtualRobot):
-    """A robot with the servers that every robot has, and one run of it.
+    """A robot with the standard servers, and one run of it.
 
     Args:
         compiled: program to run.
-        drivers: devices, which read time from `clock`.
+        drivers: device drivers, which read the time from `clock`.
         clock: as in `VirtualRobot`.
         seed: as in `VirtualRobot`.
-        variables: DServer's variables, which it holds (see `DServer`), in declared units.
+        variables: variables that DServer holds (see `DServer`), in declared units.
         sinks: as in `VirtualRobot`.
         order_seed: as in `VirtualRobot`.
         link: as in `VirtualRobot`.
@@ -189,7 +189,7 @@ class VirtualSession(VirtualRobot):
         variables: Mapping[str, Value] | None = None,
         sinks: tuple[Sink, ...] = (),
         order_seed: int | None = None,
-        link: Link = perfect,
+        link: Link = deliver_immediately,
         requests: bool = False,
         nodes: tuple[Node, ...] = (),
         isolate: bool = False,
@@ -234,7 +234,7 @@ class VirtualSession(VirtualRobot):
     ) -> bool:
         """Run the frames from 0 to before `duration_ns`, once; return False if `stop` ended the run.
 
-        `stop` is checked, and `pace` is called with the time, before every moment in which something happens.
+        `stop` is checked, and `pace` is called with the time, before each time at which something happens.
         """
         try:
             self.start()
@@ -243,7 +243,7 @@ class VirtualSession(VirtualRobot):
             self.close()
 
     def close(self) -> None:
-        """Stop the robot and close the sinks; everything is tried, then the first failure is raised."""
+        """Stop the robot and close the sinks; on failures, continue, then raise the first."""
         if self._closed:
             return
         self._closed = True

@@ -27,7 +27,7 @@ from colony.runtime.protocol.messages import (
 
 
 class AnnouncingExecutor(Protocol):
-    """An executor of one module, which returns its answers; `restart` resets its memory."""
+    """An executor of one module in Python."""
 
     def step(self, frame: Frame) -> Answer:
         """Return the module's answer in a frame."""
@@ -39,7 +39,7 @@ class AnnouncingExecutor(Protocol):
 
 
 class Announcer(QuietNode):
-    """The node of a module in Python. Mutable: its memory, its announcements, and incomplete frames.
+    """The node of a module in Python. Stateful: keeps its memory, its announcements, and incomplete frames.
 
     It announces the answer of every frame, even when it is late, because other nodes wait for it. It repeats
     an announcement that is fetched from DServer, which may have been restarted. The memory of a Python object

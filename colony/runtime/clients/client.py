@@ -3,13 +3,13 @@
 Clients that read the same servers may share a node, which assembles their frames once. The node steps their
 part of the program over every frame, and each client sends its actuator's server one request a frame: a
 command, or the reason why it has none. Clients do not communicate with each other. A node that is behind
-steps through the frames that it missed, and its clients send requests only for the present frame.
+steps through the frames that it missed, and its clients send requests only for the current frame.
 
 The memory of the node goes to DServer every half second of the robot's time, as one checkpoint per client: a
 memory cell that several clients need is in the checkpoint of the first. A process that replaces a dead one
 steps through all frames since the epoch began, if they are still available; otherwise it asks DServer for the
-checkpoints and steps through the frames since. All of them must exist, and be of one frame; if one is
-missing, or older than the others, the node asks the Clock for a new epoch.
+checkpoints and steps through the frames since. All checkpoints must exist and be of the same frame;
+otherwise the node asks the Clock for a new epoch.
 """
 
 from __future__ import annotations
@@ -36,35 +36,35 @@ CHECKPOINT_NS = 500_000_000
 """Nanoseconds of the robot's time between two checkpoints."""
 
 RECALL_NS = 1_000_000_000
-"""Nanoseconds after which a node gives up asking DServer for its checkpoints."""
+"""Nanoseconds after which a node stops asking DServer for its checkpoints."""
 
 
 class ClientNode(QuietNode):
     """The clients of one process that read the same servers and modules in Python.
 
-    Mutable: their memory, and frames that are not complete yet.
+    Stateful: keeps their memory, and incomplete frames.
 
     Args:
-        part: part of the program that the clients execute. The node has the first client's address.
-        servers: servers to which the requests of each client go, in the order of `part.clients`.
+        program: program of the clients. The node has the first client's address.
+        servers: servers to which the requests of each client go, in the order of `program.clients`.
         assembler: assembler of all frames that the clients read.
-        run: run in which they take part.
+        run: run in which the clients take part.
     """
 
     def __init__(
         self,
-        part: ClientProgram,
+        program: ClientProgram,
         servers: Iterable[str],
         assembler: FrameAssembler,
         *,
         run: str,
     ) -> None:
-        self.part = part
-        self.address = part.clients[0]
-        self.listens = (*assembler.listens, *(topics.recalled(DSERVER.name, c) for c in part.clients))
+        self.program = program
+        self.address = program.clients[0]
+        self.listens = (*assembler.listens, *(topics.recalled(DSERVER.name, c) for c in program.clients))
         self._requests = tuple(map(topics.requests, servers))
         self._assembler = assembler
-        self._membership = Membership(part.clients, run)
+        self._membership = Membership(program.clients, run)
         self._begin()
 
     def _begin(self) -> None:
@@ -99,12 +99,12 @@ class ClientNode(QuietNode):
 
     @property
     def frontier(self) -> tuple[int, int]:
-        """The present epoch, and the last frame that the clients' memory has seen."""
+        """The current epoch, and the last frame that the clients stepped over."""
         return self._assembler.start, self._assembler.next - 1
 
     def _advance(self, now_ns: int) -> Iterator[Effect]:
         for assembled in self._assembler.complete():
-            requests = self.part.step(assembled)
+            requests = self.program.step(assembled)
             if assembled.current:
                 self._caught_up = True
                 yield from map(Send, self._requests, requests)
@@ -119,14 +119,14 @@ class ClientNode(QuietNode):
             self._saved_ns = tick.t_ns
         if tick.t_ns - self._saved_ns >= CHECKPOINT_NS:
             self._saved_ns = tick.t_ns
-            for client in self.part.clients:
-                memory = self.part.memory(client)
+            for client in self.program.clients:
+                memory = self.program.memory(client)
                 saved = Checkpoint(client=client, k=tick.k, start=tick.start, memory=memory)
                 yield Send(topics.checkpoints(DSERVER.name), saved)
 
     def _recover(self, now_ns: int) -> Iterator[Effect]:
-        """Recall the memory from DServer, as the next frame is unobtainable, or request a new epoch."""
-        missing = [client for client in self.part.clients if client not in self._recalled]
+        """Recall the memory from DServer, because the next frame is unobtainable, or request a new epoch."""
+        missing = [client for client in self.program.clients if client not in self._recalled]
         if self._recalling_since is None:
             self._recalling_since = now_ns
         asking = now_ns - self._recalling_since <= RECALL_NS
@@ -139,19 +139,19 @@ class ClientNode(QuietNode):
     def _take_checkpoint(self, saved: Checkpoint, now_ns: int) -> Iterator[Effect]:
         """Take a recalled checkpoint, and resume once those of all clients are here.
 
-        They must be of one frame from which the node can continue; else it requests a new epoch with the next
-        tick.
+        If they are not all of one frame from which the node can continue, the node requests a new epoch with
+        the next tick.
         """
-        expected = saved.client in self.part.clients and saved.client not in self._recalled
+        expected = saved.client in self.program.clients and saved.client not in self._recalled
         if self._caught_up or self._recalling_since is None or not expected:
             return  # an answer to an earlier or a repeated recall
         self._recalled[saved.client] = saved
-        if len(self._recalled) < len(self.part.clients):
+        if len(self._recalled) < len(self.program.clients):
             return
         assembler = self._assembler
         frames = {(recalled.start, recalled.k) for recalled in self._recalled.values()}
-        newer = saved.start == assembler.start and assembler.next <= saved.k <= assembler.latest
+        is_reachable = saved.start == assembler.start and assembler.next <= saved.k <= assembler.latest
         memories = {client: recalled.memory for client, recalled in self._recalled.items()}
-        if len(frames) == 1 and newer and self.part.recall(memories):
+        if len(frames) == 1 and is_reachable and self.program.recall(memories):
             yield from self._assembler.resume(saved.k + 1)
             yield from self._advance(now_ns)

@@ -15,7 +15,7 @@ from colony.runtime.protocol.topics import client_address, module_of
 
 
 class ClientProgram:
-    """The program of a node's clients. Mutable: their memory.
+    """The program of a node's clients. Stateful: holds their memory.
 
     Raises:
         KeyError: there is no such client.
@@ -24,7 +24,7 @@ class ClientProgram:
     def __init__(self, compiled: Compiled, clients: Iterable[ClientKey]) -> None:
         self._executor = ClientsExecutor(compiled, clients)
         self._keys = {client_address(*key): key for key in self._executor.clients}
-        self._inactive = dict.fromkeys(self._executor.python_modules, Answer())  # unless they answered
+        self._default_answers = dict.fromkeys(self._executor.python_modules, Answer())  # inactive
         self._fresh = True
 
     @property
@@ -47,9 +47,9 @@ class ClientProgram:
         return encode_memory(self._executor.memory(self._keys[client]))
 
     def recall(self, memories: Mapping[str, bytes]) -> bool:
-        """Restore the memories of all clients after one frame.
+        """Restore the memory of every client, all as of the same frame.
 
-        Return False, and change nothing, if these are not their memories.
+        Return False, and change nothing, if `memories` do not fit these clients.
         """
         try:
             self._executor.recall({self._keys[c]: decode_memory(data) for c, data in memories.items()})
@@ -61,13 +61,13 @@ class ClientProgram:
     def step(self, assembled: Assembled) -> tuple[Request, ...]:
         """Return the requests of the clients in a frame.
 
-        Frames must follow each other; an epoch begins with initial memory.
+        Frames must be consecutive; an epoch begins with initial memory.
         """
         if assembled.restart and not self._fresh:
             self._executor.restart()
         self._fresh = False
         lost = frozenset(map(module_of, assembled.tick.lost)) if assembled.tick.lost else _NO_MODULES
-        steps = self._executor.step(assembled.frame, self._inactive | {**assembled.answers}, lost)
+        steps = self._executor.step(assembled.frame, self._default_answers | {**assembled.answers}, lost)
         return tuple(
             [
                 Request(

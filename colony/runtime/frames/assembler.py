@@ -6,14 +6,14 @@ delivered is none of these: the assembler fetches it again (servers keep frames 
 hands out no later frame before it, because memory must see every frame, and all readers the same one.
 
 If that is impossible (the frame is no longer kept, or was handed out and has become void), the assembler is
-`lost`: memory has to be recalled, or a new epoch has to begin. At the start of each epoch (`Tick.start`) the
+`lost`: memory must be recalled, or a new epoch must begin. At the start of each epoch (`Tick.start`) the
 assembler drops everything before it.
 
 Readings are converted here, once: into base units for executors, into declared units for the observer.
 
-The answer of a module in Python cannot be missing: no reader knows what it would have been. The assembler
-waits for it; only where lesser behaviors may take over (`degrade`) the module counts as not active. The
-observer waits for the answers of modules that are alive.
+The answer of a module in Python cannot count as missing, because no reader knows what it would have been. The
+assembler waits for it. Only where lesser behaviors may take over (`degrade`), a module without an answer
+counts as inactive. The observer waits only for modules that are alive.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FRAME_RETENTION_NS = 2_000_000_000
 """Nanoseconds for which servers keep published frames, and readers wait for a frame."""
 
 MAX_FRAMES_KEPT = 10_000
-"""Largest number of frames that a server keeps, however short they are."""
+"""Maximum number of frames that a server keeps, however short the frame period."""
 
 COMMAND, ERROR = "command", "error"
 """Fields of the frames in which the answers of a module in Python are published."""
@@ -39,15 +39,14 @@ COMMAND, ERROR = "command", "error"
 Awaited = Literal["all", "degrade", "living"]
 """The modules in Python that an assembler waits for.
 
-These are all of them ("all"), those that are alive while DServer is up ("degrade"), or those that are alive
-("living").
+"all": every module. "living": modules that are alive. "degrade": the same, and none while DServer is down.
 """
 
 MAX_FETCHES_PER_TICK = 100
-"""Largest number of missing ticks and frames fetched with each tick, the oldest first.
+"""Maximum number of missing ticks and frames fetched with each tick, the oldest first.
 
-Missing ones are fetched again when they are 2, 4, 8... ticks old, so that a server that is further behind
-does not get more fetches.
+They are fetched again only when they are 2, 4, 8... ticks old, so that a server that is far behind is not
+flooded.
 """
 
 V = TypeVar("V")
@@ -61,7 +60,8 @@ def frames_kept(frame_ns: int) -> int:
 class Assembled(NamedTuple):
     """Frame `tick.k` as a program sees it; `current` is True if no later tick has come.
 
-    `answers` are those of the required modules in Python; one that is not waited for may be absent.
+    `answers` are those of the modules in Python, by module; the answer of a module that is not awaited may be
+    absent.
     """
 
     tick: Tick
@@ -76,14 +76,14 @@ class Assembled(NamedTuple):
 
 
 class FrameAssembler:
-    """The assembler of the frames that one process reads. Mutable: the incomplete frames.
+    """Assembles the frames that one process reads. Stateful: keeps the incomplete frames.
 
     Args:
         bindings: the sensors that the process reads.
-        modules: the modules in Python whose answers it needs.
+        modules: the modules in Python whose answers the process needs.
         run: the run whose ticks count.
         keep: number of frames that servers keep.
-        awaited: modules whose answers it waits for.
+        awaited: modules whose answers the assembler waits for.
         declared: True for readings in declared units, which users see, instead of base units.
     """
 
@@ -106,7 +106,7 @@ class FrameAssembler:
         self._declared = declared
         self._ticks: dict[int, Tick] = {}
         self._frames: dict[int, dict[str, ServerFrame]] = {}
-        self._void: dict[tuple[str, int], int] = {}  # (server, k) -> the tick that declares the frame void
+        self._void: dict[tuple[str, int], int] = {}  # the tick that declares a frame void, by (server, k)
         self._start = self._next = self._latest = self._fetched_to = -1
         self._contradicted = False
 
@@ -163,24 +163,27 @@ class FrameAssembler:
     def complete(self) -> Iterator[Assembled]:
         """Yield every frame that can be handed out now, in order, each once."""
         while not self._contradicted and (tick := self._ticks.get(self._next)) is not None:
-            got = self._frames.get(self._next, {})
+            received = self._frames.get(self._next, {})
             absent = self._absent(tick)
-            if any(s not in got and s not in absent for s in self._servers):
+            if any(s not in received and s not in absent for s in self._servers):
                 return
             del self._ticks[self._next]
             self._frames.pop(self._next, None)
             self._next += 1
             if absent:
-                got = {server: frame for server, frame in got.items() if server not in absent}
+                received = {server: frame for server, frame in received.items() if server not in absent}
             for void in tick.void:  # needed only until the tick that declares them is handed out
                 self._void.pop(void, None)
-            yield Assembled(tick, self._assemble(tick, got), tick.k == self._latest, self._answers(got))
+            yield Assembled(
+                tick, self._assemble(tick, received), tick.k == self._latest, self._answers(received)
+            )
 
     def resume(self, k: int) -> tuple[Effect, ...]:
-        """Hand out frame `k` next, as memory is that after k - 1; return fetches of what is missing."""
+        """Hand out frame `k` next, as memory is now that after k - 1; return the necessary fetches."""
         self._jump_to(k)
         self._contradicted = any(
-            at < k <= by and server not in self._modules for (server, at), by in self._void.items()
+            void_k < k <= declared_k and server not in self._modules
+            for (server, void_k), declared_k in self._void.items()
         )
         return () if self.lost else tuple(self._fetches())
 
@@ -193,8 +196,8 @@ class FrameAssembler:
 
     def _jump_to(self, k: int) -> None:
         self._next, self._fetched_to = k, k - 1
-        self._ticks = {at: tick for at, tick in self._ticks.items() if at >= k}
-        self._frames = {at: got for at, got in self._frames.items() if at >= k}
+        self._ticks = {number: tick for number, tick in self._ticks.items() if number >= k}
+        self._frames = {number: frames for number, frames in self._frames.items() if number >= k}
 
     # --- input -----------------------------------------------------------------------------------------
 
@@ -207,14 +210,14 @@ class FrameAssembler:
     def _trim(self, kept: dict[int, V]) -> None:
         """Drop old entries while nothing can be handed out; keep the next frame and the newest ones."""
         while len(kept) > 2 * self._keep:
-            del kept[next(at for at in kept if at != self._next)]
+            del kept[next(k for k in kept if k != self._next)]
 
-    def _note_void(self, server: str, k: int, by: int) -> None:
+    def _note_void(self, server: str, k: int, declared_k: int) -> None:
         if k < self._start or (server not in self._servers and server != DSERVER.name):
             return
         if k < self._next and server in self._servers and server not in self._modules:
             self._contradicted = True  # the frame was handed out, but other readers never got it
-        self._void[server, k] = by
+        self._void[server, k] = declared_k
         if len(self._void) > MAX_FRAMES_KEPT:
             del self._void[next(iter(self._void))]
 
@@ -224,13 +227,13 @@ class FrameAssembler:
         self._contradicted = False
         self._ticks.clear()
         self._void.clear()
-        self._frames = {k: got for k, got in self._frames.items() if k >= tick.start}
+        self._frames = {k: frames for k, frames in self._frames.items() if k >= tick.start}
 
     def _fetches(self) -> Iterator[Effect]:
-        left = MAX_FETCHES_PER_TICK
+        remaining = MAX_FETCHES_PER_TICK
         down = self._ticks[self._latest].down if self._latest in self._ticks else ()
         for k in range(self._next, self._latest):
-            if left <= 0:
+            if remaining <= 0:
                 return
             age = self._latest - k
             if k <= self._fetched_to and age & (age - 1):
@@ -238,13 +241,13 @@ class FrameAssembler:
             self._fetched_to = max(self._fetched_to, k)
             tick = self._ticks.get(k)
             if tick is None:
-                left -= 1
+                remaining -= 1
                 yield Send(topics.fetches(topics.CLOCK), Fetch(server=topics.CLOCK, k=k))
             settled = {*self._frames.get(k, ()), *down, *(() if tick is None else self._absent(tick))}
             for server in self._servers:
                 if server in settled:
                     continue
-                left -= 1
+                remaining -= 1
                 publisher = DSERVER.name if server in self._modules else server
                 yield Send(topics.fetches(publisher), Fetch(server=server, k=k))
 
@@ -270,13 +273,15 @@ class FrameAssembler:
         awaited = [s for s in self._servers if s not in settled]
         return bool(awaited) and all(s in self._modules and s in newest.down for s in awaited)
 
-    def _answers(self, got: Mapping[str, ServerFrame]) -> dict[str, Answer]:
-        return {module: _answer(got[server]) for server, module in self._modules.items() if server in got}
+    def _answers(self, frames: Mapping[str, ServerFrame]) -> dict[str, Answer]:
+        return {
+            module: _answer(frames[server]) for server, module in self._modules.items() if server in frames
+        }
 
-    def _assemble(self, tick: Tick, got: Mapping[str, ServerFrame]) -> Frame:
+    def _assemble(self, tick: Tick, frames: Mapping[str, ServerFrame]) -> Frame:
         readings: dict[str, Reading] = {}
         for b in self._bindings:
-            frame = got.get(b.server)
+            frame = frames.get(b.server)
             sample = None if frame is None else frame.fields.get(b.field)
             if sample is not None and b.is_fresh(sample.t_ns, tick.t_ns):
                 convert = b.in_declared_units if self._declared else b.in_base_units

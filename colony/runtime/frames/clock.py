@@ -1,14 +1,15 @@
-"""The Clock of a robot: it numbers the frames and publishes what is down, lost and void.
+"""The Clock of a robot: it numbers the frames, and publishes which nodes are down or lost.
 
-Servers are down, clients are lost, and frames of dead servers are void. Frames are a period apart. A robot
-without a program also has frames, `IDLE_FRAME_NS` apart, in the run "", so that scripts can drive it and
-servers are monitored. A leader deploys a program. The frames of its run begin when all clients have reported
-ready, or after `READY_TIMEOUT_NS`; they end with the leader's connection.
+It lists the servers that are down, the clients that are lost, and the frames that are void. When a server
+dies, its frames that have not arrived are void. Frames begin one period apart. A robot without a program also
+has frames, `IDLE_FRAME_NS` apart, in the run "", so that scripts can drive it and servers are monitored. A
+leader deploys a program. The frames of its run begin when all clients have reported ready, or after
+`READY_TIMEOUT_NS`; they end with the leader's connection.
 
 An epoch is a sequence of frames that begins with initial memory. A new epoch begins with a run, when the
-Clock was restarted, when a client lost its memory for good, and when the observer stepped over a frame that
-no other node received. A frame number is never used twice: a Clock derives its first number from the time at
-which it starts, one number per `FRAME_NUMBER_NS`, and frames are never closer together than that.
+Clock was restarted, when a client lost its memory irrecoverably, and when the observer stepped over a frame
+that no other node received. A frame number is never used twice: a Clock derives its first number from the
+time at which it starts, one number per `FRAME_NUMBER_NS`, and frames are never closer together than that.
 
 The emergency stop is latched here (`stop_latch.py`): the Clock keeps it, repeats it in every tick, and alone
 releases it. It learns of stops that it missed from the frames of the servers that received them.
@@ -61,12 +62,12 @@ READY_TIMEOUT_NS = 5_000_000_000
 
 
 class Clock:
-    """The logical time of one robot. Mutable: the newest tick, and the state of servers and clients.
+    """The logical time of one robot. Mutable.
 
     Args:
         servers: the robot's servers, which answer ticks.
         keep: number of ticks kept for nodes that missed one.
-        deployment: program that is deployed from the beginning; others come by `deploy`.
+        deployment: program that is deployed from the beginning; later ones arrive through `deploy`.
         on_deploy: callback for every deployment, before its first frame.
         stop_path: file that keeps the emergency stop; without it, a restart forgets the stop.
         report: callback for a line to users when that file cannot be read or written.
@@ -93,7 +94,7 @@ class Clock:
         self._leader: Caller | None = None
         self._tick = Tick(k=-1, t_ns=0)
         self._kept: dict[int, Tick] = {}
-        self._fetched = FetchBudget()
+        self._fetch_budget = FetchBudget()
         self._restart = False
         self._begun_run = ""
         self._decided: set[str] = set()
@@ -151,12 +152,12 @@ class Clock:
                 tick = self._kept.get(message.k)
                 if tick is not None:
                     size = FRAME_BYTES * (1 + len(tick.lost) + len(tick.void))
-                    if self._fetched.take(self.address, message.k, size):
+                    if self._fetch_budget.take(self.address, message.k, size):
                         # not on the topic of ticks: a restarted server would take it for a new tick
                         yield Send(topics.frames(self.address), tick)
             case Ready():
                 if self._deployed is not None and message.run == self._deployed.run:
-                    self._registry.ready(message.client)
+                    self._registry.mark_ready(message.client)
                     if message.k >= 0:
                         self._registry.renew(message.client, now_ns)
             case Restart():
@@ -181,7 +182,7 @@ class Clock:
     def _skip_past(self, k: int) -> None:
         """Skip the numbers up to frame `k`, which a server has answered, if this Clock has not ticked it yet.
 
-        Another process has then ticked in this Clock's place, and servers expect later numbers.
+        Another Clock process has then sent ticks in the meantime, and servers expect later numbers.
         """
         if k > self._tick.k and self._tick.k >= 0:
             self._next_k, self._restart = max(self._next_k, k + 1), True
@@ -214,7 +215,7 @@ class Clock:
         return self._deployed.frame_ns
 
     def _enroll(self, now_ns: int) -> None:
-        """Start monitoring the participants of the present deployment, and wait for its clients."""
+        """Start monitoring the participants of the current deployment, and wait for its clients."""
         deployed, announcers = self._deployed, self._announcers()
         clients = () if deployed is None else tuple(address for address, _ in client_addresses(deployed))
         lease_ns = lease(IDLE_FRAME_NS if deployed is None else deployed.frame_ns)
@@ -236,7 +237,7 @@ class Clock:
             self._enroll(now_ns)
 
     def _lost(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
-        """Note a lost connection; the run ends with the connection of its leader."""
+        """Handle a lost connection; if it was the leader's, the run ends."""
         self._leadership.lost(caller)
         if self._leader is not None and self._leader.connection == caller.connection:
             self._leader, self._deployed = None, None
@@ -247,8 +248,8 @@ class Clock:
     # --- ticks -----------------------------------------------------------------------------------------
 
     def _advance(self, now_ns: int) -> Iterator[Effect]:
-        """Carry out what is due, and schedule a wake for the next deadline."""
-        if self._ready_by_ns is not None and (self._registry.complete or now_ns >= self._ready_by_ns):
+        """Begin the run and the next frame if they are due, and schedule a wake for the next deadline."""
+        if self._ready_by_ns is not None and (self._registry.all_ready or now_ns >= self._ready_by_ns):
             self._ready_by_ns = None
             self._registry.begin(now_ns)
             for announcer in self._announcers():
@@ -256,7 +257,7 @@ class Clock:
             ticked = self._tick.k >= 0 and self._tick.t_ns == now_ns
             self._due_ns = now_ns + 1 if ticked else now_ns
         if now_ns >= self._due_ns or self._is_lockstep_done():
-            yield from self._next(now_ns)
+            yield from self._begin_frame(now_ns)
         due = self._due_ns if self._ready_by_ns is None else min(self._due_ns, self._ready_by_ns)
         if self._wake_ns is None or now_ns >= self._wake_ns or due < self._wake_ns:
             self._wake_ns = due
@@ -273,18 +274,18 @@ class Clock:
             and len(self._decided) >= len(deployed.actuators)
         )
 
-    def _next(self, now_ns: int) -> Iterator[Effect]:
+    def _begin_frame(self, now_ns: int) -> Iterator[Effect]:
         run = "" if self._ready_by_ns is not None else self._run
         lockstep = self._deployed is not None and self._deployed.lockstep and run != ""
         frame_ns = self._frame_ns
         missed_ns = max(0, (now_ns - self._due_ns) // frame_ns * frame_ns)
-        if missed_ns:  # this process was suspended: servers and clients were not silent
+        if missed_ns:  # this process was suspended, which must not count toward leases
             self._liveness.extend(missed_ns)
             self._registry.extend(missed_ns)
-        begins = self._tick.k < 0 or run != self._begun_run
-        t_ns = self._tick.t_ns + frame_ns if lockstep and not begins else self._due_ns + missed_ns
-        if begins or self._restart:
-            self._restarts += not begins
+        is_new_run = self._tick.k < 0 or run != self._begun_run
+        t_ns = self._tick.t_ns + frame_ns if lockstep and not is_new_run else self._due_ns + missed_ns
+        if is_new_run or self._restart:
+            self._restarts += not is_new_run
             self._epoch_k = self._next_k
             self._restart, self._begun_run = False, run
             self._answers.clear()
@@ -300,7 +301,7 @@ class Clock:
             run=run,
             down=down,
             lost=self._registry.lost(now_ns) if run else (),
-            void=self._answers.void(down),
+            void=self._answers.take_void(down),
             stopped=self._latch.stopped,
             released_ns=self._latch.released_ns,
         )
@@ -311,11 +312,11 @@ class Clock:
         self._kept.pop(k - self._keep, None)
         self._tick, self._next_k = tick, k + 1
         self._decided.clear()
-        self._fetched.renew()
+        self._fetch_budget.reset()
         yield Send(topics.TICKS, tick)
         for server, missing in overdue:
-            asked = DSERVER.name if server in self._announcers() else server
-            yield Send(topics.fetches(asked), Fetch(server=server, k=missing))
+            publisher = DSERVER.name if server in self._announcers() else server
+            yield Send(topics.fetches(publisher), Fetch(server=server, k=missing))
 
     # --- participants ----------------------------------------------------------------------------------
 
@@ -340,10 +341,10 @@ class Clock:
         )
 
     def _watched_servers(self) -> tuple[str, ...]:
-        """Return the robot's servers, and further servers that the program reads."""
-        more = () if self._deployed is None else self._deployed.servers
-        return tuple(dict.fromkeys((*self._servers, *more)))
+        """Return the robot's servers, and any other servers that the program reads."""
+        additional = () if self._deployed is None else self._deployed.servers
+        return tuple(dict.fromkeys((*self._servers, *additional)))
 
     def _announcers(self) -> tuple[str, ...]:
-        modules = () if self._deployed is None else self._deployed.announced
+        modules = () if self._deployed is None else self._deployed.python_modules
         return tuple(topics.activity(DSERVER.name, m) for m in modules)

@@ -1,7 +1,6 @@
 """Membership of clients, or of a module in Python, in a run.
 
-Members report that they are ready until the frames of the run come, and request a new epoch when they cannot
-continue.
+Members report that they are ready until the run begins, and request a new epoch when they cannot continue.
 """
 
 from __future__ import annotations
@@ -12,17 +11,17 @@ from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Effect, Ready, Restart, Send, Tick
 
 READY_INTERVAL_NS = 200_000_000
-"""Nanoseconds between two reports that a member is ready, until the run begins."""
+"""Nanoseconds between two reports of readiness, until the run begins."""
 
 ALIVE_INTERVAL_NS = 90_000_000
-"""Shortest interval, in nanoseconds, between two signs of life of a client to the Clock.
+"""Shortest interval, in nanoseconds, between two reports to the Clock that a client is alive.
 
-It is a fraction of the shortest lease. Requests that were on time also reach the Clock, in verdicts.
+It is a fraction of the shortest lease. The Clock also learns from verdicts which clients are alive.
 """
 
 
 class Membership:
-    """The members of a node, by address. Mutable: the times of their last reports as ready and as alive."""
+    """The members of one node, by address. Stateful: remembers the times of their last reports."""
 
     def __init__(self, members: tuple[str, ...], run: str) -> None:
         self.run = run
@@ -36,15 +35,15 @@ class Membership:
         yield from self._report(-1)
 
     def on_tick(self, tick: Tick, now_ns: int) -> Iterator[Effect]:
-        """Handle a tick; until one is of this run, report the members as ready from time to time.
+        """Handle a tick; until the run begins, report the members as ready from time to time.
 
-        The Clock may not know that they are: the report was lost, or the Clock was restarted.
+        The Clock may not know: the report may have been lost, or the Clock restarted.
         """
         if tick.run != self.run and now_ns - self._ready_sent_ns >= READY_INTERVAL_NS:
             yield from self.start(now_ns)
 
     def on_requests_sent(self, k: int, now_ns: int) -> Iterator[Effect]:
-        """Report the members as alive, as the requests for frame `k` were sent."""
+        """Report the members as alive after their requests for frame `k`, unless they did so recently."""
         if self._alive_sent_ns is None or now_ns - self._alive_sent_ns >= ALIVE_INTERVAL_NS:
             self._alive_sent_ns = now_ns
             yield from self._report(k)

@@ -1,4 +1,4 @@
-"""Publishing of frames, common to all servers: they answer ticks with frames, and keep them for a while."""
+"""Publishing of frames, which all servers share: they answer ticks with frames, and keep them for a while."""
 
 from __future__ import annotations
 
@@ -12,40 +12,40 @@ from colony.runtime.protocol.messages import Effect, Fetch, Sample, Send, Server
 Fields = Mapping[str, Sample | None]
 
 MAX_REPUBLISHED_FRAMES = 64
-"""Largest number of frames that a server publishes again between two ticks."""
+"""Maximum number of frames that a server republishes between two ticks."""
 
 MAX_REPUBLISHED_BYTES = 1 << 20
-"""Byte limit (estimated) of the frames that a server publishes again between two ticks."""
+"""Byte limit (estimated) of the frames that a server republishes between two ticks."""
 
 FRAMES_KEPT = 2000
-"""Number of frames that a server keeps for readers that missed one: two seconds of 1 ms frames."""
+"""Number of frames kept for readers that missed one: two seconds of 1 ms frames."""
 
 KEPT_BYTES = 16 << 20
-"""Byte limit (estimated) of the frames that a server keeps; fields that several frames share count once."""
+"""Byte limit (estimated) of the frames that a server keeps; fields shared by several frames count once."""
 
 FRAME_BYTES = 100
 """Estimated bytes of a frame without fields."""
 
 
 class FetchBudget:
-    """The budget of frames that a server publishes again between two ticks. Mutable: what is used of it.
+    """The limit on the frames that a server republishes between two ticks. Mutable.
 
-    A frame goes to all readers, so one answer is enough; a reader that missed it fetches it again after the
-    next tick. Without a limit, a reader that falls behind would be sent more frames than it can read, fall
-    further behind, and fetch more.
+    A frame goes to all readers, so it is republished once; a reader that misses it again fetches it after
+    the next tick. Without a limit, a reader that falls behind would be sent more frames than it can read,
+    fall further behind, and fetch more.
     """
 
     def __init__(self) -> None:
         self._answered: set[tuple[str, int]] = set()
         self._bytes = 0
 
-    def renew(self) -> None:
-        """Renew the budget at a new tick."""
+    def reset(self) -> None:
+        """Restore the full budget, at a new tick."""
         self._answered.clear()
         self._bytes = 0
 
     def take(self, server: str, k: int, size: int) -> bool:
-        """Return True if frame `k` may be published again, and charge it to the budget."""
+        """Return True if frame `k` may be republished, and charge it to the budget."""
         frame = (server, k)
         if frame in self._answered or len(self._answered) >= MAX_REPUBLISHED_FRAMES:
             return False
@@ -56,17 +56,17 @@ class FetchBudget:
         return True
 
 
-class _Kept(NamedTuple):
+class _KeptFrame(NamedTuple):
     frame: ServerFrame
     size: int
 
 
 class Publisher:
-    """The publisher of one frame a tick, of which it keeps the newest `keep`. Mutable: the frames kept.
+    """Publishes one frame per tick, and keeps the newest `keep` frames. Mutable.
 
-    It never publishes two different frames for one k. For a tick that it missed, it publishes "no value" for
-    all fields on request, so that all readers see the same. It ignores fetches of frames before its first
-    one: another process, which died, may have published them.
+    It never publishes two different frames for one k. If a reader fetches the frame of a tick that the server
+    missed, all fields have "no value", so that all readers see the same frame. Fetches of frames before its
+    first one are ignored: a predecessor that died may have published them.
     """
 
     def __init__(
@@ -81,14 +81,14 @@ class Publisher:
         self._server = server
         self._read = read
         self._stopped = stopped
-        self._kept: dict[int, _Kept] = {}
+        self._kept: dict[int, _KeptFrame] = {}
         self._order: deque[int] = deque()
         self._keep = keep
         self._bytes = 0
-        self._shared: dict[int, int] = {}  # number of kept frames by the id of their fields object
+        self._shared: dict[int, int] = {}  # number of kept frames that share a fields object, by its id
         self._since: int | None = None
         self._latest = -1
-        self._forgotten = -1
+        self._last_dropped = -1
         self._budget = FetchBudget()
         self._was_full = False
 
@@ -98,8 +98,8 @@ class Publisher:
         return (topics.TICKS, topics.fetches(self._server))
 
     @property
-    def reached(self) -> tuple[str, ...]:
-        """A sentence for users if frames were dropped early for lack of room; else nothing."""
+    def limit_messages(self) -> tuple[str, ...]:
+        """A sentence for users if the byte limit has dropped frames early; else nothing."""
         if not self._was_full:
             return ()
         kept = f"{len(self._kept)} of {self._keep} are kept"
@@ -116,45 +116,45 @@ class Publisher:
     def _tick(self, tick: Tick) -> ServerFrame | None:
         k = tick.k
         if self._since is None:
-            self._since, self._forgotten = k, k - 1
+            self._since, self._last_dropped = k, k - 1
         if k > self._latest:
-            self._budget.renew()
-        if k in self._kept or k <= self._forgotten:
+            self._budget.reset()
+        if k in self._kept or k <= self._last_dropped:
             return None
         return self._store(k, self._read(tick)).frame
 
     def _fetch(self, k: int) -> ServerFrame | None:
         kept = self._kept.get(k)
-        if kept is None and (k >= self._latest or k <= self._forgotten):
+        if kept is None and (k >= self._latest or k <= self._last_dropped):
             return None
         if not self._budget.take(self._server, k, FRAME_BYTES if kept is None else kept.size):
             return None
         return (kept or self._store(k, _NO_FIELDS)).frame
 
-    def _store(self, k: int, fields: Fields) -> _Kept:
+    def _store(self, k: int, fields: Fields) -> _KeptFrame:
         assert self._since is not None
         frame = ServerFrame(
             server=self._server, k=k, fields=fields, since=self._since, stopped=self._stopped()
         )
-        kept = self._kept[k] = _Kept(frame, self._size(fields))
+        kept = self._kept[k] = _KeptFrame(frame, self._size(fields))
         self._order.append(k)
         self._latest = max(self._latest, k)
-        sharing = self._shared[id(fields)] = self._shared.get(id(fields), 0) + 1
-        self._bytes += FRAME_BYTES if sharing > 1 else kept.size
+        uses = self._shared[id(fields)] = self._shared.get(id(fields), 0) + 1
+        self._bytes += FRAME_BYTES if uses > 1 else kept.size
         while len(self._order) > self._keep or (self._bytes > KEPT_BYTES and len(self._order) > 1):
             self._was_full |= len(self._order) <= self._keep
-            self._forget(self._order.popleft())
+            self._drop(self._order.popleft())
         return kept
 
-    def _forget(self, k: int) -> None:
+    def _drop(self, k: int) -> None:
         frame, size = self._kept.pop(k)
-        self._forgotten = max(self._forgotten, k)
-        shared = id(frame.fields)
-        self._shared[shared] -= 1
-        if self._shared[shared]:
+        self._last_dropped = max(self._last_dropped, k)
+        fields_id = id(frame.fields)
+        self._shared[fields_id] -= 1
+        if self._shared[fields_id]:
             size = FRAME_BYTES
         else:
-            del self._shared[shared]
+            del self._shared[fields_id]
         self._bytes -= size
 
     def _size(self, fields: Fields) -> int:

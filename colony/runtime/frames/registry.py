@@ -1,4 +1,4 @@
-"""Registry of a run's clients at the Clock: whether they are ready and alive, and their requests on time."""
+"""The Clock's registry of a run's clients: readiness, leases, and counts of requests on time and late."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class _Member:
 
 
 class ClientRegistry:
-    """The members of a run: their readiness, their leases, and how many requests were on time. Mutable.
+    """The members of a run, with their readiness, leases, and counts of requests. Mutable.
 
     Args:
-        clients: addresses of the clients, each of which sends a request a frame.
-        announcers: addresses of the members that run modules in Python, and only have to be ready.
+        clients: addresses of the clients, each of which sends one request per frame.
+        announcers: addresses of the members that run modules in Python; they need only report ready.
         lease_ns: nanoseconds without a request after which a client is lost.
-        now_ns: present time.
+        now_ns: current time.
     """
 
     def __init__(
@@ -36,22 +36,22 @@ class ClientRegistry:
         self._liveness = Liveness(self._clients, lease_ns=lease_ns, now_ns=now_ns)
 
     def __contains__(self, address: str) -> bool:
-        """Return True if the address is a member's."""
+        """Return True if the address belongs to a member."""
         return address in self._clients or address in self._announcers
 
     @property
-    def complete(self) -> bool:
+    def all_ready(self) -> bool:
         """True if all members are ready."""
         return all(m.ready for group in (self._clients, self._announcers) for m in group.values())
 
-    def ready(self, address: str) -> None:
+    def mark_ready(self, address: str) -> None:
         """Mark a member as ready; ignore other addresses."""
         member = self._clients.get(address) or self._announcers.get(address)
         if member is not None:
             member.ready = True
 
     def begin(self, now_ns: int) -> None:
-        """Begin the run: clients that are not ready are marked lost."""
+        """Begin the run; clients that are not ready are lost."""
         for client, member in self._clients.items():
             if member.ready:
                 self._liveness.renew(client, now_ns)
@@ -63,9 +63,9 @@ class ClientRegistry:
         self._liveness.renew(client, now_ns)
 
     def record_verdict(self, verdict: Verdict, now_ns: int) -> None:
-        """Count the requests that were on time or late, and renew the leases of the clients heard from.
+        """Count the requests that were on time or late, and renew the leases of their clients.
 
-        A request that was refused was on time, but renews no lease.
+        A refused request counts as on time, but renews no lease.
         """
         for name, fate in verdict.fates:
             client = topics.client_address(verdict.actuator, name)
@@ -77,7 +77,7 @@ class ClientRegistry:
                 member.late += fate == "late"
 
     def extend(self, suspended_ns: int) -> None:
-        """Extend all leases by the time that this process was suspended, as `Liveness.extend` does."""
+        """Extend all leases by the time for which this process was suspended."""
         self._liveness.extend(suspended_ns)
 
     def lost(self, now_ns: int) -> tuple[str, ...]:

@@ -1,1 +1,1 @@
-"""The kit for programs beside a robot: connections to servers, scripts, and servers of one's own."""
+"""The kit for programs that work with a robot: connections to servers, scripts, and custom servers."""

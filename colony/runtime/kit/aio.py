@@ -17,18 +17,18 @@ from typing import TypeVar
 from colony.runtime.kit.connection import (
     MAX_NOTICES,
     TIMEOUT_S,
-    opening_times,
+    answer_timeout,
+    opening_timeouts,
     program_name,
     read_result,
-    timed_out,
-    waiting_time,
+    timeout_error,
 )
 from colony.runtime.kit.conversation import Outcome
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.hub import Hub
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.messages import Notice
-from colony.runtime.transport.live.place import Credentials
+from colony.runtime.transport.live.robot_address import Credentials
 
 T = TypeVar("T")
 
@@ -36,7 +36,7 @@ T = TypeVar("T")
 class Connection:
     """A connection between this program and one server, for the tasks of one event loop.
 
-    Mutable: its open calls. Created by `connect` and `Session.connect`.
+    Mutable. Created by `connect` and `Session.connect`.
     """
 
     def __init__(self, hub: Hub, server: str, *, name: str, priority: int, timeout_s: float) -> None:
@@ -56,19 +56,19 @@ class Connection:
                 automatically.
             CallTimeoutError: no answer came within `timeout_s`, by default that of the connection or call.
         """
-        wait_s = waiting_time(ask, timeout_s, self._timeout_s)
-        outcome: asyncio.Future[Outcome] = self._loop.create_future()
-        pending = self._wire.submit(ask, lambda outcome_received: self._settle(outcome, outcome_received))
+        wait_s = answer_timeout(ask, timeout_s, self._timeout_s)
+        future: asyncio.Future[Outcome] = self._loop.create_future()
+        pending = self._wire.submit(ask, lambda outcome: self._settle(future, outcome))
         try:
             async with asyncio.timeout(wait_s):
-                return read_result(self.server, ask, await outcome)
+                return read_result(self.server, ask, await future)
         except TimeoutError:
-            raise timed_out(self._wire, ask, wait_s) from None
+            raise timeout_error(self._wire, ask, wait_s) from None
         finally:
             self._wire.forget(pending)
 
     async def keep(self, ask: Ask[T]) -> T:
-        """Make a call, such as a watch, now and again whenever the connection is reopened."""
+        """Make a call, such as a watch, immediately and each time the connection is reopened."""
         result = await self.do(ask)
         self._wire.keep(ask)
         return result
@@ -80,14 +80,14 @@ class Connection:
 
     @property
     def openings(self) -> int:
-        """The number of times that the connection was opened; above 1, its state at the server was lost."""
+        """The number of times that the connection was opened; if above 1, the server has lost its state."""
         return self._wire.openings
 
     async def open(self) -> None:
         """Open the connection; see `connect`."""
         opened: asyncio.Future[Outcome] = self._loop.create_future()
-        self._wire.open(lambda outcome_received: self._settle(opened, outcome_received))
-        for wait_s in opening_times(self._timeout_s):
+        self._wire.open(lambda outcome: self._settle(opened, outcome))
+        for wait_s in opening_timeouts(self._timeout_s):
             done, _ = await asyncio.wait([opened], timeout=wait_s)
             if done:
                 outcome = opened.result()
@@ -124,7 +124,7 @@ class Connection:
 
 
 class Session:
-    """A process's session with a robot, which its connections share. Mutable: the connections."""
+    """A process's session with a robot, shared by its connections. Mutable."""
 
     def __init__(self, hub: Hub) -> None:
         self.hub = hub
@@ -139,7 +139,7 @@ class Session:
         credentials: Credentials | None = None,
         environment: Mapping[str, str] = os.environ,
     ) -> AsyncIterator[Session]:
-        """Join the processes of a robot, until the end of the `async with`.
+        """Open a session with a robot until the end of the `async with`.
 
         Raises:
             ServerNotFoundError: this machine has no such robot.

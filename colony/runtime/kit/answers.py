@@ -17,8 +17,8 @@ TIMEOUT_S = 5.0
 """Default timeout of a call, in seconds."""
 
 
-def waiting_time(ask: Ask[Any], asked_s: float | None, usual_s: float) -> float:
-    """Return the seconds to wait for an answer: `asked_s`, else `usual_s`, or longer if the call needs it.
+def answer_timeout(ask: Ask[Any], requested_s: float | None, default_s: float) -> float:
+    """Return the timeout in seconds: `requested_s`; if None, `default_s`, or longer if the call needs it.
 
     Raises:
         TypeError: `ask` is not a call of a library.
@@ -28,9 +28,9 @@ def waiting_time(ask: Ask[Any], asked_s: float | None, usual_s: float) -> float:
         raise TypeError(
             f"not a call: {ask!r}{hint}; expected the result of a library function, such as robot.go(200)"
         )
-    if asked_s is not None:
-        return asked_s
-    return usual_s if ask.wait_s is None else max(usual_s, ask.wait_s)
+    if requested_s is not None:
+        return requested_s
+    return default_s if ask.wait_s is None else max(default_s, ask.wait_s)
 
 
 def read_result(server: str, ask: Ask[T], outcome: Outcome) -> T:

@@ -4,7 +4,7 @@
         base.do(robot.go(200))
         speed = base.do(robot.speed_setting())
 
-or, with sending and receiving apart:
+or, with separate calls to send and to receive:
 
     base.send(robot.speed_setting())
     speed = base.recv()
@@ -24,15 +24,15 @@ from threading import TIMEOUT_MAX, Lock
 from typing import Any, Generic, TypeVar
 
 from colony.runtime.kit.answers import TIMEOUT_S as TIMEOUT_S
+from colony.runtime.kit.answers import answer_timeout as answer_timeout
 from colony.runtime.kit.answers import read_result as read_result
-from colony.runtime.kit.answers import waiting_time as waiting_time
 from colony.runtime.kit.conversation import Outcome
 from colony.runtime.kit.errors import CallTimeoutError, RobotConnectionError
 from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.wire import Wire
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.messages import Notice
-from colony.runtime.transport.live.place import Credentials
+from colony.runtime.transport.live.robot_address import Credentials
 from colony.runtime.transport.live.robot_time import time_of
 
 T = TypeVar("T")
@@ -41,7 +41,7 @@ SERVER_START_S = 2.0
 """Seconds to wait for a server that may still be starting."""
 
 MAX_NOTICES = 1024
-"""The largest number of unread notices; beyond it the oldest are dropped."""
+"""Maximum number of unread notices; beyond it, the oldest are dropped."""
 
 
 class Answer(Generic[T]):
@@ -67,7 +67,7 @@ class Answer(Generic[T]):
         if self._outcome is None and not self._ready.acquire(timeout=left_s):
             self._wire.forget(self._pending)
             if self._outcome is None:
-                raise timed_out(self._wire, self._ask, self._timeout_s)
+                raise timeout_error(self._wire, self._ask, self._timeout_s)
         assert self._outcome is not None
         return read_result(self._wire.server, self._ask, self._outcome)
 
@@ -77,7 +77,7 @@ class Answer(Generic[T]):
 
 
 class Connection:
-    """A connection between this program and one server. Threads may share it. Mutable: its open calls."""
+    """A connection between this program and one server. Threads may share it. Mutable."""
 
     def __init__(self, hub: Hub, server: str, *, name: str, priority: int, timeout_s: float) -> None:
         """Open the connection; see `connect`."""
@@ -86,10 +86,10 @@ class Connection:
         self._timeout_s = timeout_s
         self._sent: deque[Answer[Any]] = deque()
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
-        self._noticed: SimpleQueue[None] = SimpleQueue()
-        self._holds = ExitStack()
+        self._notice_signals: SimpleQueue[None] = SimpleQueue()
+        self._resources = ExitStack()
         self._wire = hub.wire(server, name=name, priority=priority, notify=self._notify)
-        self._holds.callback(hub.release, self._wire)
+        self._resources.callback(hub.release, self._wire)
         try:
             self._open()
         except BaseException:
@@ -125,7 +125,7 @@ class Connection:
         return self._sent.popleft().result()
 
     def keep(self, ask: Ask[T]) -> T:
-        """Make a call, such as a watch, now and again whenever the connection is reopened."""
+        """Make a call, such as a watch, immediately and each time the connection is reopened."""
         result = self.do(ask)
         self._wire.keep(ask)
         return result
@@ -133,11 +133,11 @@ class Connection:
     def notices(self, *, timeout_s: float | None = None) -> Iterator[Notice]:
         """Yield the notices of the server, which come for a `watch` or another subscription.
 
-        The iterator ends when no notice came for `timeout_s`.
+        The iterator ends when no notice has come for `timeout_s`.
         """
         while True:
             try:
-                self._noticed.get(timeout=timeout_s)
+                self._notice_signals.get(timeout=timeout_s)
             except Empty:
                 return
             if self._notices:
@@ -145,17 +145,17 @@ class Connection:
 
     @property
     def openings(self) -> int:
-        """The number of times that the connection was opened; above 1, its state at the server was lost."""
+        """The number of times that the connection was opened; if above 1, the server has lost its state."""
         return self._wire.openings
 
     def close(self) -> None:
         """Close the connection. Idempotent."""
-        self._holds.close()
+        self._resources.close()
 
-    def and_close(self, holds: ExitStack) -> None:
+    def close_with(self, resources: ExitStack) -> None:
         """Close `holds` too, after the connection."""
-        holds.push(self._holds)
-        self._holds = holds
+        resources.push(self._resources)
+        self._resources = resources
 
     def __enter__(self) -> Connection:
         """Return the connection."""
@@ -166,12 +166,12 @@ class Connection:
         self.close()
 
     def _answer(self, ask: Ask[T], timeout_s: float | None) -> Answer[T]:
-        return Answer(self._wire, ask, waiting_time(ask, timeout_s, self._timeout_s))
+        return Answer(self._wire, ask, answer_timeout(ask, timeout_s, self._timeout_s))
 
     def _open(self) -> None:
         ready: SimpleQueue[Outcome] = SimpleQueue()
         self._wire.open(ready.put)
-        for wait_s in opening_times(self._timeout_s):
+        for wait_s in opening_timeouts(self._timeout_s):
             with suppress(Empty):
                 outcome = ready.get(timeout=wait_s)
                 if isinstance(outcome, RobotConnectionError):
@@ -183,16 +183,16 @@ class Connection:
 
     def _notify(self, notice: Notice) -> None:
         self._notices.append(notice)
-        self._noticed.put(None)
+        self._notice_signals.put(None)
 
 
 class Session:
-    """A process's session with a robot, which its connections share.
+    """A process's session with a robot, shared by its connections.
 
         with Session.open("rome") as rome:
             base, data = rome.connect("RServer", priority=5), rome.connect("DServer")
 
-    Mutable: the connections. Threads may share it.
+    Mutable. Threads may share it.
     """
 
     def __init__(self, hub: Hub) -> None:
@@ -208,7 +208,7 @@ class Session:
         credentials: Credentials | None = None,
         environment: Mapping[str, str] = os.environ,
     ) -> Session:
-        """Join the processes of a robot, on this machine or behind a gateway (`tls/HOST:PORT`).
+        """Open a session with a robot on this machine or behind a gateway (`tls/HOST:PORT`).
 
         Raises:
             ServerNotFoundError: this machine has no such robot.
@@ -232,7 +232,7 @@ class Session:
         """Return the robot's time, in nanoseconds.
 
         Raises:
-            UnreachableError: the robot is on another machine, and no tick of its Clock came.
+            UnreachableError: the robot is on another machine, and no tick of its Clock has arrived.
         """
         if self._time is None:
             self._time = time_of(self.hub.network)
@@ -267,9 +267,9 @@ def connect(
     Args:
         server: the name of the server.
         robot: the name of the robot.
-        name: the name of the connection, for people; by default that of the program.
+        name: the display name of the connection; by default, the name of the program.
         priority: the priority of its calls; the server serves higher ones first.
-        timeout_s: the longest time to wait for an answer.
+        timeout_s: the maximum time to wait for an answer.
         gateway: the address of a gateway, for a robot on another machine; see `Session.open`.
         credentials: the user's credentials at the gateway.
         environment: the environment variables that locate the run directory of this machine's robots.
@@ -279,24 +279,24 @@ def connect(
         CallRefusedError: the server does not accept the connection.
         UnreachableError: the gateway cannot be reached, or refuses the login.
     """
-    with ExitStack() as holds:
+    with ExitStack() as resources:
         session = Session.open(robot, gateway=gateway, credentials=credentials, environment=environment)
-        holds.enter_context(session)
+        resources.enter_context(session)
         connection = session.connect(server, name=name, priority=priority, timeout_s=timeout_s)
-        connection.and_close(holds.pop_all())
+        connection.close_with(resources.pop_all())
         return connection
 
 
-def opening_times(timeout_s: float) -> tuple[float, ...]:
-    """Return the two timeouts in seconds for a server to open the connection.
+def opening_timeouts(timeout_s: float) -> tuple[float, ...]:
+    """Return the two timeouts in seconds for a server to open the connection, which add up to `timeout_s`.
 
-    The first applies to a server that may still be starting; the second, the rest, to one that is up.
+    The first applies to any server, as it may still be starting; the second only to one that is up.
     """
     first = min(timeout_s, SERVER_START_S)
     return (first, timeout_s - first)
 
 
-def timed_out(wire: Wire, ask: Ask[Any], timeout_s: float) -> CallTimeoutError:
+def timeout_error(wire: Wire, ask: Ask[Any], timeout_s: float) -> CallTimeoutError:
     """Return the error for a call that timed out."""
     text = f"{wire.server} did not answer `{ask.method}` in {timeout_s:g} s"
     if not wire.is_open:

@@ -24,10 +24,10 @@ from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
 
 KEEPALIVE_NS = 150_000_000
-"""Nanoseconds without a message after which a sign of life is due; a check every 100 ms suffices."""
+"""Nanoseconds without a message after which a sign of life is due; checking every 100 ms suffices."""
 
 RESEND_NS = 250_000_000
-"""Nanoseconds without an answer before a call is first resent; each further pause doubles."""
+"""Nanoseconds without an answer before a call is first resent; each further pause is twice as long."""
 
 MAX_RESEND_NS = 2_000_000_000
 
@@ -100,15 +100,15 @@ class State(Enum):
 
 @dataclass(frozen=False, slots=True)
 class Conversation:
-    """The client's half of a connection. Mutable: its state and its open calls.
+    """The client's half of a connection. Mutable.
 
     Args:
         server: the name of the server.
         user: the user of this process.
-        ids: returns a new id every time.
-        name: the name of the connection, for people.
+        ids: function that returns a new id each time.
+        name: the display name of the connection.
         priority: the priority of all its calls.
-        default_right: a right of the user, for calls that any right allows.
+        default_right: a right of the user, claimed by calls that any right allows.
     """
 
     server: str
@@ -143,7 +143,7 @@ class Conversation:
         match self.state:
             case State.OPEN:
                 yield self._transmit(pending, now_ns)
-            case State.OPENING if _urgent(pending):
+            case State.OPENING if _is_urgent(pending):
                 yield self._transmit(pending, now_ns)
             case State.OPENING:
                 self._unsent.append(pending)
@@ -167,13 +167,13 @@ class Conversation:
             yield self._transmit(pending, now_ns)
 
     def receive(self, message: Reply | Notice, now_ns: int) -> Iterator[Effect]:
-        """Handle a reply or a notice of the server; ignore one to an earlier connection."""
+        """Handle a reply or notice from the server; ignore one for another connection."""
         if message.connection != self.connection or self.state is State.CLOSED:
             return
         if isinstance(message, Notice):
             yield Deliver(message)
         elif message.problem is not None and message.problem.code == "closed":
-            if self.state is State.OPEN:  # else the reply answers an earlier message
+            if self.state is State.OPEN:  # otherwise, the reply is to an earlier message
                 yield from self.reopen(now_ns)
         elif message.number == 0:
             self.server_error = "" if message.problem is None else message.problem.message
@@ -205,7 +205,7 @@ class Conversation:
     def server_found(self, now_ns: int) -> Iterator[Effect]:
         """Handle the return of the server: check immediately whether it knows this connection."""
         if self.state is State.OPEN:
-            yield self._alive(now_ns)
+            yield self._keepalive(now_ns)
         elif self.state is State.OPENING and self._opening is not None:
             yield self._transmit(self._opening, now_ns)
 
@@ -213,18 +213,18 @@ class Conversation:
         """Resend calls and send a sign of life, if due; to be called often."""
         if self.state is State.CLOSED:
             return
-        waiting = tuple(self._sent.values())
+        unanswered = tuple(self._sent.values())
         if self._opening is not None:
-            waiting = (self._opening, *filter(_urgent, waiting))
-        for pending in waiting:
+            unanswered = (self._opening, *filter(_is_urgent, unanswered))
+        for pending in unanswered:
             if now_ns - pending.sent_ns >= pending.resend_ns:
                 pending.resend_ns = min(2 * pending.resend_ns, MAX_RESEND_NS)
                 yield self._transmit(pending, now_ns)
         if self.state is State.OPEN and now_ns - self._last_sent_ns >= KEEPALIVE_NS:
-            yield self._alive(now_ns)
+            yield self._keepalive(now_ns)
 
     def close(self, now_ns: int) -> Iterator[Effect]:
-        """Close the connection: notify the server, and fail the waiting calls."""
+        """Close the connection: notify the server, and fail the calls without an answer."""
         if self.state is State.OPEN:
             ask = Ask("close", NoArguments(), None, self.default_right)
             yield self._transmit(Pending(ask, _ignore), now_ns)
@@ -250,12 +250,12 @@ class Conversation:
                 self.server_error = str(outcome)
             else:
                 self._opening = None
-                yield from self._opened(now_ns)
+                yield from self._on_opened(now_ns)
             yield Resolve(opening, outcome)
         elif (pending := self._sent.pop(reply.number, None)) is not None:
             yield Resolve(pending, outcome)
 
-    def _opened(self, now_ns: int) -> Iterator[Effect]:
+    def _on_opened(self, now_ns: int) -> Iterator[Effect]:
         self.state = State.OPEN
         self.openings += 1
         self.server_error = ""
@@ -293,12 +293,12 @@ class Conversation:
         pending.sent_ns = self._last_sent_ns = now_ns
         return Transmit(pending.call)
 
-    def _alive(self, now_ns: int) -> Effect:
+    def _keepalive(self, now_ns: int) -> Effect:
         self._last_sent_ns = now_ns
         return Transmit(Alive(connection=self.connection))
 
 
-def _urgent(pending: Pending) -> bool:
+def _is_urgent(pending: Pending) -> bool:
     """Return True if a call is sent before the connection is open."""
     return pending.ask.method == EMERGENCY_STOP
 

@@ -18,7 +18,7 @@ from colony.text.units import NUMBER, parse_unit
 
 
 class FieldDescription(msgspec.Struct, frozen=True, kw_only=True):
-    """A field of the server's frames: a number in `unit` ("" for a plain one), a bool, or `size` of these."""
+    """A field of the server's frames: a number in `unit` (plain if ""), a bool, or `size` of them."""
 
     name: str
     kind: Literal["bool", "number"]
@@ -48,7 +48,7 @@ def describe() -> Ask[Description]:
 
 
 def server_spec(description: Description) -> ServerSpec:
-    """Return the server in the form that `bind` takes.
+    """Return the server's interface in the form that `bind` takes.
 
     Raises:
         ValueError: a unit is invalid, or not a base unit; fields are in mm, s and deg.

@@ -20,7 +20,7 @@ from colony.runtime.kit.conversation import Outcome, Pending
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import emergency
 from colony.runtime.protocol.topics import CLOCK
-from colony.runtime.transport.live.place import Local
+from colony.runtime.transport.live.robot_address import Local
 
 RESEND_INTERVAL_S = 0.03
 """Seconds after which a stop without an acknowledgement is resent.
@@ -49,11 +49,11 @@ class StopReport:
 
 
 class StopButton:
-    """A button that stops a robot. Mutable: its conversations with the servers.
+    """A button that stops a robot. Mutable.
 
     Args:
         session: the session with the robot, which stays open.
-        name: the name of the connections, for people.
+        name: the display name of the connections.
         timeout_s: seconds to wait for the acknowledgements.
     """
 
@@ -88,37 +88,38 @@ class StopButton:
     def _collect(
         self, outcomes: SimpleQueue[tuple[str, Outcome]], due: float, sent: Mapping[str, Pending]
     ) -> StopReport:
-        found: dict[str, Outcome] = {}
-        while self._awaited(found) and (left_s := due - time.monotonic()) > 0.0:
+        answers: dict[str, Outcome] = {}
+        while self._unanswered(answers) and (left_s := due - time.monotonic()) > 0.0:
             try:
                 server, outcome = outcomes.get(timeout=min(left_s, RESEND_INTERVAL_S))
-                found[server] = outcome
+                answers[server] = outcome
             except Empty:
-                for missing in self._awaited(found):
-                    self._wires[missing].resend(sent[missing])
+                for server in self._unanswered(answers):
+                    self._wires[server].resend(sent[server])
         problems: dict[str, str] = {}
-        for server, outcome in found.items():
+        for server, outcome in answers.items():
             try:
                 read_result(server, emergency.stop(), outcome)
             except RobotConnectionError as problem:
                 problems[server] = str(problem)
-        for server in self._awaited(found):
+        for server in self._unanswered(answers):
             problems[server] = f"{server} did not acknowledge the stop in {self._timeout_s:g} s"
-        if CLOCK not in found and CLOCK not in problems:
+        if CLOCK not in answers and CLOCK not in problems:
             problems[CLOCK] = "the Clock is down, so a server that restarts will not know of the stop"
         return StopReport(
-            acknowledged=tuple(s for s in SERVERS if s in found and s not in problems), problems=problems
+            acknowledged=tuple(s for s in SERVERS if s in answers and s not in problems), problems=problems
         )
 
-    def _awaited(self, found: Mapping[str, Outcome]) -> list[str]:
-        missing = [server for server in self._wires if server not in found]
+    def _unanswered(self, answers: Mapping[str, Outcome]) -> list[str]:
+        """Return the servers that are up and have not answered."""
+        missing = [server for server in self._wires if server not in answers]
         present = {*self._session.servers(), *self._running()} if missing else ()
         return [server for server in missing if server in present]
 
     def _running(self) -> Iterable[str]:
-        """Return the servers with a process on this machine, even a frozen one; none from another machine."""
-        place = self._session.hub.network.place
-        return place.directory.running() if isinstance(place, Local) else ()
+        """Return the servers with a process on this machine, even a frozen one; none for a remote robot."""
+        robot_address = self._session.hub.network.robot_address
+        return robot_address.directory.running() if isinstance(robot_address, Local) else ()
 
     def close(self) -> None:
         """Close the connections. Idempotent."""

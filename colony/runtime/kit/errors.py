@@ -14,7 +14,7 @@ class ServerNotFoundError(RobotConnectionError):
 class CallRefusedError(RobotConnectionError):
     """The server refuses the call.
 
-    `code` is for programs: "arguments", "method", "right", "flood", "size", or one of the server's own.
+    `code` is for programs: "arguments", "method", "right", "flood", "size", or a code of the server's own.
     """
 
     def __init__(self, code: str, message: str) -> None:
@@ -30,5 +30,6 @@ class CallTimeoutError(RobotConnectionError):
 class ConnectionLostError(RobotConnectionError):
     """The connection ended before the answer came; the call may or may not have been executed.
 
-    The kit reopens the connection by itself. Its state at the server (a lock, a place in a queue) is lost.
+    The kit reopens the connection automatically. Its state at the server (a lock, a place in a queue) is
+    lost.
     """

@@ -29,7 +29,7 @@ from colony.runtime.transport.live.endpoint import parse_endpoint
 from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.gateway import GATEWAY, Identity, whoami
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.place import Credentials, Local, Place, Remote, local
+from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress, local
 from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirectory
 from colony.runtime.transport.live.security import check_credentials, rights
 
@@ -44,7 +44,7 @@ during the life of a link.
 """
 
 POLL_INTERVAL_S = 0.1
-"""Seconds between two rounds of signs of life and repeated calls."""
+"""Seconds between two rounds of sending signs of life and resending calls."""
 
 
 class Hub:
@@ -62,16 +62,16 @@ class Hub:
         self._bucket = f"{randbelow(REPLY_BUCKETS):02x}"
         self._lock = Lock()
         self._deferred: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
-        self._holds = ExitStack()
+        self._resources = ExitStack()
         key = keys.replies_to_process(network.robot, network.user, self._bucket)
         handler = zenoh.handlers.Callback(self._on_reply, indirect=False)
-        self._holds.callback(network.session.declare_subscriber(key, handler).undeclare)
+        self._resources.callback(network.session.declare_subscriber(key, handler).undeclare)
         network.watch(self._on_presence)
-        self._holds.callback(network.unwatch, self._on_presence)
+        self._resources.callback(network.unwatch, self._on_presence)
         poller = Thread(target=self._poll, name="colony connections", daemon=True)
         poller.start()
-        self._holds.callback(poller.join)
-        self._holds.callback(self._deferred.put, None)
+        self._resources.callback(poller.join)
+        self._resources.callback(self._deferred.put, None)
 
     @classmethod
     def on(cls, network: ZenohSession) -> Hub:
@@ -91,27 +91,27 @@ class Hub:
         credentials: Credentials | None = None,
         environment: Mapping[str, str] = os.environ,
     ) -> Hub:
-        """Join the processes of a robot, on this machine or behind a gateway (`tls/HOST:PORT`).
+        """Open a session with a robot on this machine or behind a gateway (`tls/HOST:PORT`).
 
         Raises:
             ServerNotFoundError: this machine has no such robot.
             UnreachableError: the gateway cannot be reached, or refuses the login.
             SecurityError: the address is not one for TLS, or the credentials cannot be used.
         """
-        place: Place
+        robot_address: RobotAddress
         if gateway is None:
-            place = local(robot, environment)
-            _expect_folder(place)
+            robot_address = local(robot, environment)
+            _check_directory(robot_address)
         else:
             if credentials is None:
                 raise ValueError(f"no credentials for the gateway {gateway}: give `credentials`")
             parse_endpoint(gateway)
             check_credentials(credentials)
-            place = Remote(robot=robot, endpoint=gateway, credentials=credentials)
-        with ExitStack() as holds:
-            network = holds.enter_context(ZenohSession.open(place))
+            robot_address = Remote(robot=robot, endpoint=gateway, credentials=credentials)
+        with ExitStack() as resources:
+            network = resources.enter_context(ZenohSession.open(robot_address))
             hub = cls.on(network)
-            hub._holds = _nested(hub._holds, holds.pop_all())
+            hub._resources = _nested(hub._resources, resources.pop_all())
             return hub
 
     def wire(
@@ -123,7 +123,7 @@ class Hub:
         notify: Callable[[Notice], None],
         rights: tuple[Right, ...] | None = None,
     ) -> Wire:
-        """Return an unopened conversation with a server; pass it to `release` at the end.
+        """Return a conversation with a server that is not open yet; pass it to `release` at the end.
 
         Raises:
             TypeError: the name or the priority cannot be sent.
@@ -156,18 +156,19 @@ class Hub:
         wire.close()
         with self._lock:
             self._wires_by_connection = {
-                id: other for id, other in self._wires_by_connection.items() if other is not wire
+                connection: w for connection, w in self._wires_by_connection.items() if w is not wire
             }
 
     def not_found(self, server: str) -> ServerNotFoundError:
         """Return the error for a name under which no server answers, with the likely reason."""
-        robot, there = self.network.robot, self.network.alive()
-        if server in there:
+        robot, servers = self.network.robot, self.network.alive()
+        if server in servers:
             text = f"{server} of {robot} is up but does not answer: is it busy or frozen?"
-        elif there:
-            text = f"{robot} has no {server}: found {', '.join(there)}"
+        elif servers:
+            text = f"{robot} has no {server}: found {', '.join(servers)}"
         else:
-            text = f"nothing of {robot} runs {_where(self.network.place)}: start it with `colony serve`"
+            where = _where(self.network.robot_address)
+            text = f"no process of {robot} runs {where}: start it with `colony serve`"
         return ServerNotFoundError(text)
 
     def close(self) -> None:
@@ -176,12 +177,12 @@ class Hub:
             wires, self._wires = self._wires, set()
         for wire in wires:
             wire.close()
-        self._holds.close()
+        self._resources.close()
 
     # --- internals -----------------------------------------------------------------------------------
 
     def _poll(self) -> None:
-        """Keep the connections alive, in a thread of its own, without waiting for room to send."""
+        """Keep the connections alive, in a thread of its own, whose sends never block."""
         due = time.monotonic() + POLL_INTERVAL_S
         while True:
             try:
@@ -218,7 +219,7 @@ class Hub:
         """Handle the appearance or loss of a node, in a network thread."""
         for wire in self._all():
             if wire.server == address:
-                self._deferred.put(partial(wire.presence, present))
+                self._deferred.put(partial(wire.on_presence, present))
 
     def _all(self) -> tuple[Wire, ...]:
         with self._lock:
@@ -230,8 +231,8 @@ def _rights(network: ZenohSession) -> tuple[Right, ...]:
 
     The gateway answers `whoami` under any right that the user has, so every right is tried.
     """
-    place = network.place
-    if isinstance(place, Local):
+    robot_address = network.robot_address
+    if isinstance(robot_address, Local):
         return keys.RIGHTS
     answered: SimpleQueue[Outcome] = SimpleQueue()
     hub = Hub(network)
@@ -245,8 +246,9 @@ def _rights(network: ZenohSession) -> tuple[Right, ...]:
         outcome = answered.get(timeout=LOGIN_TIMEOUT_S)
     except Empty:
         raise UnreachableError(
-            f"{place.endpoint} does not admit {network.user}: the user's name must be that in "
-            f"{place.credentials.certificate}, and in the gateway's table of users for {place.robot}"
+            f"{robot_address.endpoint} does not admit {network.user}: the user's name must be that in "
+            f"{robot_address.credentials.certificate}, and in the gateway's table of users for "
+            f"{robot_address.robot}"
         ) from None
     finally:
         hub.close()
@@ -265,25 +267,25 @@ def _nested(inner: ExitStack, outer: ExitStack) -> ExitStack:
     return outer
 
 
-def _expect_folder(place: Local) -> None:
-    directory = place.directory
+def _check_directory(robot_address: Local) -> None:
+    directory = robot_address.directory
     if directory.path.is_dir():
         return
-    robots = ", ".join(_running_beside(directory)) or "none"
+    robots = ", ".join(_running_robots(directory)) or "none"
     raise ServerNotFoundError(
         f"no robot `{directory.robot}` on this machine: {directory.path} does not exist "
         f"(robots found: {robots}); start it with `colony serve`"
     )
 
 
-def _running_beside(directory: RobotDirectory) -> tuple[str, ...]:
+def _running_robots(directory: RobotDirectory) -> tuple[str, ...]:
     """Return this user's robots on this machine that have a running process."""
-    folder = RunDirectory(directory.path.parent)
-    return tuple(name for name in folder.robots() if RobotDirectory(folder.path / name, name).running())
+    parent = RunDirectory(directory.path.parent)
+    return tuple(name for name in parent.robots() if RobotDirectory(parent.path / name, name).running())
 
 
-def _where(place: Place) -> str:
-    match place:
+def _where(robot_address: RobotAddress) -> str:
+    match robot_address:
         case Local(directory=directory):
             return f"on this machine (looked in {directory.path})"
         case Remote(endpoint=endpoint):

@@ -17,7 +17,7 @@ from colony.runtime.library.robot import Arbitration, arbitration
 from colony.runtime.protocol.calls import ConnectionStatus
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.topics import CLOCK, OBSERVER
-from colony.runtime.transport.live.place import Local, Place
+from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
 CORE_SERVERS = (CLOCK, RSERVER.name, PSERVER.name, DSERVER.name, RUNTIME.name)
 """The servers that every robot has."""
@@ -30,8 +30,8 @@ T = TypeVar("T")
 class ServerState(msgspec.Struct, frozen=True, kw_only=True):
     """The state of one server.
 
-    `state` is "up", "down" (absent) or "silent" (present without an answer). `process` is known on the
-    robot's own machine only. `connections` are those of its clients, `full` the limits that it reached.
+    `state` is "up", "down" (absent) or "silent" (present, but not answering). `process` is known only on the
+    robot's own machine. `connections` are those of its clients; `full` describes the limits that it reached.
     """
 
     server: str
@@ -44,7 +44,7 @@ class ServerState(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RobotState(msgspec.Struct, frozen=True, kw_only=True, rename={"participants": "who"}):
-    """The state of a robot; `run`, `arbitration` and `participants` are None if their server is silent."""
+    """The state of a robot; `run`, `arbitration`, `participants` are None if their server does not answer."""
 
     robot: str
     servers: tuple[ServerState, ...]
@@ -58,22 +58,22 @@ def as_json(states: Sequence[RobotState]) -> str:
     return msgspec.json.format(msgspec.json.encode(states), indent=2).decode()
 
 
-def state_of(session: Session, place: Place) -> RobotState:
+def state_of(session: Session, robot_address: RobotAddress) -> RobotState:
     """Ask all servers in parallel, and report those without an answer as silent."""
-    processes = dict(place.directory.running()) if isinstance(place, Local) else {}
+    processes = dict(robot_address.directory.running()) if isinstance(robot_address, Local) else {}
     present = {address for address in session.servers() if "/" not in address} - {OBSERVER}
     names = sorted({*CORE_SERVERS, *present, *processes} - {OBSERVER}, key=_order)
     with ThreadPoolExecutor(max_workers=len(names)) as pool:
-        asked = {
+        futures = {
             name: pool.submit(_ask, session, name, name in present, processes.get(name)) for name in names
         }
-        found = {name: future.result() for name, future in asked.items()}
+        answers = {name: future.result() for name, future in futures.items()}
     return RobotState(
-        robot=place.robot,
-        servers=tuple(state for state, _ in found.values()),
-        run=_answer(found.get(LEADER), RunStatus),
-        arbitration=_answer(found.get(RSERVER.name), Arbitration),
-        participants=_answer(found.get(CLOCK), Participants),
+        robot=robot_address.robot,
+        servers=tuple(state for state, _ in answers.values()),
+        run=_details(answers.get(LEADER), RunStatus),
+        arbitration=_details(answers.get(RSERVER.name), Arbitration),
+        participants=_details(answers.get(CLOCK), Participants),
     )
 
 
@@ -100,17 +100,16 @@ def _ask(session: Session, name: str, present: bool, process: int | None) -> tup
             details = connection.do(_DETAIL_CALLS[name]()) if name in _DETAIL_CALLS else None
     except RobotConnectionError as problem:
         return ServerState(server=name, state="silent", process=process, problem=str(problem)), None
-    others = tuple(c for c in status.connections if c.name != "colony ps")
-    found = ServerState(
+    server_state = ServerState(
         server=name,
         state="up",
         process=process,
-        connections=others,
+        connections=tuple(c for c in status.connections if c.name != "colony ps"),
         malformed=status.malformed,
         full=status.full,
     )
-    return found, details
+    return server_state, details
 
 
-def _answer(found: tuple[ServerState, object] | None, kind: type[T]) -> T | None:
-    return found[1] if found is not None and isinstance(found[1], kind) else None
+def _details(answer: tuple[ServerState, object] | None, type_: type[T]) -> T | None:
+    return answer[1] if answer is not None and isinstance(answer[1], type_) else None

@@ -1,4 +1,4 @@
-"""A script (`script.py`) over live connections, beside a robot's processes.
+"""A script (`script.py`) over live connections to a robot's processes.
 
 with Session.open("rome") as rome:
     run_script(rome, planner(plan), name="planner")
@@ -30,31 +30,29 @@ def run_script(
 ) -> bool:
     """Run a script. Return True if it reached its end, False if `stop` was set before.
 
-    A connection to a server opens with the script's first call to it, and all connections are closed in any
-    case at the end. A failed call raises its error in the script; an error that the script does not catch is
-    raised here.
+    A connection to a server opens with the script's first call to it, and all connections are closed at the
+    end. A failed call raises its error in the script; an error that the script does not catch is raised here.
 
     Args:
         session: this process's session with the robot.
-        script: a generator that has not begun.
-        name: the name of its connections, for people.
+        script: a generator that has not been started.
+        name: the display name of its connections.
         priority: the priority of its connections.
         stop: the event that ends the script, even while it waits for an answer.
         timeout_s: seconds to wait for an answer, unless the call needs longer.
     """
     ended = stop if stop is not None else Event()
-    with ExitStack() as holds:
-        holds.enter_context(closing(script))
+    with ExitStack() as resources:
+        resources.enter_context(closing(script))
         connections: dict[str, Connection] = {}
         if stop is not None:
-            holds.enter_context(_closed_by(stop, connections))
+            resources.enter_context(_closing_after(stop, connections))
 
         def connection(server: str) -> Connection:
-            found = connections.get(server)
-            if found is None:
+            if server not in connections:
                 opened = session.connect(server, name=name, priority=priority, timeout_s=timeout_s)
-                found = connections[server] = holds.enter_context(opened)
-            return found
+                connections[server] = resources.enter_context(opened)
+            return connections[server]
 
         value: Any = None
         problem: RobotConnectionError | None = None
@@ -71,13 +69,13 @@ def run_script(
                 case Do(server=server, ask=ask):
                     try:
                         value = connection(server).do(ask)
-                    except RobotConnectionError as found:
-                        problem = found
+                    except RobotConnectionError as error:
+                        problem = error
         return False
 
 
 @contextmanager
-def _closed_by(stop: Event, connections: Mapping[str, Connection]) -> Iterator[None]:
+def _closing_after(stop: Event, connections: Mapping[str, Connection]) -> Iterator[None]:
     """Close the connections once `stop` is set, which ends any wait for an answer."""
     done = Event()
 

@@ -23,7 +23,7 @@ from colony.runtime.protocol.calls import LATER, CallId, Handler, Method, Refuse
 from colony.runtime.protocol.connections import Caller
 
 MAX_STEPS_PER_MOMENT = 20_000
-"""The largest number of steps of a script within one moment; beyond it the script counts as endless."""
+"""Maximum number of steps of a script at one instant; beyond it, the script is taken to loop forever."""
 
 
 class ScriptError(Exception):
@@ -35,13 +35,13 @@ class ScriptError(Exception):
 
 
 class LocalServer:
-    """A server that is called in this process. Mutable: `answers`.
+    """A server that is called in this process. Mutable.
 
     `handlers` are its methods by name.
 
     Args:
-        address: its name.
-        methods: all of its methods.
+        address: the name of the server.
+        methods: all methods of the server.
         answers: results, or refusals, of calls that returned `LATER`; the scripts' runner empties the list.
     """
 
@@ -53,7 +53,7 @@ class LocalServer:
     ) -> None:
         self.address = address
         self.answers = [] if answers is None else answers
-        self.handlers: Mapping[str, Handler] = {one.name: one.handler for one in methods}
+        self.handlers: Mapping[str, Handler] = {m.name: m.handler for m in methods}
 
     def do(self, call_id: CallId, ask: Ask[Any], now_ns: int) -> Any:
         """Return the result of a call, or `LATER` if the call has to wait.
@@ -87,14 +87,14 @@ class _RunningScript:
     script: Script
     caller: Caller
     calls: int = 0
-    ended: bool = False
+    has_ended: bool = False
 
 
 class LocalScripts:
-    """The scripts of this process. Mutable: the progress of each.
+    """The scripts of this process. Mutable.
 
     Args:
-        scripts: the scripts by name, in their order within a moment.
+        scripts: the scripts by name, in the order in which they run at one instant.
         servers: the servers that they may call.
     """
 
@@ -109,11 +109,11 @@ class LocalScripts:
         self._ready: deque[tuple[_RunningScript, object, Exception | None]] = deque(
             (running, None, None) for running in self._all.values()
         )
-        self._slept = 0
+        self._sleep_count = 0
 
-    def ended(self, name: str) -> bool:
+    def has_ended(self, name: str) -> bool:
         """Return True if a script has reached its end."""
-        return self._all[name].ended
+        return self._all[name].has_ended
 
     def run(self, now_ns: int) -> None:
         """Resume the scripts that are due, until all sleep, wait or have ended.
@@ -136,7 +136,7 @@ class LocalScripts:
             running.script.close()
 
     def _collect(self) -> None:
-        """Resume the waiting scripts whose answers have arrived."""
+        """Make the waiting scripts ready whose answers have arrived."""
         if not self._waiting:
             return
         for server in self._servers.values():
@@ -154,9 +154,9 @@ class LocalScripts:
                 value = problem = None
                 if isinstance(step, Sleep):
                     if step.seconds > 0:
-                        self._slept += 1
+                        self._sleep_count += 1
                         due_ns = now_ns + round(step.seconds * 1e9)
-                        heapq.heappush(self._sleeping, (due_ns, self._slept, running))
+                        heapq.heappush(self._sleeping, (due_ns, self._sleep_count, running))
                         return
                     value = now_ns
                 else:
@@ -171,16 +171,16 @@ class LocalScripts:
                         return
             raise RuntimeError(f"{MAX_STEPS_PER_MOMENT} calls without a `sleep` or a wait between them")
         except StopIteration:
-            running.ended = True
+            running.has_ended = True
         except Exception as raised:
-            running.ended = True
+            running.has_ended = True
             raise ScriptError(running.name, raised) from raised
 
     def _do(self, step: Do, call_id: CallId, now_ns: int) -> Any:
         server = self._servers.get(step.server)
         if server is None:
             known = ", ".join(self._servers)
-            raise ServerNotFoundError(f"there is no server `{step.server}` in this run; there is {known}")
+            raise ServerNotFoundError(f"there is no server `{step.server}` in this run; it has {known}")
         try:
             return server.do(call_id, step.ask, now_ns)
         except RefusedError as refused:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from colony.runtime.kit.answers import TIMEOUT_S, read_result, waiting_time
+from colony.runtime.kit.answers import TIMEOUT_S, answer_timeout, read_result
 from colony.runtime.kit.conversation import Conversation, Deliver, Listen, Outcome, Pending, Resolve, Transmit
 from colony.runtime.kit.conversation import Effect as ConversationEffect
 from colony.runtime.kit.errors import CallTimeoutError, RobotConnectionError, ServerNotFoundError
@@ -15,21 +15,21 @@ from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Effect, Message, Notice, Reply, Send, Wake, WakeAt
 
 POLL_INTERVAL_NS = 100_000_000
-"""Nanoseconds between two calls of `tend` of the connections."""
+"""Nanoseconds between two calls of `poll` of the connections."""
 
 USER = "scripts"
 
 
 class ScriptNode:
-    """A node that runs a script, with a connection to each of its servers. Mutable: the script's progress.
+    """A node that runs a script, with a connection to each of its servers. Mutable.
 
     Args:
         name: the name of the script and of each of its connections.
-        script: a generator that has not begun.
+        script: a generator that has not been started.
         servers: the servers that it may call.
         priority: the priority of its connections.
-        delay_ns: delay from the node's start to the script's. Servers read their devices at the start of a
-            frame, so a script that starts a moment later sees the new readings.
+        delay_ns: delay from the start of the node to the start of the script. Servers read their devices at
+            the start of a frame, so a script that starts slightly later sees the new readings.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class ScriptNode:
             for server in servers
         }
         self.listens = tuple(topics.replies(server, f"{USER}/{name}.{server}") for server in servers)
-        self._begun = False
+        self._started = False
         self._wake_ns: int | None = None
         self._pending_call: tuple[int, Pending, str, float] | None = None
         self._answer: Outcome | None = None
@@ -95,8 +95,8 @@ class ScriptNode:
         """Resume the script as long as its answer has arrived or its sleep is over."""
         while not self.ended:
             if self._wake_ns is not None and now_ns >= self._wake_ns:
-                begun, self._begun, self._wake_ns = self._begun, True, None
-                yield from self._resume(now_ns if begun else None, None, now_ns)
+                resumed, self._started, self._wake_ns = self._started, True, None
+                yield from self._resume(now_ns if resumed else None, None, now_ns)
             elif self._pending_call is not None and self._answer is not None:
                 (_, pending, server, _), self._pending_call = self._pending_call, None
                 outcome, self._answer = self._answer, None
@@ -134,7 +134,7 @@ class ScriptNode:
             problem = ServerNotFoundError(f"{self.address} has no connection to `{server}`; it has {known}")
             yield from self._resume(None, problem, now_ns)
             return
-        wait_s = waiting_time(ask, None, TIMEOUT_S)
+        wait_s = answer_timeout(ask, None, TIMEOUT_S)
         pending = Pending(ask, self._on_outcome)
         due_ns = now_ns + round(min(wait_s, 1e9) * 1e9)
         self._pending_call = (due_ns, pending, server, wait_s)

@@ -1,4 +1,4 @@
-"""Several scripts in parallel over live connections; all end with the leading one.
+"""Several scripts in parallel over live connections; when the leader ends, all end.
 
 with LiveScripts(session, {"clerk": clerk(), "planner": planner(plan)}, leader="planner") as scripts:
     scripts.wait()
@@ -17,11 +17,11 @@ from colony.runtime.kit.script_live import run_script
 
 
 class LiveScripts:
-    """Scripts, each in a thread with connections of its own. Mutable: their progress.
+    """Scripts, each in a thread with connections of its own. Mutable.
 
     Args:
         session: this process's session with the robot.
-        scripts: generators that have not begun, by name.
+        scripts: generators that have not been started, by name.
         leader: the script whose end ends all of them. The failure of any script ends them too, because they
             depend on each other.
     """
@@ -35,7 +35,8 @@ class LiveScripts:
         self._stop = Event()
         self._lock = Lock()
         self._threads = [
-            Thread(target=self._run, args=one, name=one[0], daemon=True) for one in scripts.items()
+            Thread(target=self._run, args=(name, script), name=name, daemon=True)
+            for name, script in scripts.items()
         ]
         self.done = False
         self.problem = ""

@@ -1,4 +1,4 @@
-"""Servers of your own, besides those that every robot has (thesis section 4.5.3).
+"""Servers of your own, in addition to those that every robot has (thesis section 4.5.3).
 
     class Charge(msgspec.Struct):
         amperes: float
@@ -7,11 +7,11 @@
     with Server.open("Battery", robot="rome") as server:
         signal.signal(signal.SIGTERM, lambda *_: server.exitloop())
         server.mainloop(
-            [method("charge", Charge, lambda caller, given: battery.charge(given.amperes))],
+            [method("charge", Charge, lambda caller, arguments: battery.charge(arguments.amperes))],
             fields=[field("level", battery.level, meaning="charge level, 0 to 1")],
         )
 
-Clients ask for `Ask("charge", Charge(2.0), None, "command")`, and a behavior reads `from Battery.level`.
+Clients make the call `Ask("charge", Charge(2.0), None, "command")`; a behavior reads `from Battery.level`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from colony.runtime.kit.service import Field, Report, Service, field, method
 from colony.runtime.protocol.calls import Method, RefusedError
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession, local_time
-from colony.runtime.transport.live.place import Local, local
+from colony.runtime.transport.live.robot_address import Local, local
 
 __all__ = ["Field", "Method", "RefusedError", "Server", "field", "method"]
 
@@ -34,13 +34,13 @@ def _to_stderr(problem: str) -> None:
 
 
 class Server:
-    """A server under a name, on the robot's own machine. Mutable: the state of its loop."""
+    """A named server on the robot's own machine. Mutable."""
 
-    def __init__(self, name: str, network: ZenohSession, place: Local, report: Report) -> None:
+    def __init__(self, name: str, network: ZenohSession, robot_address: Local, report: Report) -> None:
         """Create the server of an open session; see `open`."""
         self.name = name
         self._network = network
-        self._time = local_time(place)
+        self._time = local_time(robot_address)
         self._report = report
         self._host: Host | None = None
         self._ending = False
@@ -54,16 +54,18 @@ class Server:
         environment: Mapping[str, str] = os.environ,
         report: Report = _to_stderr,
     ) -> Server:
-        """Announce a server; it answers in `mainloop`. `report` receives each error that the server survives.
+        """Announce a server, which answers once `mainloop` runs.
+
+        `report` receives each error that the server survives.
 
         Raises:
             AlreadyRunningError: the robot already has a server of this name.
             RunDirectoryError: the robot's folder cannot be used.
         """
-        place = local(robot, environment)
-        network = ZenohSession.open(place, listens=(name,))
+        robot_address = local(robot, environment)
+        network = ZenohSession.open(robot_address, listens=(name,))
         try:
-            return cls(name, network, place, report)
+            return cls(name, network, robot_address, report)
         except BaseException:
             network.close()
             raise

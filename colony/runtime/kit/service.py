@@ -32,7 +32,7 @@ Report = Callable[[str], None]
 
 
 class Field(NamedTuple):
-    """A field of the frames: its description, and the function that returns its value, or None for none."""
+    """A field of the frames: its description, and the function that reads its value, None if it has none."""
 
     description: FieldDescription
     read: Callable[[], Value | None]
@@ -52,11 +52,11 @@ def field(
     Raises:
         ValueError: the unit is invalid, or not a base unit.
     """
-    described = FieldDescription(
+    description = FieldDescription(
         name=name, kind="bool" if boolean else "number", unit=unit, size=size, meaning=meaning
     )
-    field_type(described)
-    return Field(described, read)
+    field_type(description)
+    return Field(description, read)
 
 
 def method(
@@ -72,14 +72,14 @@ def method(
     Calls with more than `max_bytes` bytes of arguments, in msgpack, are refused with the code "size".
     """
 
-    def handle(call_id: CallId, given: A, now_ns: int) -> object:
-        return handler(call_id.caller, given)
+    def handle(call_id: CallId, decoded: A, now_ns: int) -> object:
+        return handler(call_id.caller, decoded)
 
     return calls.method(name, arguments, handle, right=right, max_bytes=max_bytes)
 
 
 class Service(QuietNode):
-    """A server of a user's methods and fields. Mutable: its connections, and the frames that it published.
+    """A server of a user's methods and fields. Mutable.
 
     An exception in a handler or field is reported, and the server keeps running: the call is refused, or the
     field has no value.
@@ -89,18 +89,17 @@ class Service(QuietNode):
         self.address = name
         self._fields = tuple(fields)
         self._report = report
-        own = tuple(m._replace(handler=self._guarded(m)) for m in methods)
-        described = Description(
+        reporting = tuple(m._replace(handler=self._report_errors(m)) for m in methods)
+        description = Description(
             server=name,
             fields=tuple(f.description for f in self._fields),
-            methods=tuple(MethodDescription(name=m.name, right=m.right) for m in own),
+            methods=tuple(MethodDescription(name=m.name, right=m.right) for m in reporting),
         )
-        describe = calls.method("describe", NoArguments, lambda *_: described, right="read")
-        self._publisher = Publisher(
-            name,
-            self._read,
+        describe = calls.method("describe", NoArguments, lambda *_: description, right="read")
+        self._publisher = Publisher(name, self._read)
+        self._calls = CallDispatcher(
+            name, (*reporting, describe), full=lambda: self._publisher.limit_messages
         )
-        self._calls = CallDispatcher(name, (*own, describe), full=lambda: self._publisher.reached)
         self._now_ns = 0
         self.listens = (*self._calls.listens, *(self._publisher.listens if self._fields else ()))
 
@@ -110,18 +109,20 @@ class Service(QuietNode):
             self._now_ns = now_ns
             for effect in self._publisher.handle(message):
                 yield effect
-                yield from _answered(effect)
+                yield from _acknowledgement(effect)
         else:
             yield from self._calls.handle(message, now_ns)
 
-    def _guarded(self, guarded: Method) -> calls.Handler:
+    def _report_errors(self, method: Method) -> calls.Handler:
+        """Return the method's handler, with its exceptions reported and turned into refusals."""
+
         def handle(call_id: CallId, arguments: Any, now_ns: int) -> object:
             try:
-                return guarded.handler(call_id, arguments, now_ns)
+                return method.handler(call_id, arguments, now_ns)
             except RefusedError:
                 raise
             except Exception as problem:
-                where = f"{self.address}.{guarded.name}"
+                where = f"{self.address}.{method.name}"
                 self._report(f"{where} failed:\n{traceback.format_exc()}")
                 raise RefusedError("failed", f"{where} failed: {type(problem).__name__}: {problem}") from None
 
@@ -139,7 +140,7 @@ class Service(QuietNode):
         return None if value is None else Sample(value, self._now_ns)
 
 
-def _answered(effect: Effect) -> Iterator[Effect]:
-    """Yield the frame's acknowledgement to the Clock, which otherwise sees only fields that programs read."""
+def _acknowledgement(effect: Effect) -> Iterator[Effect]:
+    """Yield the frame, without its fields, for the Clock, which listens to no frames of a user's servers."""
     if isinstance(effect, Send) and isinstance(effect.message, ServerFrame):
         yield Send(topics.ANSWERS, msgspec.structs.replace(effect.message, fields={}))

@@ -1,7 +1,7 @@
 """A conversation over the network, shared by the blocking and the asyncio connections.
 
-Network threads and user threads share one lock, which is never held during a send: a send may wait for room,
-and the thread that makes room may need the lock.
+Network threads and user threads share one lock, which is never held during a send: a send may wait for room
+in a buffer, and the thread that makes room may need the lock.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Deferred = Callable[[], None]
 
 
 class _Publisher:
-    """A publisher that one thread may release while another one sends. Mutable."""
+    """A publisher that one thread may release while another sends. Mutable."""
 
     def __init__(self, publisher: zenoh.Publisher) -> None:
         self._publisher = publisher
@@ -57,7 +57,7 @@ class _Publisher:
 
 
 class Wire:
-    """A conversation over the network. Mutable: the conversation and its publishers."""
+    """A conversation over the network. Mutable."""
 
     def __init__(
         self,
@@ -77,13 +77,13 @@ class Wire:
         Args:
             network: the session to send with.
             server: the name of the server.
-            name: the name of the connection, for people.
+            name: the display name of the connection.
             priority: the priority of all its calls.
             rights: the user's rights.
-            ids: returns a new id every time.
-            begin: receives the connection whose replies must be passed to `receive` from now on.
-            notify: receives the server's notices.
-            defer: schedules work that must not run in a network thread for another thread.
+            ids: function that returns a new id each time.
+            begin: called with the connection whose replies must be passed to `receive` from now on.
+            notify: called with each notice of the server.
+            defer: runs work in another thread, for work that must not run in a network thread.
         """
         self.server = server
         self.network = network
@@ -126,7 +126,7 @@ class Wire:
         return pending
 
     def resend(self, pending: Pending) -> None:
-        """Send a call without an answer again."""
+        """Resend a call that has no answer yet."""
         with self._lock:
             effects = list(self._conversation.resend(pending, monotonic()))
         self._carry_out(effects, may_block=False)
@@ -150,7 +150,7 @@ class Wire:
 
     @property
     def server_error(self) -> str:
-        """The server's newest error that belongs to no call, such as why it refuses the connection."""
+        """The server's newest error without a call, such as the reason why it refuses the connection."""
         return self._conversation.server_error
 
     @property
@@ -171,7 +171,7 @@ class Wire:
             effects = list(self._conversation.poll(monotonic()))
         self._carry_out(effects, may_block=False)
 
-    def presence(self, present: bool) -> None:
+    def on_presence(self, present: bool) -> None:
         """Handle the server's appearance on the network, or its loss."""
         with self._lock:
             conversation = self._conversation
@@ -208,19 +208,21 @@ class Wire:
         self._carry_out(at_once)
 
     def _send(self, message: Call | Alive, may_block: bool) -> None:
-        """Send a message; if not `patient`, drop it rather than wait for room."""
+        """Send a message; without `may_block`, drop it rather than wait for room in the send buffer."""
         network, topic = self.network, topics.calls(self.server)
-        key = keys.sending(network.robot, topic, message, user=network.user, least=self._default_right)
+        key = keys.sending(network.robot, topic, message, user=network.user, alive_right=self._default_right)
         publisher = self._publishers.get((key, may_block))
         with suppress(zenoh.ZError):  # the connection is released already, so the message is obsolete
             if publisher is None:
-                made = publish(self.network.session, key, priority=priority_of(message), may_block=may_block)
-                publisher = self._publishers[key, may_block] = _Publisher(made)
+                zenoh_publisher = publish(
+                    self.network.session, key, priority=priority_of(message), may_block=may_block
+                )
+                publisher = self._publishers[key, may_block] = _Publisher(zenoh_publisher)
             publisher.put(codec.encode(message))
 
     def _not_allowed(self, ask: Ask[Any]) -> str:
         may = ", ".join(self._rights)
         return (
             f"{self.server}.{ask.method} needs the right to {ask.right}, and {self.network.user} may only "
-            f"{may}, by the gateway's table of users"
+            f"{may}, according to the gateway's table of users"
         )

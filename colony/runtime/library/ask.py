@@ -4,7 +4,7 @@
 
     speed = connection.do(robot.speed_setting())
 
-So each function serves both blocking and asyncio connections.
+So the same functions serve both blocking and asyncio connections.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ T = TypeVar("T")
 class Ask(NamedTuple, Generic[T]):
     """A call of `method` with `arguments`, under `right`; the result is a `reply`.
 
-    `repeatable` is True if the call may be made again when the server crashes before it answers. `wait_s` is
-    the time to wait for the answer, if longer than the connection's timeout.
+    `repeatable` is True if the call may be repeated when the server crashes before it answers. `wait_s` is
+    the timeout of the call, if that is longer than the connection's.
     """
 
     method: str

@@ -31,14 +31,14 @@ class ImageSize(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class GrabRows(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `grab_rows`: `count` rows from row `first` on; 0 is the top one."""
+    """Arguments of `grab_rows`: `count` rows, beginning with row `first`; row 0 is at the top."""
 
     first: int
     count: int = 1
 
 
 class LockImage(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `lock`: the longest time to wait for the lock, 0 for none."""
+    """Arguments of `lock`: the maximum time to wait for the lock; 0 to not wait."""
 
     wait_ns: int = 0
 
@@ -55,14 +55,14 @@ def size() -> Ask[ImageSize]:
 
 
 def grab() -> Ask[Image]:
-    """Read the image that the server grabbed last; it is up to a period old (`CameraGrab`)."""
+    """Read the newest image, which is up to one period old (`CameraGrab`)."""
     return Ask("grab", NoArguments(), Image, "read", repeatable=True)
 
 
 def grab_rows(first: int, count: int = 1) -> Ask[Image]:
-    """Read a band of that image (`CameraGrabRow`).
+    """Read a band of rows of the newest image (`CameraGrabRow`).
 
-    Bands with the same `t_ns` are of the same image; so are all that are read under the lock.
+    Bands with the same `t_ns` are of the same image. All bands read while holding the lock are of one image.
     """
     return Ask("grab_rows", GrabRows(first=first, count=count), Image, "read", repeatable=True)
 
@@ -73,8 +73,8 @@ def lock(wait_s: float = 0.0) -> Ask[None]:
     If another connection holds the lock, the call waits up to `wait_s`, behind connections of higher
     priority, and is then refused with the code "locked".
     """
-    asked = LockImage(wait_ns=round(wait_s * 1e9))
-    return Ask("lock", asked, type(None), "command", wait_s=wait_s + _MARGIN_S if wait_s > 0 else None)
+    arguments = LockImage(wait_ns=round(wait_s * 1e9))
+    return Ask("lock", arguments, type(None), "command", wait_s=wait_s + _MARGIN_S if wait_s > 0 else None)
 
 
 def unlock() -> Ask[None]:

@@ -1,4 +1,4 @@
-"""Calls of the Clock: run a program, and read the participants of the run."""
+"""Calls of the Clock: deploy a program, read the participants of the run, release an emergency stop."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ class ServerParticipant(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ClientParticipant(msgspec.Struct, frozen=True, kw_only=True):
-    """A client of the run, by address. `ready` is True if it has reported to be ready for this run.
+    """A client of the run, by address. `ready` is True if it has reported that it is ready for this run.
 
-    `on_time` counts the frames decided with its request, `late` those decided without it although it was
-    alive, by the verdicts that the Clock received.
+    According to the verdicts that the Clock received, `on_time` counts the frames decided with its request,
+    and `late` those decided without it although it was alive.
     """
 
     client: str
@@ -34,10 +34,10 @@ class ClientParticipant(msgspec.Struct, frozen=True, kw_only=True):
 class Participants(msgspec.Struct, frozen=True, kw_only=True):
     """The newest tick (k -1 before the first), and the participants of the run.
 
-    `run` and `program` are of the deployment, "" if there is none; `leader` is the connection that deployed
-    it. `begun` is false while the Clock waits for clients to be ready; `restarts` counts the restarts of all
-    memory since. `stopped` is the emergency stop in force; `trouble` is the reason why its file could not be
-    written or read.
+    `run` and `program` are those of the deployment, "" if there is none; `leader` is the connection that
+    deployed it. `begun` is False while the Clock waits for clients to be ready; `restarts` counts the
+    restarts of all memory in this run. `stopped` is the emergency stop in force; `trouble` is the reason why
+    the file of the stop could not be written or read.
     """
 
     k: int
@@ -61,14 +61,14 @@ def release() -> Ask[None]:
 
 
 def deploy(deployment: Deployment) -> Ask[None]:
-    """Run a program: at the Clock, and at each server that it commands.
+    """Deploy a program; to be called on the Clock and on each server that the program commands.
 
-    The calling connection leads the run, which ends with the connection. Refused with the code "busy" during
-    the run of another leader, "arguments" if the deployment is invalid.
+    The calling connection becomes the leader of the run, which ends when that connection does. Refused with
+    the code "busy" while another leader's run lasts, "arguments" if the deployment is invalid.
     """
     return Ask("deploy", deployment, None, "command", repeatable=True)
 
 
 def participants() -> Ask[Participants]:
-    """Read which servers and clients take part in the run."""
+    """Read the newest tick, and the servers and clients that take part in the run."""
     return Ask("participants", NoArguments(), Participants, "read", repeatable=True)

@@ -1,14 +1,14 @@
 """Calls of DServer: variables with a history, semaphores, and notices of changes.
 
-They are those of thesis section 4.6.1:
+The calls are those of thesis section 4.6.1:
 
     connection.do(data.set("PosX", 4))
     x = connection.do(data.get("PosX", type=int))
 
 A value is whatever msgspec can encode in msgpack: numbers, bools, strings, bytes, None, lists, mappings,
-dataclasses and structs. Numbers, bools and flat lists of them can also be fields of DServer's frames, which
-the sensors of programs bind to: frames show the variables that the program reads, and those that a connection
-asked for with `publish`. A name has 1 to 255 bytes of UTF-8.
+dataclasses and structs. Numbers, bools and flat lists of them can also be fields of DServer's frames, to
+which the sensors of programs are bound: frames show the variables that the program reads, and those that a
+connection requested by `publish`. A name has 1 to 255 bytes of UTF-8.
 
 Acknowledged changes survive a crash of the server. Each call is executed once, even if it is repeated because
 no answer came. Besides the codes given below, calls are refused with "arguments"; "size" for a value or a
@@ -51,7 +51,7 @@ class SetMany(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def count(self) -> int:
-        """The number of entries of the mapping, by its first bytes; 0 if it is not a mapping."""
+        """The number of entries of the mapping, as its first bytes state it; 0 if it is not a mapping."""
         head = bytes(memoryview(self.values)[:5])
         if head[0] & 0xF0 == 0x80:
             return head[0] & 0x0F
@@ -68,7 +68,7 @@ class SetMany(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Get(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `get`: a variable, and the value to read: 0 is the present one, -1 the one before it."""
+    """Arguments of `get`: a variable, and the value to read: 0 is the current one, -1 the one before it."""
 
     name: str
     back: int = 0
@@ -89,7 +89,7 @@ class History(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SetHistory(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `set_history`: a variable, and the number of its values that are kept."""
+    """Arguments of `set_history`: a variable, and the number of values to keep."""
 
     name: str
     length: int
@@ -117,9 +117,9 @@ class CreateSemaphore(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Wait(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `wait`: a semaphore, and the longest time to wait (None: forever).
+    """Arguments of `wait`: a semaphore, and the maximum time to wait (None: no limit).
 
-    With `hold` the semaphore is released when the connection is lost.
+    With `hold`, the semaphore is released when the connection is lost.
     """
 
     name: str
@@ -159,7 +159,7 @@ class TimedValue(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Change(msgspec.Struct, frozen=True, kw_only=True):
-    """The body of a notice about a variable: its value, or None if it was deleted."""
+    """The body of a notice about a variable: its current value, or None if it was deleted."""
 
     name: str
     present: TimedValue | None
@@ -186,9 +186,9 @@ def set(name: str, value: object) -> Ask[None]:
 
 
 def set_many(values: Mapping[str, object]) -> Ask[None]:
-    """Set several variables at once: no reader sees some of them old and some new.
+    """Set several variables atomically: no reader sees some of them old and some new.
 
-    At most 1,000 variables, and 1 MiB of names and values.
+    The limits are 1,000 variables, and 1 MiB of names and values.
 
     Raises:
         TypeError, OverflowError: msgspec cannot encode a value.
@@ -202,33 +202,34 @@ def get(name: str, back: int = 0) -> Ask[Any]: ...
 @overload
 def get(name: str, back: int = 0, *, type: type[T]) -> Ask[T]: ...
 def get(name: str, back: int = 0, *, type: Any = Any) -> Ask[Any]:
-    """Read a value of a variable (`DATA_GETVALUE`): 0 is the present one, -1 the one before it.
+    """Read a value of a variable (`DATA_GETVALUE`): 0 is the current one, -1 the one before it.
 
-    A history of length n has the values back to -(n - 1). Refused with "unknown": there is no such variable;
-    "range": `back` is not in the history; "unset": the variable was not set that often yet.
+    A history of length n has the values back to -(n - 1). Refused with "unknown" if there is no such
+    variable, "range" if `back` is outside the history, and "unset" if the variable has not been set that
+    often yet.
     """
     return Ask("get", Get(name=name, back=back), type, "read", repeatable=True)
 
 
 def get_many(names: Iterable[str]) -> Ask[dict[str, Any]]:
-    """Read the present values of several variables at once; refused like `get` if one has none."""
+    """Read the current values of several variables in one call; refused like `get` if any has no value."""
     return Ask("get_many", GetMany(names=tuple(names)), dict[str, Any], "read", repeatable=True)
 
 
 def history(name: str, back: int = 0, limit: int = 2000) -> Ask[tuple[TimedValue, ...]]:
-    """Read up to `limit` values of a variable with their times, from value `back` on to older ones.
+    """Read up to `limit` values of a variable with their times, newest first, beginning with value `back`.
 
-    0 is the present value, -1 the one before it. Refused with "unknown", and with "size" if the values are
-    too large for one reply.
+    Value 0 is the current one, -1 the one before it. Refused with "unknown", and with "size" if the values
+    are too large for one reply.
     """
     arguments = History(name=name, back=back, limit=limit)
     return Ask("history", arguments, tuple[TimedValue, ...], "read", repeatable=True)
 
 
 def set_history(name: str, length: int) -> Ask[None]:
-    """Set the number of values of a variable that are kept, with the present one (`DATA_SETHISTORY`).
+    """Set the number of values of a variable to keep, including the current one (`DATA_SETHISTORY`).
 
-    It is 1 at first. A shorter history loses its oldest values. The variable need not be set yet.
+    The default is 1. Shortening a history drops its oldest values. The variable need not be set yet.
     """
     arguments = SetHistory(name=name, length=length)
     return Ask("set_history", arguments, type(None), "command", repeatable=True)
@@ -246,7 +247,7 @@ def names(prefix: str = "", *, after: str = "", limit: int = 1000) -> Ask[tuple[
 
 
 def publish(names: Iterable[str]) -> Ask[None]:
-    """Show these variables in DServer's frames, too, as long as this connection is open.
+    """Show these variables, too, in DServer's frames, as long as this connection is open.
 
     Frames show numbers, bools and flat lists of them. A variable that does not exist yet is shown as soon as
     it is set. Further calls add variables, up to 1,000 for a connection. Refused with "full" if frames have
@@ -272,22 +273,21 @@ def wait(name: str, timeout_s: float | None = None, *, hold: bool = False) -> As
 
     Args:
         name: the semaphore.
-        timeout_s: the longest time to wait; 0 for none, None for no limit.
+        timeout_s: the maximum time to wait; 0 to not wait, None for no limit.
         hold: True to release the semaphore when this connection is lost.
     """
-    patient = timeout_s is None or timeout_s == math.inf
-    if timeout_s is None or patient:
+    if timeout_s is None or timeout_s == math.inf:
         arguments = Wait(name=name, wait_ns=None, hold=hold)
         return Ask("wait", arguments, type(None), "command", repeatable=True, wait_s=math.inf)
     arguments = Wait(name=name, wait_ns=round(timeout_s * 1e9), hold=hold)
-    for_s = timeout_s + _MARGIN_S if timeout_s > 0 else None
-    return Ask("wait", arguments, type(None), "command", repeatable=True, wait_s=for_s)
+    wait_s = timeout_s + _MARGIN_S if timeout_s > 0 else None
+    return Ask("wait", arguments, type(None), "command", repeatable=True, wait_s=wait_s)
 
 
 def signal(name: str) -> Ask[None]:
     """Signal a semaphore (`DATA_SIGNAL`): the first waiting connection gets it immediately.
 
-    This releases a hold of this connection on it. Refused with "unknown".
+    If this connection holds the semaphore, its hold ends. Refused with "unknown".
     """
     return Ask("signal", Named(name=name), type(None), "command", repeatable=True)
 
@@ -295,8 +295,8 @@ def signal(name: str) -> Ask[None]:
 def release(name: str) -> Ask[None]:
     """Release a semaphore that was taken with `hold`.
 
-    Refused with "not held" if this connection no longer holds it: it was lost in between, so another one may
-    have held the semaphore at the same time.
+    Refused with "not held" if this connection does not hold it. If it did, the connection was lost in
+    between, and another one may have held the semaphore at the same time.
     """
     return Ask("release", Named(name=name), type(None), "command", repeatable=True)
 
@@ -324,12 +324,12 @@ def delete_semaphore(name: str) -> Ask[bool]:
 
 
 def watch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
-    """Subscribe to notices about these variables, and all whose name begins with one of `prefixes`.
+    """Subscribe to notices about these variables, and all whose names begin with one of `prefixes`.
 
-    A notice comes for each that has a value, and then each time one is set or deleted. Its subject is the
-    name of the variable, its body a `Change`. When a connection is reopened, the notices continue from the
-    values of that moment. Further calls add to the subscription. When very many notices are due, some come a
-    little later, and a variable that changes again before its turn gets a single notice.
+    One notice comes for each variable that has a value, and another each time one is set or deleted. The
+    subject of a notice is the name of the variable; its body is a `Change`. A reopened connection gets the
+    current values again. Further calls add to the subscription. When very many notices are due, some are
+    delayed, and a variable that changes again before its notice is sent gets a single one.
     """
     return Ask("watch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True)
 

@@ -1,9 +1,9 @@
-"""The call for an emergency stop, which the Clock and every server of actuators accept.
+"""The call for an emergency stop, which the Clock and every actuator server accept.
 
     base.do(emergency.stop())
 
 Each server that receives it stops its own actuators; only the Clock releases the stop (`library/clock.py`).
-To stop a whole robot, and know that it is stopped, use `colony.runtime.kit.emergency`.
+To stop a whole robot, and be sure that it has stopped, use `colony.runtime.kit.emergency`.
 """
 
 from __future__ import annotations

@@ -16,9 +16,10 @@ Standing = Literal["alive", "late", "lost", "starting"]
 
 
 class ClientStanding(msgspec.Struct, frozen=True, kw_only=True):
-    """A client of the network, by address: its standing in the newest frame, and its counts of frames.
+    """A client of the network, by address: its standing in the newest frame, and its frames by fate.
 
-    `restarts` counts those of its process; `last_error` is the last line of output of a crashed process.
+    `restarts` counts the restarts of its process; `last_error` is the last line that the process printed
+    before it crashed.
     """
 
     address: str
@@ -31,12 +32,12 @@ class ClientStanding(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """A run of a program: `frames` were decided, the newest of them k; `process` leads it.
+    """A run of a program: `frames` is the number of decided frames, `k` the newest one.
 
-    All memory was restarted in `restarts` of them. `commanded_by` has the client that commanded each actuator
-    in the newest frame, None for none. `disagreements` counts frames in which the runtime deviated from the
-    program: it should be 0. `processes` has the ids of the processes that the leader started, by
-    name.
+    `process` is the id of the leader's process; `processes` has the ids of the processes that it started, by
+    name. `restarts` counts the frames in which all memory was restarted. `commanded_by` has the client that
+    commanded each actuator in the newest frame, None if none did. `disagreements` counts the frames in which
+    the runtime deviated from the program: it should be 0.
     """
 
     run: str

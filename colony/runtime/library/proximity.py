@@ -1,6 +1,6 @@
-"""Calls of PServer: read both rings, and set the range of the sonars (thesis section 4.6.2).
+"""Calls of PServer: read both rings of sensors, and set the range of the sonars (thesis section 4.6.2).
 
-Sensors are numbered counterclockwise: 12 looks ahead, 18 to the left, 0 back, 6 to the right.
+Sensors are numbered counterclockwise: 12 faces forward, 18 left, 0 backward, 6 right.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ class SonarReading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class InfraredReading(msgspec.Struct, frozen=True, kw_only=True):
-    """A flag for each of 24 detectors, True if it saw something at `t_ns`; False for a missing one."""
+    """A flag for each of 24 detectors, True if it saw something at `t_ns`; False if it is not connected."""
 
     t_ns: int
     seen: tuple[bool, ...]
 
 
 class SetTimeouts(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `set_timeouts`: the greatest range of each of the 24 sonars in mm."""
+    """Arguments of `set_timeouts`: the maximum range of each of the 24 sonars in mm."""
 
     ranges: tuple[float, ...]
 
@@ -44,14 +44,14 @@ def infrared() -> Ask[InfraredReading | None]:
 
 
 def set_timeouts(ranges: Sequence[float]) -> Ask[None]:
-    """Set the greatest range of each of the 24 sonars in mm (`PROX_TIMEOUT`).
+    """Set the maximum range of each of the 24 sonars in mm (`PROX_TIMEOUT`).
 
-    A sonar reads its greatest range if nothing is nearer. The setting holds for all connections, until
+    A sonar reads its maximum range if nothing is nearer. The setting applies to all connections, until
     PServer ends.
     """
     return Ask("set_timeouts", SetTimeouts(ranges=tuple(ranges)), type(None), "command", repeatable=True)
 
 
 def timeouts() -> Ask[tuple[float, ...] | None]:
-    """Read the ranges set last by `set_timeouts`; None if unset: the sonars use their full range."""
+    """Read the ranges set last by `set_timeouts`; None if unset, as then the sonars use their full range."""
     return Ask("timeouts", NoArguments(), tuple[float, ...] | None, "read", repeatable=True)

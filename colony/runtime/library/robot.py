@@ -6,15 +6,16 @@ For the emergency stop see `library/emergency.py`.
     where = connection.do(robot.position())
 
 Distances are in mm, angles in degrees, times in seconds; speeds and accelerations accordingly. Arguments in
-degrees (`turn`, `continuous_turn`, `jog`) are positive clockwise, as in the thesis, and lower the heading,
-which grows counterclockwise; `drive` takes turning speeds as programs do, positive counterclockwise.
+degrees (`turn`, `continuous_turn`, `jog`) are positive clockwise, as in the thesis, and decrease the heading,
+which increases counterclockwise; `drive` takes turning speeds as programs do, positive counterclockwise.
 
-Commands that move the base are arbitrated by the connection's priority. During a run, a connection with a
-priority above the modules' drives in their place, one below them only while they are idle; a priority that
-another commander has is refused with the code "tie". `drive`, `go`, `jog` and `stop` hold until their lease
-ends, unless they are repeated; other motions hold until they are done. Other codes: "stopped" while the
-emergency stop is on, "locked" while another connection has the lock, "replaced", "bumper" and "stalled" for
-motions that ended early.
+Commands that move the base are arbitrated by the connection's priority. During a run, a connection whose
+priority is above that of the modules drives instead of them; one below them drives only while they are idle.
+A priority that a client or another connection already has is refused with the code "tie". `drive`, `go`,
+`jog` and `stop` hold until their lease ends, unless they are repeated; other motions hold until they are
+done. Other
+codes: "stopped" while the emergency stop is on; "locked" while another connection has the lock; "replaced",
+"bumper" and "stalled" for motions that ended early.
 """
 
 from __future__ import annotations
@@ -35,10 +36,10 @@ LEASE_S = 0.5
 """Seconds for which a command holds if it is not repeated."""
 
 KEEP_SETTING = -1.0
-"""Value of a velocity or acceleration that keeps the one set last."""
+"""Argument for a velocity or acceleration that keeps the value set last."""
 
 MOTION_WAIT_S = 3600.0
-"""Seconds to wait for the end of a motion."""
+"""Timeout in seconds of a call that waits for the end of a motion."""
 
 _MARGIN_S = 1.0
 """Seconds by which a caller's wait for a lock exceeds the server's."""
@@ -70,7 +71,7 @@ class Jog(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Halt(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `stop`: immediately if `mode` is not 0, else gradually; then stand still for `lease_s`."""
+    """Arguments of `stop`: gradually if `mode` is 0, else immediately; then stand still for `lease_s`."""
 
     mode: int = 0
     lease_s: float = LEASE_S
@@ -79,8 +80,8 @@ class Halt(msgspec.Struct, frozen=True, kw_only=True):
 class Move(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments of `move`: a distance straight ahead; negative is backward.
 
-    A negative velocity or acceleration is the one set last. With `wait`, the answer comes when the motion is
-    done.
+    A negative velocity or acceleration keeps the one set last. With `wait`, the answer comes when the motion
+    is done.
     """
 
     distance: float
@@ -117,13 +118,13 @@ class PoseArguments(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SetBumper(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `set_bumper`: 0 ignores the bumpers, any other value watches them."""
+    """Arguments of `set_bumper`: 0 to ignore the bumpers, any other value to watch them."""
 
     setting: int
 
 
 class LockBase(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `lock`: the longest time to wait for the lock, 0 for none."""
+    """Arguments of `lock`: the maximum time to wait for the lock; 0 to not wait."""
 
     wait_ns: int = 0
 
@@ -132,7 +133,7 @@ class LockBase(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Bumpers(msgspec.Struct, frozen=True, kw_only=True):
-    """The bumpers that touch something."""
+    """The state of the bumpers: True for one that touches something."""
 
     front: bool
     rear: bool
@@ -153,7 +154,7 @@ class Position(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ClientReport(msgspec.Struct, frozen=True, kw_only=True):
-    """A client of the program, with the numbers of frames by the fate of its request."""
+    """A client of the program, with its frames counted by the fate of its request."""
 
     name: str
     priority: int
@@ -175,8 +176,8 @@ class ActuatorReport(msgspec.Struct, frozen=True, kw_only=True):
 class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
     """A connection that has commanded, whose priority is therefore taken.
 
-    `commands` is its present command, None for nothing. `lease_s` is the rest of the command's lease, None
-    for a motion that ends when it is done.
+    `commands` is its current command, None if there is none. `lease_s` is the remaining time of the command's
+    lease, None for a motion that ends when it is done.
     """
 
     connection: str
@@ -189,9 +190,9 @@ class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
 class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
     """The clients and connections that may move the base, and the one that does so.
 
-    `run` is "" if no program is deployed, `leader` the connection that deployed it, `acting` the client or
-    connection that commanded the newest frame. Connections are in the order of their priorities, those that
-    wait for the lock in the order in which they will get it.
+    `run` is "" if no program is deployed; `leader` is the connection that deployed it; `acting` is the client
+    or connection that commanded the base in the newest frame. `outside` is in the order of priorities,
+    `lock_waiting` in the order in which connections will get the lock.
     """
 
     run: str
@@ -213,12 +214,12 @@ def drive(velocity: float, turn: float, lease: float = LEASE_S) -> Ask[None]:
 
 
 def go(velocity: float, lease: float = LEASE_S) -> Ask[None]:
-    """Go straight ahead, the heading held with error integration (`ROBOT_GO`)."""
+    """Go straight ahead, holding the heading by proportional-integral control (`ROBOT_GO`)."""
     return _command("go", Go(velocity=velocity, lease_s=lease))
 
 
 def proportional_go(velocity: float, lease: float = LEASE_S) -> Ask[None]:
-    """Go straight ahead, the heading held without error integration."""
+    """Go straight ahead, holding the heading by proportional control only."""
     return _command("proportional_go", Go(velocity=velocity, lease_s=lease))
 
 
@@ -228,9 +229,10 @@ def jog(rate: float, lease: float = LEASE_S) -> Ask[None]:
 
 
 def stop(mode: int = 0, lease: float = LEASE_S) -> Ask[None]:
-    """Stop, immediately if `mode` is not 0, else gradually, and stand for `lease` s (`ROBOT_STOP`).
+    """Stop, gradually if `mode` is 0, else immediately, and stand still for `lease` s (`ROBOT_STOP`).
 
-    Like every command it acts by the connection's priority; an emergency stop always does.
+    Like every command, it is arbitrated by the connection's priority. To stop in any case, use
+    `emergency.stop`.
     """
     return _command("stop", Halt(mode=mode, lease_s=lease))
 
@@ -238,9 +240,9 @@ def stop(mode: int = 0, lease: float = LEASE_S) -> Ask[None]:
 def move(
     distance: float, velocity: float = KEEP_SETTING, acceleration: float = KEEP_SETTING, wait: bool = True
 ) -> Ask[float | None]:
-    """Go `distance` mm straight ahead, backward if negative, and stand (`ROBOT_MOVE`).
+    """Go `distance` mm straight ahead, backward if negative, and stop (`ROBOT_MOVE`).
 
-    The reply is the distance that the base went, when it is done; None immediately, without `wait`.
+    With `wait`, the reply comes at the end and is the distance that the base went; else it is None.
     """
     arguments = Move(distance=distance, velocity=velocity, acceleration=acceleration, wait=wait)
     return _motion("move", arguments, wait)
@@ -249,9 +251,9 @@ def move(
 def turn(
     degrees: float, velocity: float = KEEP_SETTING, acceleration: float = KEEP_SETTING, wait: bool = True
 ) -> Ask[float | None]:
-    """Turn on the spot by `degrees`, positive clockwise, and stand (`ROBOT_TURN`).
+    """Turn on the spot by `degrees`, positive clockwise, and stop (`ROBOT_TURN`).
 
-    The reply is the angle that the base turned, when it is done; None immediately, without `wait`.
+    With `wait`, the reply comes at the end and is the angle that the base turned; else it is None.
     """
     arguments = Turn(degrees=degrees, velocity=velocity, acceleration=acceleration, wait=wait)
     return _motion("turn", arguments, wait)
@@ -264,9 +266,9 @@ def continuous_turn(
     acceleration: float = KEEP_SETTING,
     wait: bool = True,
 ) -> Ask[float | None]:
-    """Go along an arc of `radius` mm until the heading changed by `degrees`, positive clockwise; then stand.
+    """Go along an arc of `radius` mm until the base has turned by `degrees`, positive clockwise; then stop.
 
-    The reply is the angle that the base turned, when it is done; None immediately, without `wait`.
+    With `wait`, the reply comes at the end and is the angle that the base turned; else it is None.
     """
     arguments = ContinuousTurn(
         degrees=degrees, radius=radius, velocity=velocity, acceleration=acceleration, wait=wait
@@ -275,7 +277,7 @@ def continuous_turn(
 
 
 def adjust_position(dx: float, dy: float, dheading: float) -> Ask[None]:
-    """Correct the position of the base by mm in x and y, and degrees of heading (`ROBOT_ADJPOS`)."""
+    """Correct the position of the base by `dx` and `dy` mm, and its heading by degrees (`ROBOT_ADJPOS`)."""
     return Ask("adjust_position", PoseArguments(x=dx, y=dy, heading=dheading), type(None), "command")
 
 
@@ -318,14 +320,14 @@ def wheel_speed() -> Ask[float]:
 
 
 def lock(wait: bool = True, wait_s: float = 60.0) -> Ask[None]:
-    """Keep all others, and the program, from moving the base (`RobotLock`).
+    """Keep all other connections, and the program, from moving the base (`RobotLock`).
 
     The lock holds until `unlock` or the end of this connection. If another connection has it, the call waits
     up to `wait_s`, behind connections of higher priority. Then, or immediately without `wait`, it is refused
     with the code "locked".
     """
-    asked = LockBase(wait_ns=round(wait_s * 1e9) if wait else 0)
-    return Ask("lock", asked, type(None), "command", wait_s=wait_s + _MARGIN_S if wait else None)
+    arguments = LockBase(wait_ns=round(wait_s * 1e9) if wait else 0)
+    return Ask("lock", arguments, type(None), "command", wait_s=wait_s + _MARGIN_S if wait else None)
 
 
 def unlock() -> Ask[None]:
@@ -334,7 +336,7 @@ def unlock() -> Ask[None]:
 
 
 def arbitration() -> Ask[Arbitration]:
-    """Read which clients and connections may move the base, and which one does so."""
+    """Read the clients and connections that may move the base, and the one that does so."""
     return Ask("arbitration", NoArguments(), Arbitration, "read", repeatable=True)
 
 

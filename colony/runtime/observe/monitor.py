@@ -1,9 +1,9 @@
 """The monitor, which steps the whole client list over the frames that the clients saw.
 
-That yields the contracts broken in each frame, the limited, clamped and faulty commands, and a check of the
-runtime itself: while no client is late or lost, the verdicts are the decisions of the client list; otherwise
-they are these or idle. Where a connection outside the network commanded, or a hold kept the network from
-deciding, the client that was set aside is the one that would have won.
+This yields the contracts broken in each frame, the limited, clamped and faulty commands, and a check of the
+runtime itself: while no client is late or lost, the verdicts must be the decisions of the client list;
+otherwise a verdict may also be idle. Where a connection outside the network commanded, or a hold kept the
+network from deciding, the client that did not get through must be the one that would have won.
 
 Modules in Python run only in their own processes: the monitor takes the answers that they announced. After a
 frame in which one of them announced no answer, memory is unknown.
@@ -22,17 +22,14 @@ _NO_ANSWERS: Mapping[str, Answer] = {}
 
 
 class CheckedFrame(NamedTuple):
-    """The expected outcome of a frame, and the differences of the verdicts from it that nothing excuses."""
+    """The expected outcome of a frame, and the unexcused differences of the verdicts from it."""
 
     expected: Outcome
     disagreements: tuple[str, ...]
 
 
 class RestartableExecutor(Protocol):
-    """An executor that can restart from its initial memory, and exposes its memory.
-
-    It takes the answers of modules in Python as input.
-    """
+    """An executor that can restart from its initial memory, and exposes its memory."""
 
     def step(self, frame: Frame, answers: Mapping[str, Answer]) -> Outcome:
         """Return the outcome of a frame, given the answers of modules in Python."""
@@ -40,7 +37,7 @@ class RestartableExecutor(Protocol):
 
     @property
     def memory(self) -> ProgramMemory | None:
-        """The present memory, None if it is unknown."""
+        """The current memory, None if it is unknown."""
         ...
 
     def restart(self) -> None:
@@ -51,8 +48,8 @@ class RestartableExecutor(Protocol):
 class Keyframe(NamedTuple):
     """The memory before a frame, None if it is unknown.
 
-    `degraded` is True if a client has been lost since the memory was initial; the effect of `on_loss degrade`
-    is then unknown.
+    `degraded` is True if a client has been lost since the epoch began; the effect of `on_loss degrade` is
+    then unknown.
     """
 
     memory: ProgramMemory | None
@@ -60,10 +57,11 @@ class Keyframe(NamedTuple):
 
 
 class Monitor:
-    """The monitor of the verdicts. Mutable: the executor's memory.
+    """Checks verdicts against the client list. Mutable.
 
     `degrading` are the actuators with `on_loss degrade`. Once any client is lost, lesser clients may command
-    them, so their verdicts are not compared until memory restarts. `modules` are those in Python.
+    these actuators, so their verdicts are not compared until memory restarts. `modules` are the modules in
+    Python.
     """
 
     def __init__(
@@ -97,7 +95,7 @@ class Monitor:
         lost: Collection[str] = (),
         answers: Mapping[str, Answer] = _NO_ANSWERS,
     ) -> CheckedFrame:
-        """Step a frame in which these clients are lost, and compare the verdicts that were received."""
+        """Step over a frame in which the clients `lost` are lost, and compare the received verdicts."""
         if not self._modules <= answers.keys():
             self._memory_unknown = True
         if self._memory_unknown:
@@ -106,18 +104,18 @@ class Monitor:
         if lost:
             self._degraded.update(self._degrading)
         expected = self._executor.step(frame, answers)
-        found = (
+        texts = (
             self._disagreement(decision, verdict)
             for decision in expected.decisions
             if (verdict := verdicts.get(decision.actuator)) is not None
         )
-        return CheckedFrame(expected, tuple(text for text in found if text is not None))
+        return CheckedFrame(expected, tuple(text for text in texts if text is not None))
 
     def _disagreement(self, decision: Decision, verdict: Verdict) -> str | None:
         same = (verdict.by, verdict.values, verdict.fault) == (decision.by, decision.values, decision.fault)
         if same and not verdict.violation:
             return None
-        if not verdict.violation and (decision.actuator in self._degraded or _excused(decision, verdict)):
+        if not verdict.violation and (decision.actuator in self._degraded or _is_excused(decision, verdict)):
             return None
         sent = f"{verdict.by or 'nobody'} {verdict.values}"
         expected = f"{decision.by or 'nobody'} {decision.values}"
@@ -125,18 +123,18 @@ class Monitor:
         return f"{decision.actuator}: {violation}{sent} was sent; the client list gives {expected}"
 
 
-_SET_ASIDE: frozenset[Fate] = frozenset({"overridden", "locked out", "stopped"})
+_EXCLUDED_FATES: frozenset[Fate] = frozenset({"overridden", "locked out", "stopped"})
 
 
-def _any(verdict: Verdict, fates: frozenset[Fate]) -> bool:
+def _has_fate(verdict: Verdict, fates: frozenset[Fate]) -> bool:
     return any(fate in fates for _, fate in verdict.fates)
 
 
-def _excused(decision: Decision, verdict: Verdict) -> bool:
+def _is_excused(decision: Decision, verdict: Verdict) -> bool:
     """Return True if the verdict gives a reason why no client of the network commanded."""
     if verdict.by is not None:
         return False
     if verdict.outside is None and verdict.hold is None:
-        return _any(verdict, UNHEARD)
-    aside = {client for client, fate in verdict.fates if fate in _SET_ASIDE}
-    return aside <= {decision.by}
+        return _has_fate(verdict, UNHEARD)
+    excluded = {client for client, fate in verdict.fates if fate in _EXCLUDED_FATES}
+    return excluded <= {decision.by}

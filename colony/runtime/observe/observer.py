@@ -3,12 +3,13 @@
 It combines each frame with its verdicts, has the monitor check it, and passes it to the sinks (a recording, a
 summary, a progress line).
 
-A frame of a server that is killed while it publishes may reach the observer and no other node. When a tick
-declares it void, the monitor has stepped over a frame that no client saw, so that its memory is wrong for the
-rest of the epoch. Like a client in this situation, the observer then asks the Clock for a new epoch.
+The last frame of a server that is killed while publishing may reach the observer and no other node. If a
+later tick declares the frame void, the monitor has stepped over a frame that no client saw, and its memory is
+wrong for the rest of the epoch. Like a client in this situation, the observer then asks the Clock for a new
+epoch.
 
-The answers of modules in Python come as frames, too. A frame waits for them as for its verdicts, and proceeds
-without them after a timeout.
+The answers of modules in Python also arrive as frames. The observer waits for the answers and verdicts of
+each frame, up to a timeout.
 """
 
 from __future__ import annotations
@@ -41,12 +42,12 @@ class FrameLog:
     """All data of one frame: the readings, each actuator's verdict, and the expected outcome.
 
     A verdict may be absent if a run broke off in the middle of a frame. `disagreements` describe differences
-    of the verdicts from `expected` that no late or lost client excuses: there should never be one. `restart`
-    is True if all memory restarted with this frame in the middle of a run. `requests` are those of the
-    clients in the order of their arrival, if they are observed. `skipped` is the number of frames before this
-    one that are lost; then nothing is expected until the next restart, because memory is unknown. `keyframe`,
-    at least every `KEYFRAME_NS`, has the memory before the frame. `answers` are those of modules in Python
-    that are known.
+    of the verdicts from `expected` that no late or lost client excuses; there should never be any. `restart`
+    is True if all memory restarted with this frame in the middle of a run. `requests` are the clients'
+    requests in order of arrival, if they are observed. `skipped` is the number of lost frames just before
+    this one; memory is then unknown, and `expected` empty, until the next restart. `keyframe`, present at
+    least every `KEYFRAME_NS`, has the memory before the frame. `answers` are the known answers of modules in
+    Python.
     """
 
     tick: Tick
@@ -67,29 +68,29 @@ class FrameLog:
 
     @property
     def damaged(self) -> bool:
-        """True if data before this frame is damaged; only a recording can be."""
+        """True if data before this frame is damaged; always False for a live frame."""
         return False
 
     @property
     def memory_unknown(self) -> bool:
-        """True if memory is unknown, and so nothing is expected."""
+        """True if memory is unknown, so that `expected` is empty."""
         return not self.expected.decisions
 
 
 class Sink(Protocol):
-    """A consumer of frames in their order."""
+    """A consumer of frames, in order."""
 
     def take(self, log: FrameLog) -> None:
         """Take the next frame."""
         ...
 
     def close(self) -> None:
-        """End the frames; called once, even after a failure."""
+        """Finish, because no frame follows; called once, even after a failure."""
         ...
 
 
-class _Waiting(NamedTuple):
-    """A frame that arrived at `arrived_ns`, after `skipped` lost ones, which may make memory unknown."""
+class _PendingFrame(NamedTuple):
+    """A frame that waits for its verdicts; `skipped` frames before it were lost."""
 
     assembled: Assembled
     arrived_ns: int
@@ -98,24 +99,25 @@ class _Waiting(NamedTuple):
 
 
 KEYFRAME_NS = 400_000_000
-"""Longest time, in nanoseconds, from a keyframe to the end of the last frame before the next keyframe.
+"""Maximum time, in nanoseconds, from a keyframe to the end of the last frame before the next keyframe.
 
-Longer frames exceed it. Together with the frame that is being decided, it stays below half a second.
+Frames longer than this each have a keyframe. Together with a frame that is still being decided, the time
+stays below half a second.
 """
 
 
 class Observer:
     """The node that observes a run.
 
-    Mutable: frames that wait for verdicts, and the epoch in which it stepped over a void frame.
+    Stateful: keeps frames that wait for verdicts.
 
     Args:
         assembler: assembler of all sensors.
-        actuators: names of the actuators; a frame is complete with a verdict of each.
+        actuators: names of the actuators; a frame is complete when each has a verdict.
         monitor: checker of the frames.
         sinks: consumers of the frames.
-        request_servers: servers whose requests are passed to the sinks, too.
-        modules: assembler of the modules in Python, if there are any.
+        request_servers: servers of the actuators whose requests are also passed to the sinks.
+        modules: assembler of the answers of modules in Python, if there are any.
         frame_ns: period of the program's frames.
     """
 
@@ -137,7 +139,7 @@ class Observer:
         self._actuators = frozenset(actuators)
         self._monitor = monitor
         self._sinks = sinks
-        self._waiting: deque[_Waiting] = deque()
+        self._pending: deque[_PendingFrame] = deque()
         self._verdicts: dict[int, dict[str, Verdict]] = {}
         self._requests: dict[int, dict[tuple[str, str], Request]] = {}
         self._answers: dict[int, dict[str, Answer]] = {}
@@ -152,7 +154,7 @@ class Observer:
 
     @property
     def deferred(self) -> tuple[str, ...]:
-        """All topics but ticks. A frame is processed when the next tick arrives; by then it is decided."""
+        """All topics except ticks. A frame is processed when the next tick arrives; by then it is decided."""
         return tuple(topic for topic in self.listens if topic != topics.TICKS)
 
     def add(self, sink: Sink) -> None:
@@ -183,20 +185,20 @@ class Observer:
                 _partial(self._requests, message.k).setdefault((message.actuator, message.client), message)
             case _:
                 return ()
-        while self._waiting and self._ready(self._waiting[0], now_ns):
+        while self._pending and self._is_ready(self._pending[0], now_ns):
             self._release()
         return effects
 
     def close(self) -> None:
-        """Pass the waiting frames to the sinks, and close the sinks even if that fails."""
+        """Pass the pending frames to the sinks, and close the sinks even if that fails."""
         try:
-            while self._waiting:
+            while self._pending:
                 self._release()
         finally:
             close_all(self._sinks)
 
     def _skip(self) -> None:
-        """Skip frames that are lost; note the epoch if a frame that was handed out has become void."""
+        """Skip lost frames; remember the epoch if a frame that was handed out has become void."""
         skipped = self._assembler.skip()
         if not skipped:
             self._contradicted = self._assembler.start
@@ -204,7 +206,7 @@ class Observer:
         self._memory_unknown = True
 
     def _take_answers(self, message: Tick | ServerFrame) -> tuple[Effect, ...]:
-        """Note the answers of modules in Python; stop waiting for those that are too far behind."""
+        """Collect the answers of modules in Python; stop waiting for answers that are too far behind."""
         if self._modules is None:
             return ()
         effects = self._modules.take(message)
@@ -216,18 +218,18 @@ class Observer:
 
     def _collect(self, now_ns: int) -> None:
         for assembled in self._assembler.complete():
-            self._waiting.append(_Waiting(assembled, now_ns, self._skipped, self._memory_unknown))
+            self._pending.append(_PendingFrame(assembled, now_ns, self._skipped, self._memory_unknown))
             self._skipped, self._memory_unknown = 0, False
 
-    def _ready(self, first: _Waiting, now_ns: int) -> bool:
+    def _is_ready(self, first: _PendingFrame, now_ns: int) -> bool:
         k = first.assembled.tick.k
         answered = self._modules is None or k < self._modules.next
         if not answered or len(self._verdicts.get(k, ())) < len(self._actuators):
             return now_ns - first.arrived_ns > FRAME_RETENTION_NS
-        return not self._collects_requests or self._has_requests(k) or len(self._waiting) > 1
+        return not self._collects_requests or self._has_requests(k) or len(self._pending) > 1
 
     def _has_requests(self, k: int) -> bool:
-        """Return True if all requests mentioned in a frame's verdicts have arrived, perhaps after them."""
+        """Return True if all requests mentioned in a frame's verdicts have arrived."""
         requests, verdicts = self._requests.get(k, {}), self._verdicts.get(k, {})
         return all(
             (actuator, client) in requests or fate in UNHEARD
@@ -236,7 +238,7 @@ class Observer:
         )
 
     def _release(self) -> None:
-        assembled, _, skipped, memory_unknown = self._waiting.popleft()
+        assembled, _, skipped, memory_unknown = self._pending.popleft()
         tick, frame = assembled.tick, assembled.frame
         verdicts, requests = _pop_partial(self._verdicts, tick.k), _pop_partial(self._requests, tick.k)
         answers = _pop_partial(self._answers, tick.k)
@@ -264,8 +266,8 @@ class Observer:
 
     def _keyframe(self, t_ns: int, jumped: bool) -> Keyframe | None:
         """Return the memory before a frame if a keyframe is due, or after missing frames (`jumped`)."""
-        begun_ns = self._keyframe_ns
-        if begun_ns is not None and t_ns + self._frame_ns - begun_ns <= KEYFRAME_NS and not jumped:
+        previous_ns = self._keyframe_ns
+        if previous_ns is not None and t_ns + self._frame_ns - previous_ns <= KEYFRAME_NS and not jumped:
             return None
         self._keyframe_ns = t_ns
         return self._monitor.keyframe()
@@ -275,20 +277,20 @@ K = TypeVar("K")
 V = TypeVar("V")
 
 _MAX_PARTIAL_FRAMES = 20_000
-"""Largest number of incomplete frames that are kept."""
+"""Maximum number of incomplete frames that are kept."""
 
 
 def _partial(partial: dict[int, dict[K, V]], k: int) -> dict[K, V]:
-    """Return what has arrived of frame `k`; add an entry for it if needed."""
-    found = partial.setdefault(k, {})
+    """Return the data that has arrived for frame `k`, adding an empty entry if there is none."""
+    entry = partial.setdefault(k, {})
     if len(partial) > _MAX_PARTIAL_FRAMES:
         del partial[next(iter(partial))]
-    return found
+    return entry
 
 
 def _pop_partial(partial: dict[int, dict[K, V]], k: int) -> dict[K, V]:
-    """Remove and return what has arrived of frame `k`; drop older frames."""
-    found = partial.pop(k, {})
-    for old in [at for at in partial if at < k]:
-        del partial[old]
-    return found
+    """Remove and return the data that has arrived for frame `k`; drop older frames."""
+    entry = partial.pop(k, {})
+    for old_k in [number for number in partial if number < k]:
+        del partial[old_k]
+    return entry

@@ -1,4 +1,4 @@
-"""Summary of a run as data and as text: time in command, bumps, broken contracts."""
+"""Summary of a run as data and as text: time in command, bumps, broken contracts, and so on."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Share:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActuatorSummary:
-    """Shares of every client, highest place first, and of idle frames, last."""
+    """Shares of every client, in descending order of priority, and last the share of idle frames."""
 
     actuator: str
     shares: tuple[Share, ...]
@@ -33,7 +33,7 @@ class ActuatorSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BreachSummary:
-    """A contract that was broken in `frames` frames, and the times in seconds of the first and the last."""
+    """A contract that was broken in `frames` frames, and the times of the first and last of these."""
 
     contract: str
     frames: int
@@ -61,9 +61,9 @@ class TroubleSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InterventionSummary:
-    """An intervention at `actuator`: in `frames` frames the network did not decide.
+    """An intervention at `actuator`, because of which the network did not decide in `frames` frames.
 
-    The connection `by` commanded from outside the network, or `hold` was in force.
+    Either the connection `by` commanded from outside the network, or `hold` was in force.
     """
 
     actuator: str
@@ -82,13 +82,13 @@ class Travel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSummary:
-    """Summary of one run. `mean_speed_mm_s` is over its whole duration, `contracts` the number of contracts.
+    """Summary of one run; `contracts` is the number of contracts of the program.
 
     `broke_off` is the reason why the run ended early, although no user interrupted it. `unwritten` are files
     that could not be written after the run.
 
-    `restarts` counts the restarts of all memory, `skipped` the frames that could not be observed, `unknown`
-    the frames in which memory was unknown, so that nothing was expected. On a real robot the travel is
+    `restarts` counts the restarts of all memory, `skipped` the frames that could not be observed, and
+    `unknown` the frames that could not be checked because memory was unknown. On a real robot the travel is
     unknown: `bumps`, `distance_mm` and `mean_speed_mm_s` are None.
     """
 
@@ -119,7 +119,7 @@ class RunSummary:
 
     @property
     def sound(self) -> bool:
-        """True if no contract broke, the runtime followed the program, and the run did not break off."""
+        """True if no contract was broken, the runtime followed the program, and the run did not break off."""
         return not self.breaches and not self.disagreements and self.broke_off is None
 
 
@@ -128,12 +128,12 @@ _MAX_DISAGREEMENTS = 10
 
 
 class Tally:
-    """A sink that counts frames as they come. Mutable: the counts."""
+    """A sink that counts frames for a summary. Mutable."""
 
     def __init__(self, compiled: Compiled) -> None:
         self._compiled = compiled
-        self._places = compiled.places
-        self._drove: dict[str, Counter[str | None]] = {a: Counter() for a in self._places}
+        self._places = compiled.clients_by_actuator
+        self._commanded: dict[str, Counter[str | None]] = {a: Counter() for a in self._places}
         self._records: Counter[tuple[RecordKind, str]] = Counter()
         self._troubles: Counter[tuple[str, Fate]] = Counter()
         self._interventions: Counter[tuple[str, str | None, Hold | None]] = Counter()
@@ -150,7 +150,7 @@ class Tally:
         self._skipped += log.skipped
         self._unknown += log.memory_unknown
         for name, verdict in log.verdicts.items():
-            self._drove[name][verdict.by] += 1
+            self._commanded[name][verdict.by] += 1
             if verdict.outside is not None or verdict.hold is not None:
                 self._interventions[name, verdict.outside, verdict.hold] += 1
             for client, fate in verdict.fates:
@@ -159,11 +159,11 @@ class Tally:
         self._records.update((r.kind, r.subject) for r in log.expected.records)
         t = log.frame.t_ns / 1e9
         for contract in log.expected.breaches:
-            before = self._breaches.get(contract)
+            previous = self._breaches.get(contract)
             self._breaches[contract] = BreachSummary(
                 contract=contract,
-                frames=before.frames + 1 if before else 1,
-                first_s=before.first_s if before else t,
+                frames=previous.frames + 1 if previous else 1,
+                first_s=previous.first_s if previous else t,
                 last_s=t,
             )
         if log.disagreements and len(self._disagreements) < _MAX_DISAGREEMENTS:
@@ -175,7 +175,7 @@ class Tally:
     def summary(
         self, *, seed: int, duration_s: float, interrupted: bool, travel: Travel | None
     ) -> RunSummary:
-        """Return all counts so far."""
+        """Return the summary of the frames so far."""
         return RunSummary(
             robot=self._compiled.name,
             seed=seed,
@@ -207,7 +207,7 @@ class Tally:
         )
 
     def _actuator(self, name: str) -> ActuatorSummary:
-        counts = self._drove[name]
+        counts = self._commanded[name]
         period_s = self._compiled.frame_ns / 1e9
         rows: list[str | None] = [*self._places[name], None]
         return ActuatorSummary(

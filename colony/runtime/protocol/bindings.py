@@ -51,7 +51,7 @@ class SensorBinding:
         return converted(value, lambda x: x / factor * factor)  # type: ignore[return-value]
 
     def in_declared_units(self, value: Value) -> Value:
-        """Return a value of the server in the declared unit, for people."""
+        """Return a value of the server in the declared unit, for display."""
         factor = self.factor
         if factor == 1.0 or self.declared:
             return value
@@ -62,14 +62,14 @@ class SensorBinding:
 class ActuatorBinding:
     """The binding of an actuator to `command` of `server`.
 
-    `places[i]` is the index of the actuator's field for parameter i of the command, None if that is 0; empty
-    if the server takes the fields as they are.
+    `field_indices[i]` is the index of the actuator's field for parameter i of the command, None if that
+    parameter is always 0; `field_indices` is empty if the server takes the fields as they are.
     """
 
     actuator: str
     server: str
     command: str
-    places: tuple[int | None, ...]
+    field_indices: tuple[int | None, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,12 +86,12 @@ def bind(robot: Robot, servers: tuple[ServerSpec, ...] = SERVERS) -> Bindings:
     Raises:
         DiagnosticError: a sensor or actuator does not fit; every mismatch is reported at its declaration.
     """
-    found: list[Diagnostic] = []
-    sensors = [_bind_sensor(s, servers, found) for s in robot.sensors]
-    actuators = [_bind_actuator(a, servers, found) for a in robot.actuators]
-    found.extend(_shared_commands(robot.actuators))
-    if found:
-        raise DiagnosticError(found)
+    diagnostics: list[Diagnostic] = []
+    sensors = [_bind_sensor(s, servers, diagnostics) for s in robot.sensors]
+    actuators = [_bind_actuator(a, servers, diagnostics) for a in robot.actuators]
+    diagnostics.extend(_shared_commands(robot.actuators))
+    if diagnostics:
+        raise DiagnosticError(diagnostics)
     return Bindings(
         sensors=tuple(s for s in sensors if s is not None),
         actuators=tuple(a for a in actuators if a is not None),
@@ -99,41 +99,41 @@ def bind(robot: Robot, servers: tuple[ServerSpec, ...] = SERVERS) -> Bindings:
 
 
 def name_hint(name: str, known: Iterable[str]) -> str:
-    """Return a hint with the known name closest to `name`, or with all known names."""
+    """Return a hint with the known name closest to `name`; with all known names if none is close."""
     names = list(known)
     hint = did_you_mean(name, names)
-    return hint or ("known are: " + ", ".join(names) if names else "there is none")
+    return hint or ("expected one of: " + ", ".join(names) if names else "there is none")
 
 
 def _server(
-    declared: Sensor | Actuator, servers: tuple[ServerSpec, ...], found: list[Diagnostic]
+    declared: Sensor | Actuator, servers: tuple[ServerSpec, ...], diagnostics: list[Diagnostic]
 ) -> ServerSpec | None:
     for server in servers:
         if server.name == declared.server:
             return server
     hint = name_hint(declared.server, (s.name for s in servers))
-    found.append(
+    diagnostics.append(
         error("R001", declared.span, f"`{declared.name}`: there is no server `{declared.server}`", hint)
     )
     return None
 
 
 def _bind_sensor(
-    sensor: Sensor, servers: tuple[ServerSpec, ...], found: list[Diagnostic]
+    sensor: Sensor, servers: tuple[ServerSpec, ...], diagnostics: list[Diagnostic]
 ) -> SensorBinding | None:
-    server = _server(sensor, servers, found)
+    server = _server(sensor, servers, diagnostics)
     if server is None:
         return None
     if not server.open_fields:
         spec = next((f for f in server.fields if f.name == sensor.field), None)
         if spec is None:
             hint = name_hint(sensor.field, (f.name for f in server.fields))
-            what = f"`{sensor.name}`: {server.name} has no field `{sensor.field}`"
-            found.append(error("R002", sensor.span, what, hint))
+            message = f"`{sensor.name}`: {server.name} has no field `{sensor.field}`"
+            diagnostics.append(error("R002", sensor.span, message, hint))
             return None
         if not _sensor_fits(sensor.type, spec):
-            what = f"`{sensor.name}`: {server.name}.{spec.name} is {spec.type}, not {sensor.type}"
-            found.append(error("R003", sensor.span, what, f"it is {spec.meaning}"))
+            message = f"`{sensor.name}`: {server.name}.{spec.name} is {spec.type}, not {sensor.type}"
+            diagnostics.append(error("R003", sensor.span, message, f"it is {spec.meaning}"))
             return None
     return SensorBinding(
         sensor=sensor.name,
@@ -147,17 +147,17 @@ def _bind_sensor(
 
 def _sensor_fits(declared: Type, spec: FieldSpec) -> bool:
     match declared, spec.type:
-        case Array(element=mine, size=n), Array(element=its, size=m):
-            return n == m and _fits(mine, its)
-        case (Bool() | Quantity() | Enum()) as mine, (Bool() | Quantity() | Enum()) as its:
-            return _fits(mine, its)
+        case Array(element=wanted, size=n), Array(element=provided, size=m):
+            return n == m and _fits(wanted, provided)
+        case (Bool() | Quantity() | Enum()) as wanted, (Bool() | Quantity() | Enum()) as provided:
+            return _fits(wanted, provided)
         case _:
             return False
 
 
-def _fits(mine: Scalar, its: Scalar) -> bool:
-    """Return True for equal types, and for a plain number in place of any quantity (then in base units)."""
-    match mine, its:
+def _fits(wanted: Scalar, provided: Scalar) -> bool:
+    """Return True for equal types, and for a plain number wanted from any quantity (then in base units)."""
+    match wanted, provided:
         case Quantity(dimension=a), Quantity(dimension=b):
             return a in (b, NUMBER)
         case Bool(), Bool():
@@ -167,51 +167,53 @@ def _fits(mine: Scalar, its: Scalar) -> bool:
 
 
 def _bind_actuator(
-    actuator: Actuator, servers: tuple[ServerSpec, ...], found: list[Diagnostic]
+    actuator: Actuator, servers: tuple[ServerSpec, ...], diagnostics: list[Diagnostic]
 ) -> ActuatorBinding | None:
-    server = _server(actuator, servers, found)
+    server = _server(actuator, servers, diagnostics)
     if server is None:
         return None
-    places: tuple[int | None, ...] = ()
+    field_indices: tuple[int | None, ...] = ()
     if not server.open_fields:
         command = next((c for c in server.commands if c.name == actuator.command), None)
         if command is None:
             hint = name_hint(actuator.command, (c.name for c in server.commands))
-            what = f"`{actuator.name}`: {server.name} has no command `{actuator.command}`"
-            found.append(error("R004", actuator.span, what, hint))
+            message = f"`{actuator.name}`: {server.name} has no command `{actuator.command}`"
+            diagnostics.append(error("R004", actuator.span, message, hint))
             return None
-        before = len(found)
-        _check_parameters(actuator, command, found)
-        if len(found) > before:
+        before = len(diagnostics)
+        _check_parameters(actuator, command, diagnostics)
+        if len(diagnostics) > before:
             return None
         names = [f.name for f in actuator.fields]
-        places = tuple(names.index(p.name) if p.name in names else None for p in command.parameters)
+        field_indices = tuple(names.index(p.name) if p.name in names else None for p in command.parameters)
     return ActuatorBinding(
-        actuator=actuator.name, server=server.name, command=actuator.command, places=places
+        actuator=actuator.name, server=server.name, command=actuator.command, field_indices=field_indices
     )
 
 
-def _check_parameters(actuator: Actuator, command: CommandSpec, found: list[Diagnostic]) -> None:
+def _check_parameters(actuator: Actuator, command: CommandSpec, diagnostics: list[Diagnostic]) -> None:
     known = {p.name: p for p in command.parameters}
     for field in actuator.fields:
         spec = known.get(field.name)
         if spec is None:
-            what = f"`{actuator.name}.{field.name}`: {actuator.server}.{command.name} takes no `{field.name}`"
-            found.append(error("R005", field.span, what, name_hint(field.name, known)))
+            message = (
+                f"`{actuator.name}.{field.name}`: {actuator.server}.{command.name} takes no `{field.name}`"
+            )
+            diagnostics.append(error("R005", field.span, message, name_hint(field.name, known)))
         elif not _fits(field.type, spec.type):
-            what = f"`{actuator.name}.{field.name}` is {field.type}, but the command takes {spec.type}"
-            found.append(error("R003", field.span, what, f"it is the {spec.meaning}"))
+            message = f"`{actuator.name}.{field.name}` is {field.type}, but the command takes {spec.type}"
+            diagnostics.append(error("R003", field.span, message, f"it is the {spec.meaning}"))
 
 
 def _shared_commands(actuators: tuple[Actuator, ...]) -> Iterable[Diagnostic]:
-    first: dict[tuple[str, str], str] = {}
+    owners: dict[tuple[str, str], str] = {}
     for actuator in actuators:
-        other = first.setdefault((actuator.server, actuator.command), actuator.name)
+        other = owners.setdefault((actuator.server, actuator.command), actuator.name)
         if other != actuator.name:
             where = f"{actuator.server}.{actuator.command}"
             yield error(
                 "R006",
                 actuator.span,
                 f"`{actuator.name}` and `{other}` both command {where}: nothing would arbitrate between them",
-                "wire the modules of both under one actuator",
+                "wire the modules of both to one actuator",
             )

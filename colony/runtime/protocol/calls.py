@@ -45,36 +45,36 @@ MAX_ANSWER_BYTES = 8 * 1024 * 1024
 """Byte limit of the replies kept for all connections together."""
 
 STOPS_KEPT = 256
-"""Number of kept replies to emergency stops, so that a repeated call is not a second stop."""
+"""Number of replies to emergency stops that are kept, so that a repeated call does not stop again."""
 
 MAX_CONNECTIONS = 1000
-"""Largest number of connections that a server has at a time."""
+"""Maximum number of connections that a server has at a time."""
 
 MAX_CONNECTIONS_PER_USER = 500
-"""Largest number of connections of one user, so that a single user cannot take all of them."""
+"""Maximum number of connections of one user, so that a single user cannot take all of them."""
 
-MAX_REACHED = 16
-"""Largest number of sentences in `status` about connection limits that were reached."""
+MAX_LIMIT_MESSAGES = 16
+"""Maximum number of messages in `status` about connection limits that were reached."""
 
 MAX_NAME_LENGTH = 255
-"""Largest number of characters of a connection's name; longer names are truncated."""
+"""Maximum number of characters of a connection's name; longer names are truncated."""
 
 MAX_WAITING_PER_CONNECTION = 256
-"""Largest number of calls of one connection that may wait for their answers."""
+"""Maximum number of calls of one connection that may wait for their answers."""
 
 MAX_ARGUMENT_BYTES = 64 * 1024
-"""Largest size of the arguments, in bytes of msgpack, for a method that sets no limit of its own."""
+"""Byte limit of the arguments, in msgpack, for a method that sets no limit of its own."""
 
 
 MAX_TEXT_LENGTH = 1000
-"""Largest number of characters of a message for people; longer ones are truncated."""
+"""Maximum number of characters of a user-readable message; longer ones are truncated."""
 
 
 class RefusedError(Exception):
     """A call that a server refuses to carry out.
 
-    `code` is for programs: "arguments", "size", "method", "right", "closed", "malformed", "full", or one of
-    the server's own. Further codes are "flood", from the server's inbox, for calls that came too fast, and
+    `code` is for programs: "arguments", "size", "method", "right", "closed", "malformed", "full", or a code
+    of the server's own. Further codes are "flood", from the server's inbox, for calls that came too fast, and
     "not kept", for an emergency stop that the Clock could not write to its file.
     """
 
@@ -84,7 +84,7 @@ class RefusedError(Exception):
 
 
 class CallId(NamedTuple):
-    """A call by its caller and number, for the answer."""
+    """The identity of a call, by which it is answered: its caller and its number."""
 
     caller: Caller
     number: int
@@ -128,7 +128,7 @@ def method(
     max_bytes: int = MAX_ARGUMENT_BYTES,
     lasting: bool = False,
 ) -> Method:
-    """Return an entry of a server's method table.
+    """Return a method for a server.
 
     Arguments of more than `max_bytes` bytes are refused with the code "size" before they are decoded.
     """
@@ -136,7 +136,7 @@ def method(
 
 
 class Open(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `open`: the connection's name, for people. Its priority is that of the call `open`."""
+    """Arguments of `open`: the connection's display name. Its priority is that of the call `open`."""
 
     name: str
 
@@ -160,7 +160,7 @@ class ConnectionStatus(msgspec.Struct, frozen=True, kw_only=True):
 class Status(msgspec.Struct, frozen=True, kw_only=True):
     """Result of `status`: the connections, and the number of messages that could not be decoded.
 
-    `full` has a sentence for each limit of the server that is reached, or was since it started, and for
+    `full` has a message for each limit that is reached, or has been since the server started, and for
     anything else that needs attention.
     """
 
@@ -176,20 +176,20 @@ _RIGHTS: dict[Right, tuple[Right, ...]] = {
     "command": ("command",),
     "stop": ("stop", "command"),
 }
-"""Rights with which a method of each kind may be called; the right to command includes stopping."""
+"""Claimed rights that suffice for a method, by the right that it needs; commanding includes stopping."""
 
 
 class CallDispatcher:
-    """The call handling of one server. Mutable: the connections and the replies sent to them.
+    """The call handling of one server. Mutable.
 
     Args:
         server: the server's name.
-        methods: the server's methods, besides the built-in `open`, `close` and `status`.
+        methods: the server's methods, in addition to the built-in `open`, `close` and `status`.
         admit: called before a connection opens; raises `RefusedError` to reject it.
         on_lost: called when a connection has ended, by `close` or by its lease; returns effects.
         stop: carries out an emergency stop, given the connection and the time; raises `RefusedError` if it
             could not do all of it. None if the server has nothing to stop.
-        full: returns sentences for `status` about limits reached by other parts of the server.
+        full: returns messages for `status` about limits reached in other parts of the server.
     """
 
     def __init__(
@@ -205,18 +205,18 @@ class CallDispatcher:
         self._server = server
         self._stop = stop
         self._full = full
-        own = (
+        built_in = (
             method("open", Open, lambda *_: None, right="read"),
             method("close", NoArguments, lambda *_: None, right="read"),
             method("status", NoArguments, self._status, right="read"),
         )
-        self._methods = {m.name: (m, msgspec.msgpack.Decoder(m.arguments)) for m in (*own, *methods)}
+        self._methods = {m.name: (m, msgspec.msgpack.Decoder(m.arguments)) for m in (*built_in, *methods)}
         self._admit = admit
         self._on_lost = on_lost
         self._connections: dict[str, Connection] = {}
         self._stops: OrderedDict[tuple[str, int], Effect] = OrderedDict()
         self._answer_bytes = 0
-        self._reached: dict[str, None] = {}
+        self._limit_messages: dict[str, None] = {}
         self._malformed = 0
         self._last_malformed: str | None = None
         self._alarm: int | None = None
@@ -274,7 +274,7 @@ class CallDispatcher:
     def _stop_at_once(self, stop: Callable[[str, int], None], call: Call, now_ns: int) -> Effect:
         """Carry out an emergency stop, even without an open connection, and regardless of priority.
 
-        A repeated call is not a second stop: the first may have been released in the meantime.
+        A repeated call does not stop again, as the first stop may have been released in the meantime.
         """
         known = self._stops.get((call.connection, call.number))
         if known is not None:
@@ -305,7 +305,7 @@ class CallDispatcher:
             if connection is None:
                 yield self._fail(call.connection, call.number, problem)
                 return
-            yield from self._watch(now_ns)
+            yield from self._schedule_expiry(now_ns)
         if connection is None:
             yield self._fail(call.connection, call.number, _CLOSED)
             return
@@ -323,9 +323,9 @@ class CallDispatcher:
                 )
                 yield from self.refuse(CallId(connection.caller, number), RefusedError("full", text))
             else:
-                yield from self._do(connection, call, now_ns)
+                yield from self._execute(connection, call, now_ns)
 
-    def _do(self, connection: Connection, call: Call, now_ns: int) -> Iterator[Effect]:
+    def _execute(self, connection: Connection, call: Call, now_ns: int) -> Iterator[Effect]:
         call_id = CallId(connection.caller, call.number)
         known = self._methods.get(call.method)
         # answers to reads may be large, so they are not kept: a repeated read is executed again
@@ -341,18 +341,18 @@ class CallDispatcher:
             yield from self._end(call.connection, now_ns)
 
     def _result_of(self, call_id: CallId, call: Call, now_ns: int) -> object:
-        found = self._methods.get(call.method)
-        if found is None:
+        entry = self._methods.get(call.method)
+        if entry is None:
             known, name = ", ".join(self._methods), call.method[:MAX_NAME_LENGTH]
             raise RefusedError("method", f"{self._server} has no method `{name}`; it has {known}")
-        called, decoder = found
+        called, decoder = entry
         where = f"{self._server}.{called.name}"
         if call.right not in _RIGHTS[called.right] or (called.lasting and call.right == "stop"):
             raise RefusedError("right", f"{where} needs the right to {called.right}, not to {call.right}")
         if call.priority != call_id.caller.priority:
-            mine = call_id.caller.priority
+            opened = call_id.caller.priority
             raise RefusedError(
-                "arguments", f"{where}: the connection has priority {mine}, not {call.priority}"
+                "arguments", f"{where}: the connection has priority {opened}, not {call.priority}"
             )
         size = len(memoryview(call.arguments))
         if size > called.max_bytes:
@@ -387,12 +387,12 @@ class CallDispatcher:
         return connection, _CLOSED
 
     def _no_room(self, text: str) -> Problem:
-        self._note(text)
+        self._note_limit(text)
         return Problem(code="full", message=text)
 
-    def _note(self, reached: str) -> None:
-        if len(self._reached) < MAX_REACHED:
-            self._reached[reached] = None
+    def _note_limit(self, message: str) -> None:
+        if len(self._limit_messages) < MAX_LIMIT_MESSAGES:
+            self._limit_messages[message] = None
 
     def _reply(self, call_id: CallId, reply: Reply, *, kept: bool = True) -> Iterator[Effect]:
         connection = self._connections.get(call_id.caller.connection)
@@ -409,11 +409,13 @@ class CallDispatcher:
         yield Send(topics.replies(self._server, call_id.caller.connection), reply)
 
     def _forget_answers(self) -> None:
-        """Drop answers of the connection with the most bytes of them, oldest first, if need be all."""
-        most = max(self._connections.values(), key=lambda each: each.answer_bytes)
-        while self._answer_bytes > MAX_ANSWER_BYTES and most.answers:
-            self._answer_bytes -= most.forget_oldest()
-        self._note(f"{self._server} keeps {MAX_ANSWER_BYTES >> 20} MiB of answers, and forgets the oldest")
+        """Drop answers of the connection with the most bytes of answers, oldest first, all if necessary."""
+        largest = max(self._connections.values(), key=lambda connection: connection.answer_bytes)
+        while self._answer_bytes > MAX_ANSWER_BYTES and largest.answers:
+            self._answer_bytes -= largest.forget_oldest()
+        self._note_limit(
+            f"{self._server} keeps {MAX_ANSWER_BYTES >> 20} MiB of answers, and forgets the oldest"
+        )
 
     def _fail(self, connection: str, number: int, problem: Problem) -> Effect:
         reply = Reply(connection=connection, number=number, problem=problem)
@@ -436,12 +438,12 @@ class CallDispatcher:
             ),
             malformed=self._malformed,
             last_malformed=self._last_malformed,
-            full=(*self._reached, *self._full()),
+            full=(*self._limit_messages, *self._full()),
         )
 
     # --- leases --------------------------------------------------------------------------------------
 
-    def _watch(self, now_ns: int) -> Iterator[Effect]:
+    def _schedule_expiry(self, now_ns: int) -> Iterator[Effect]:
         """Schedule a wake for the earliest time at which a lease could expire."""
         if not self._connections:
             self._alarm = None
@@ -454,11 +456,11 @@ class CallDispatcher:
     def _expire(self, now_ns: int) -> Iterator[Effect]:
         if self._alarm is None or now_ns < self._alarm:
             return
-        dead = [k for k, c in self._connections.items() if now_ns - c.heard_ns > LEASE_NS]
-        for connection in dead:
+        expired = [k for k, c in self._connections.items() if now_ns - c.heard_ns > LEASE_NS]
+        for connection in expired:
             yield from self._end(connection, now_ns)
             yield self._fail(connection, 0, _CLOSED)
-        yield from self._watch(now_ns)
+        yield from self._schedule_expiry(now_ns)
 
     def _end(self, connection: str, now_ns: int) -> Iterator[Effect]:
         ended = self._connections.pop(connection)

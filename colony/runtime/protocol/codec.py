@@ -29,8 +29,8 @@ from colony.runtime.protocol.messages import (
 VERSION = 1
 """Version of the protocol.
 
-Once a version is released, a field with a default may be added at the end of a message; every other change is
-a new version.
+Once a version is released, a field with a default may be added at the end of a message; every other change
+needs a new version.
 """
 
 MAX_MESSAGE_BYTES = 4 * 1024 * 1024
@@ -41,30 +41,30 @@ _MAX_BYTES: dict[type, int] = {
     ServerFrame: 256 * 1024,
     **dict.fromkeys((Batch, Request, Announcement, Fetch, Ready, Restart), 65_536),
 }
-"""Byte limits of the kinds of messages that make up frames.
+"""Byte limits of the messages that every frame consists of.
 
-They are smaller because many small values take long to decode, in every frame.
+They are smaller, because decoding many small values in every frame would take too long.
 """
 
 _MAX_BYTES_BY_TAG = {
     msgspec.msgpack.encode(kind.__name__): _MAX_BYTES.get(kind, MAX_MESSAGE_BYTES)
     for kind in get_args(WireMessage)
 }
-"""Byte limits of all kinds by tag, which is the name of the kind in msgpack."""
+"""Byte limits by tag; the tag of a message is the name of its type, in msgpack."""
 
-_TAG_AT = 2
-"""Index of the tag in a message, after the version and the length of the array."""
+_TAG_OFFSET = 2
+"""Offset of the tag in a message, after the version and the length of the array."""
 
 
 def max_bytes(kind: type) -> int:
-    """Return the byte limit for messages of a kind."""
+    """Return the byte limit for messages of a type."""
     return _MAX_BYTES.get(kind, MAX_MESSAGE_BYTES)
 
 
 _PREFIX = bytes([VERSION])
 
 _BATCH = _PREFIX + b"\x92" + msgspec.msgpack.encode("Batch")
-"""First bytes of every batch: an array of two, its tag and its messages."""
+"""First bytes of every batch: the start of an array of two (tag and messages), and the tag."""
 
 T = TypeVar("T")
 
@@ -75,19 +75,19 @@ class MessageFormatError(ValueError):
 
 _encoder = msgspec.msgpack.Encoder()
 _decoder: msgspec.msgpack.Decoder[SentMessage] = msgspec.msgpack.Decoder(SentMessage)
-_decoder_of_all: msgspec.msgpack.Decoder[WireMessage] = msgspec.msgpack.Decoder(WireMessage)
+_batch_decoder: msgspec.msgpack.Decoder[WireMessage] = msgspec.msgpack.Decoder(WireMessage)
 
 
 def encode(message: WireMessage) -> bytes:
     """Encode a message.
 
     Raises:
-        ValueError: the message exceeds the limit of its kind.
+        ValueError: the message exceeds the limit of its type.
     """
     data = _PREFIX + _encoder.encode(message)
-    most = max_bytes(type(message))
-    if len(data) > most:
-        raise ValueError(f"{type(message).__name__}: {len(data)} bytes; expected at most {most}")
+    limit = max_bytes(type(message))
+    if len(data) > limit:
+        raise ValueError(f"{type(message).__name__}: {len(data)} bytes; expected at most {limit}")
     return data
 
 
@@ -95,25 +95,25 @@ def decode(data: bytes) -> SentMessage:
     """Decode a message.
 
     Raises:
-        MessageFormatError: the bytes are not a message, or exceed the limit of its kind.
+        MessageFormatError: the bytes are not a message, or exceed the limit of its type.
     """
-    return _decoded(data, _decoder)
+    return _decode(data, _decoder)
 
 
 def decode_all(data: bytes) -> tuple[SentMessage, ...]:
     """Decode a message, or the messages of a batch.
 
     Raises:
-        MessageFormatError: the bytes are neither, or exceed the limit of their kind.
+        MessageFormatError: the bytes are neither, or exceed the limit of their type.
     """
-    found = _decoded(data, _decoder_of_all)
-    if not isinstance(found, Batch):
-        return (found,)
-    if count(data) != len(found.messages):  # `count` knows only the shortest form
+    message = _decode(data, _batch_decoder)
+    if not isinstance(message, Batch):
+        return (message,)
+    if count(data) != len(message.messages):  # `count` knows only the shortest form
         raise MessageFormatError(
             "the length of the batch cannot be counted: it is not encoded in the shortest form"
         )
-    return found.messages
+    return message.messages
 
 
 def count(data: bytes) -> int:
@@ -131,9 +131,9 @@ def count(data: bytes) -> int:
     return max(1, claimed)
 
 
-def _decoded(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:
-    if len(data) > (most := _max_bytes_of(data)):
-        raise MessageFormatError(f"{len(data)} bytes; expected at most {most}")
+def _decode(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:
+    if len(data) > (limit := _max_bytes_of(data)):
+        raise MessageFormatError(f"{len(data)} bytes; expected at most {limit}")
     if data[:1] != _PREFIX:
         found = f"version {data[0]}" if data else "nothing"
         raise MessageFormatError(f"found {found}; expected a message of version {VERSION}")
@@ -150,7 +150,9 @@ def _max_bytes_of(data: bytes) -> int:
     """
     if len(data) <= _SMALLEST_LIMIT:
         return _SMALLEST_LIMIT
-    tag = data[_TAG_AT : _TAG_AT + 1 + (data[_TAG_AT] & 0x1F)]  # a short string of msgpack, with its length
+    tag = data[
+        _TAG_OFFSET : _TAG_OFFSET + 1 + (data[_TAG_OFFSET] & 0x1F)
+    ]  # a msgpack fixstr and its length byte
     return _MAX_BYTES_BY_TAG.get(tag, _SMALLEST_LIMIT)
 
 

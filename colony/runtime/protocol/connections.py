@@ -12,14 +12,14 @@ ANSWERS_KEPT = 64
 """Number of replies kept for each connection, for repeated calls."""
 
 ANSWER_BYTES_KEPT = 1024 * 1024
-"""Byte limit of the replies kept for each connection; the newest is kept whatever its size."""
+"""Byte limit of the replies kept for each connection; the newest is kept regardless of its size."""
 
 ANSWER_OVERHEAD = 300
-"""Bytes of memory that a kept reply takes besides its result."""
+"""Bytes of memory that a kept reply takes in addition to its result."""
 
 
 class Caller(NamedTuple):
-    """The caller: its connection (`user/id`), the connection's name, priority and user."""
+    """A caller: its connection (`user/id`), and the connection's name, priority and user."""
 
     connection: str
     name: str
@@ -29,7 +29,7 @@ class Caller(NamedTuple):
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Connection:
-    """One connection. Mutable: the time of its last message, its open calls, and its kept answers."""
+    """One connection: the time of its last message, its open calls, and its kept answers. Mutable."""
 
     caller: Caller
     since_ns: int
@@ -43,7 +43,7 @@ class Connection:
     forgotten: int = 0
 
     def keep(self, reply: Reply) -> int:
-        """Keep an answer, drop the oldest ones beyond the limits, and return the growth in bytes."""
+        """Keep an answer, drop the oldest ones beyond the limits, and return the change in bytes."""
         before = self.answer_bytes
         self.answers[reply.number] = reply
         self.answer_bytes += answer_size(reply)

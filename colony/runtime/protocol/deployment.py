@@ -1,8 +1,8 @@
-"""Deployment of a program: the part that servers must know, such as clients, priorities and frame period.
+"""Deployment of a program: what servers must know of it, such as clients, priorities and the frame period.
 
-A deployment is a message, so that the program itself may run anywhere. The leader of a run deploys the
-program at the Clock and at every server with a bound actuator, and again at each of these that restarts.
-While the leader is connected, no other process may deploy.
+A deployment is sent in a call, so that the program itself may run anywhere. The leader of a run deploys the
+program to the Clock and to every server with a bound actuator, and again to any of them that restarts. While
+the leader is connected, no other process may deploy.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ MAX_DEPLOYMENT_BYTES = 256 * 1024
 
 
 MAX_CLIENTS = 2000
-"""Largest number of clients of all actuators of a program: each frame carries the fate of every client."""
+"""Maximum number of clients of all actuators of a program: each frame carries the fate of every client."""
 
 MAX_ITEMS = 1000
-"""Largest number, each, of actuators, fields of one, Python modules, servers and variables of a deployment.
+"""Maximum number of actuators in a deployment; also of fields of each, Python modules, servers and variables.
 """
 
 MAX_REPORTED = 5
-"""Largest number of names or priorities listed in a message."""
+"""Maximum number of names or priorities listed in a message."""
 
 MAX_NAME_LENGTH = 255
-"""Largest number of characters of any name in a deployment."""
+"""Maximum number of characters of any name in a deployment."""
 
 
-class FieldTable(msgspec.Struct, frozen=True, kw_only=True):
+class ActuatorFieldSpec(msgspec.Struct, frozen=True, kw_only=True):
     """A field of an actuator; `low` and `high` are in base units."""
 
     name: str
@@ -57,39 +57,39 @@ class FieldTable(msgspec.Struct, frozen=True, kw_only=True):
     high: float | None
 
 
-class ActuatorTable(msgspec.Struct, frozen=True, kw_only=True):
+class ActuatorSpec(msgspec.Struct, frozen=True, kw_only=True, rename={"field_indices": "places"}):
     """An actuator as its server arbitrates it.
 
-    `places[i]` is the index of the field for parameter i of the server's `command`, None if that is 0; empty
-    if the server takes the fields as they are. `idle` is in base units, None for `idle hold`. `clients` are
-    names and priorities, highest first.
+    `field_indices[i]` is the index of the field for parameter i of the server's `command`, None if that
+    parameter is always 0; `field_indices` is empty if the server takes the fields as they are. `idle` is in
+    base units, None for `idle hold`. `clients` are names and priorities, highest first.
     """
 
     name: str
-    fields: tuple[FieldTable, ...]
+    fields: tuple[ActuatorFieldSpec, ...]
     server: str
     command: str
-    places: tuple[int | None, ...]
+    field_indices: tuple[int | None, ...]
     idle: tuple[ScalarValue, ...] | None
     on_loss: Literal["stop", "degrade"]
     clients: tuple[tuple[str, int], ...]
 
 
-class Deployment(msgspec.Struct, frozen=True, kw_only=True):
+class Deployment(msgspec.Struct, frozen=True, kw_only=True, rename={"python_modules": "announced"}):
     """A program on a robot. `run` is unique to the run; "" stands for a robot without a program.
 
-    `announced` are the modules in Python whose answers DServer relays; `seed` is that of `Runtime.random`;
-    `servers` are read besides those that every robot has. `lockstep`: each frame begins as soon as the one
-    before it is decided, instead of after `frame_ns`. `reads` are the variables that the program's sensors
-    are bound to: DServer's frames show them.
+    `seed` is the seed of `Runtime.random`. `python_modules` are the modules in Python, whose answers DServer
+    relays. `servers` are read in addition to the servers that every robot has. With `lockstep`, each frame
+    begins as soon as the previous one is decided, instead of after `frame_ns`. `reads` are the variables that
+    the program's sensors are bound to: DServer's frames show them.
     """
 
     run: str
     program: str
     frame_ns: int
     seed: int
-    actuators: tuple[ActuatorTable, ...]
-    announced: tuple[str, ...] = ()
+    actuators: tuple[ActuatorSpec, ...]
+    python_modules: tuple[str, ...] = ()
     lockstep: bool = False
     servers: tuple[str, ...] = ()
     reads: tuple[str, ...] = ()
@@ -111,10 +111,10 @@ def deployment(
         frame_ns=compiled.frame_ns,
         seed=seed,
         actuators=tuple(
-            actuator_table(one.actuator, binding, tuple((c.module, c.priority) for c in one.clients))
-            for one, binding in zip(compiled.code.actuators, bindings.actuators, strict=True)
+            actuator_spec(wired.actuator, binding, tuple((c.module, c.priority) for c in wired.clients))
+            for wired, binding in zip(compiled.code.actuators, bindings.actuators, strict=True)
         ),
-        announced=compiled.announced,
+        python_modules=compiled.python_modules,
         lockstep=lockstep,
         servers=servers,
         reads=variables_read(bindings),
@@ -126,43 +126,49 @@ def variables_read(bindings: Bindings) -> tuple[str, ...]:
     return tuple(dict.fromkeys(b.field for b in bindings.sensors if b.server == DSERVER.name))
 
 
-def actuators_of(deployed: Deployment, server: str) -> tuple[ActuatorTable, ...]:
+def actuators_of(deployed: Deployment, server: str) -> tuple[ActuatorSpec, ...]:
     """Return the actuators that are bound to a server."""
-    return tuple(table for table in deployed.actuators if table.server == server)
+    return tuple(spec for spec in deployed.actuators if spec.server == server)
 
 
 def client_addresses(deployed: Deployment) -> tuple[tuple[str, str], ...]:
     """Return every client's address, and the server that receives its requests."""
     return tuple(
-        (topics.client_address(table.name, client), table.server)
-        for table in deployed.actuators
-        for client, _ in table.clients
+        (topics.client_address(spec.name, client), spec.server)
+        for spec in deployed.actuators
+        for client, _ in spec.clients
     )
 
 
 def problems(deployed: Deployment) -> tuple[str, ...]:
     """Return the reasons why a deployment is impossible; empty if it is valid.
 
-    Reasons are a missing name, a frame period out of range, two clients with one name or priority, and
-    exceeded limits. Limits come first, so that nothing large is examined.
+    Reasons are a missing name, a frame period out of range, two clients with the same name or priority, and
+    exceeded limits. Limits are checked first, so that nothing large is examined.
     """
     return tuple(_too_many(deployed)) or tuple(_problems(deployed))
 
 
 def _too_many(deployed: Deployment) -> Iterator[str]:
-    tables = deployed.actuators
+    specs = deployed.actuators
     counts = [
-        ("clients", sum(len(table.clients) for table in tables), MAX_CLIENTS),
-        ("actuators", len(tables), MAX_ITEMS),
-        ("fields of an actuator", max((len(t.fields) for t in tables), default=0), MAX_ITEMS),
-        ("modules in Python", len(deployed.announced), MAX_ITEMS),
+        ("clients", sum(len(spec.clients) for spec in specs), MAX_CLIENTS),
+        ("actuators", len(specs), MAX_ITEMS),
+        ("fields of an actuator", max((len(spec.fields) for spec in specs), default=0), MAX_ITEMS),
+        ("modules in Python", len(deployed.python_modules), MAX_ITEMS),
         ("servers", len(deployed.servers), MAX_ITEMS),
         ("variables", len(deployed.reads), MAX_ITEMS),
     ]
-    for what, count, most in counts:
-        if count > most:
-            yield f"{count} {what}; expected at most {most}"
-    for name in (deployed.run, deployed.program, *deployed.announced, *deployed.servers, *deployed.reads):
+    for what, count, limit in counts:
+        if count > limit:
+            yield f"{count} {what}; expected at most {limit}"
+    for name in (
+        deployed.run,
+        deployed.program,
+        *deployed.python_modules,
+        *deployed.servers,
+        *deployed.reads,
+    ):
         if len(name) > MAX_NAME_LENGTH:
             yield f"the name `{name[:20]}...` has {len(name)} characters; expected at most {MAX_NAME_LENGTH}"
 
@@ -173,29 +179,29 @@ def _problems(deployed: Deployment) -> Iterator[str]:
     if not MIN_FRAME_NS <= deployed.frame_ns <= MAX_FRAME_NS:
         expected = f"expected {MIN_FRAME_NS} to {MAX_FRAME_NS}"
         yield f"a frame of {deployed.frame_ns} ns; {expected}"
-    for table in deployed.actuators:
-        yield from _problems_of(table)
+    for spec in deployed.actuators:
+        yield from _problems_of(spec)
 
 
-def _problems_of(table: ActuatorTable) -> Iterator[str]:
+def _problems_of(spec: ActuatorSpec) -> Iterator[str]:
     for what, index in (("name", 0), ("priority", 1)):
-        counted = Counter(client[index] for client in table.clients)
-        for duplicate in sorted(str(x) for x, count in counted.items() if count > 1)[:MAX_REPORTED]:
-            yield f"{table.name}: two clients have the {what} {duplicate}"
-    if any(len(name) > MAX_NAME_LENGTH for name, _ in table.clients):
-        yield f"{table.name}: the name of a client has more than {MAX_NAME_LENGTH} characters"
-    if table.idle is not None and len(table.idle) != len(table.fields):
-        yield f"{table.name}: an idle command of {len(table.idle)} values, not {len(table.fields)}"
+        counts = Counter(client[index] for client in spec.clients)
+        for duplicate in sorted(str(x) for x, count in counts.items() if count > 1)[:MAX_REPORTED]:
+            yield f"{spec.name}: two clients have the {what} {duplicate}"
+    if any(len(name) > MAX_NAME_LENGTH for name, _ in spec.clients):
+        yield f"{spec.name}: the name of a client has more than {MAX_NAME_LENGTH} characters"
+    if spec.idle is not None and len(spec.idle) != len(spec.fields):
+        yield f"{spec.name}: an idle command of {len(spec.idle)} values, not {len(spec.fields)}"
 
 
-def actuator_table(
+def actuator_spec(
     actuator: Actuator, binding: ActuatorBinding, clients: tuple[tuple[str, int], ...]
-) -> ActuatorTable:
-    """Return the actuator's table for the server that it is bound to."""
-    return ActuatorTable(
+) -> ActuatorSpec:
+    """Return the actuator as the server that it is bound to must know it."""
+    return ActuatorSpec(
         name=actuator.name,
         fields=tuple(
-            FieldTable(
+            ActuatorFieldSpec(
                 name=f.name,
                 kind="bool" if isinstance(f.type, Bool) else "number",
                 factor=f.factor,
@@ -206,7 +212,7 @@ def actuator_table(
         ),
         server=binding.server,
         command=binding.command,
-        places=binding.places,
+        field_indices=binding.field_indices,
         idle=actuator.idle,
         on_loss=actuator.on_loss,
         clients=clients,

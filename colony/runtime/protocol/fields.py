@@ -1,8 +1,9 @@
 """Interfaces of a robot's servers: fields for sensors and commands for actuators.
 
-Fields of hardware are in base units (mm, s, deg), whatever unit a program declares: a sensor in meters `from
-PServer.sonar` gets meters. Headings, sonars and infrareds go counterclockwise, 12 looks ahead. DServer's
-variables are in the units in which they were set.
+Fields of hardware are in base units (mm, s, deg), and are converted to the unit that a program declares: a
+sensor in meters `from PServer.sonar` gets meters. Headings, and the numbers of sonars and infrared detectors,
+increase counterclockwise; number 12 faces forward. DServer's variables are in the units in which they were
+set.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class CommandSpec:
 
 @dataclass(frozen=True, slots=True)
 class ServerSpec:
-    """A server by name. With `open_fields` it has a field of any name (and a command of any name)."""
+    """A server by name. With `open_fields`, it has fields and commands of any name."""
 
     name: str
     fields: tuple[FieldSpec, ...] = ()
@@ -70,8 +71,8 @@ RSERVER = ServerSpec(
         FieldSpec("bumper", BOOL, "whether a bumper touches something"),
         FieldSpec("front_bumper", BOOL, "whether the front bumper touches something"),
         FieldSpec("rear_bumper", BOOL, "whether the rear bumper touches something"),
-        FieldSpec("x", DISTANCE, "position by dead reckoning, growing to the east"),
-        FieldSpec("y", DISTANCE, "position by dead reckoning, growing to the north"),
+        FieldSpec("x", DISTANCE, "position by dead reckoning, increasing to the east"),
+        FieldSpec("y", DISTANCE, "position by dead reckoning, increasing to the north"),
         FieldSpec("heading", DEGREES, "heading by dead reckoning, 0 north, 90 west, in [0, 360)"),
         FieldSpec("speed", SPEED, "measured forward speed, negative backward"),
         FieldSpec("turn_rate", TURN_RATE, "measured turning speed, positive counterclockwise"),
@@ -98,6 +99,6 @@ RUNTIME = ServerSpec(
     "Runtime",
     fields=(FieldSpec("random", DIMENSIONLESS, "uniform in [0, 1), new each frame, from the run's seed"),),
 )
-"""Interface that every robot has besides its hardware."""
+"""Interface that every robot has in addition to its hardware."""
 
 SERVERS = (PSERVER, RSERVER, DSERVER, RUNTIME)

@@ -11,10 +11,10 @@ class Image(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     """An image, or a band of rows of one, taken at `t_ns`.
 
     `pixels` has one byte per channel, interleaved, pixels from left to right, rows from top to bottom.
-    `first_row` is the row of the whole image at which a band begins; `height` is that of the band.
+    `first_row` is the row of the whole image at which a band begins; `height` is the height of the band.
 
     Raises:
-        ValueError: a size is not above 0, or `pixels` is not height x width x channels bytes.
+        ValueError: a dimension is not above 0, or `pixels` does not have height x width x channels bytes.
     """
 
     t_ns: int
@@ -32,7 +32,7 @@ class Image(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
             raise ValueError(f"an image of {shape} with {len(self.pixels)} bytes")
 
     def rows(self, first: int, count: int) -> Image:
-        """Return the band of `count` rows from row `first` on, counted from the top of this image.
+        """Return the band of `count` rows that begins with row `first` of this image.
 
         Raises:
             ValueError: the image does not have these rows.
@@ -51,7 +51,7 @@ class Image(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
 
 
 class Shot(Protocol):
-    """A captured image; its pixels exist already (`Image`) or are rendered when they are read."""
+    """A captured image, whose pixels already exist (`Image`) or are rendered when they are read."""
 
     @property
     def height(self) -> int:
@@ -69,7 +69,7 @@ class Shot(Protocol):
         ...
 
     def rows(self, first: int, count: int) -> Image:
-        """Return the band of `count` rows from row `first` on.
+        """Return the band of `count` rows that begins with row `first`.
 
         Raises:
             ValueError: the image does not have these rows.

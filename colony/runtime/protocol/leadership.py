@@ -8,7 +8,7 @@ from colony.runtime.protocol.deployment import Deployment, problems
 
 
 class Leadership:
-    """The run deployed at a server and its leader. Mutable: both."""
+    """The run deployed to a server, and its leader. Mutable."""
 
     def __init__(self, server: str) -> None:
         self._server = server
@@ -19,8 +19,8 @@ class Leadership:
         """Make a caller the leader; return True if its run is new, False if it is deployed already.
 
         Raises:
-            RefusedError: "busy" while the leader of another run is connected; "arguments" for a deployment
-                that is impossible.
+            RefusedError: "busy" while the leader of another run is connected; "arguments" for an invalid
+                deployment.
         """
         leader = self._leader
         if leader is not None and deployed.run != self._run and leader.connection != caller.connection:
@@ -35,6 +35,6 @@ class Leadership:
         return new
 
     def lost(self, caller: Caller) -> None:
-        """Handle the end of a connection; its deployment stays until another leader deploys."""
+        """Handle the end of a connection; its deployment remains until another leader deploys."""
         if self._leader is not None and self._leader.connection == caller.connection:
             self._leader = None

@@ -2,8 +2,7 @@
 
 Every message is an immutable struct of numbers, bools, strings, bytes, tuples and mappings of them, which
 `codec.py` encodes and checks on decoding. A part of a robot is a `Node`: it takes one message and a time and
-returns effects; it never sleeps, opens or sends anything itself. A process of the system runs one or several
-nodes.
+returns effects; it never sleeps, opens or sends anything itself. A process runs one or more nodes.
 
 One frame k of a robot, by its messages (thesis section 4.3: only clients and servers talk to each other):
 
@@ -13,7 +12,7 @@ One frame k of a robot, by its messages (thesis section 4.3: only clients and se
     client   -> its server       Request(k)       a command, or the reason why there is none
     server   -> observers        Verdict(k)       the winner, the command sent, the fates of the others
 
-Clients of a network come and go with these messages:
+With these messages, clients join a run and recover from a crash:
 
     client   -> Clock            Ready            it is ready for the run; later, a sign of life
     client   -> DServer          Checkpoint(k)    its memory after frame k; `Recall` asks for it back
@@ -24,11 +23,11 @@ Scripts, operators and programs outside a network talk to any server, at any tim
     caller   -> server           Call             a method and its arguments
     server   -> caller           Reply            the result, or the problem
     server   -> caller           Notice           an event that the caller subscribed to
-    caller   -> server           Alive            the connection still stands
+    caller   -> server           Alive            the connection is still in use
 
-The live transport puts the requests that clients of one process send to one server at one time into one
-message, a `Batch`, and likewise their signs of life and small checkpoints; it splits batches before the
-receiving node sees them.
+The live transport combines the requests that the clients of one process send to one server at one time into
+one message, a `Batch`. It does the same with signs of life and small checkpoints. It splits batches before
+the receiving node sees them.
 """
 
 from __future__ import annotations
@@ -63,8 +62,8 @@ class Stopped(msgspec.Struct, frozen=True, kw_only=True):
 class Tick(_Message, frozen=True, kw_only=True):
     """The start of frame `k` at `t_ns`; servers in `down` and clients in `lost` (by address) are not alive.
 
-    `start` is the frame in which all memory of the network had its initial values: 0, or that of the last
-    restart. Earlier frames are obsolete. `run` names the run of a program that the frame
+    `start` is the first frame of the epoch, in which all memory of the network had its initial values. Frames
+    of earlier epochs are obsolete. `run` names the run of a program that the frame
     belongs to; "" is that of a robot without a program. `void` are past frames, by server and number, that
     will never come because their server crashed: they count as "no value". `stopped` is the emergency stop in
     force. A stop that a server received at or before `released_ns` is over.
@@ -84,7 +83,7 @@ class Tick(_Message, frozen=True, kw_only=True):
 class ServerFrame(_Message, frozen=True, kw_only=True):
     """A server's values for frame `k`: fields in base units by name; None, or absent, is "no value".
 
-    `since` is the first frame that this process of the server answered; it has no earlier ones.
+    `since` is the first frame that this process of the server answered; it does not have earlier ones.
     `stopped` is the emergency stop that keeps the server's actuators idle.
     """
 
@@ -105,8 +104,8 @@ class Fetch(_Message, frozen=True, kw_only=True):
 class Request(_Message, frozen=True, kw_only=True):
     """The bid of `client` for `actuator` in frame `k`.
 
-    `values` are the fields in base units, limited and clamped already; None unless the bid is a command, and
-    None with `fault` when the command is not finite.
+    `values` are the fields in base units, already limited and clamped. They are None unless the bid is a
+    command, and if the command is not finite; then `fault` says so.
     """
 
     k: int
@@ -120,8 +119,8 @@ class Request(_Message, frozen=True, kw_only=True):
 class Announcement(_Message, frozen=True, kw_only=True):
     """The answer of a module in Python in frame `k`, sent to DServer.
 
-    DServer relays it to the module's client, to the guards of others and to the observer; no other process
-    runs the module.
+    DServer relays it to the module's client, to clients whose guards need it, and to the observer; no other
+    process runs the module.
     """
 
     k: int
@@ -173,7 +172,7 @@ class Verdict(_Message, frozen=True, kw_only=True):
     hold: Hold | None = None
 
 
-# --- clients that come and go ----------------------------------------------------------------------
+# --- clients that join and recover -----------------------------------------------------------------
 
 
 class Ready(_Message, frozen=True, kw_only=True):
@@ -199,11 +198,11 @@ class Restart(_Message, frozen=True, kw_only=True):
 
 
 class Checkpoint(_Message, frozen=True, kw_only=True):
-    """Memory of a client after frame `k`, of the network that began at `start`.
+    """Memory of a client after frame `k` of the epoch that began at `start`.
 
-    Cells that several clients of a node need are in the checkpoint of the first: all checkpoints of a node
-    together restore it. It goes to DServer to be kept, and comes from DServer as the answer to `Recall`, with
-    `k` -1 if there is none.
+    Cells that several clients of a node need are only in the checkpoint of the first, so restoring a node
+    takes all of its checkpoints. DServer keeps a checkpoint, and sends it as the answer to `Recall`, with `k`
+    -1 if it has none.
     """
 
     client: str
@@ -219,7 +218,7 @@ class Recall(_Message, frozen=True, kw_only=True):
 
 
 MAX_BATCH_LENGTH = 1000
-"""Largest number of messages in one batch."""
+"""Maximum number of messages in one batch."""
 
 Batched = Request | Ready | Checkpoint
 """Messages that travel in batches."""
@@ -337,7 +336,7 @@ class Send(NamedTuple):
 
 
 class WakeAt(NamedTuple):
-    """Effect: deliver a `Wake` at `t_ns`, or immediately if that is past. Wakes cannot be cancelled."""
+    """Effect: deliver a `Wake` at `t_ns`, immediately if it is past. Wakes cannot be cancelled."""
 
     t_ns: int
 
@@ -398,9 +397,9 @@ class DeferringNode(Node, Protocol):
 
 @runtime_checkable
 class SettlingNode(Protocol):
-    """A node that must settle before its effects may leave.
+    """A node that must finish some work before its effects may leave.
 
-    After a transport has delivered all waiting messages it calls `settle`, and only then carries out their
+    After a transport has delivered all waiting messages, it calls `settle`; only then does it carry out their
     effects.
     """
 

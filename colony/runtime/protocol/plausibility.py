@@ -29,14 +29,14 @@ MAX_CLOCK_LEAD_NS = 1_000_000_000
 """Nanoseconds by which a sender's clock may be ahead of this process's clock."""
 
 MAX_ADDRESS_LENGTH = 600
-"""Largest number of characters of an address.
+"""Maximum number of characters of an address.
 
 An address has two names of up to 255 characters each: an actuator and a module, or a server and a module
 whose activity it relays.
 """
 
 MAX_NAMES = 10_000
-"""Largest number, each, of servers, clients and void frames in a tick."""
+"""Maximum number of servers in a tick; also of clients, and of void frames."""
 
 
 def check_plausible(message: SentMessage, now_ns: int) -> None:
@@ -49,40 +49,40 @@ def check_plausible(message: SentMessage, now_ns: int) -> None:
         case Tick():
             _check_tick(message, now_ns)
         case ServerFrame(k=k, server=server, since=since, stopped=stopped):
-            _check_number(k, now_ns)
-            _check_number(since, now_ns)
+            _check_frame_number(k, now_ns)
+            _check_frame_number(since, now_ns)
             _check_name(server)
             _check_stop(stopped, now_ns)
         case Request(k=k, client=client) | Ready(k=k, client=client) | Checkpoint(k=k, client=client):
-            _check_number(k, now_ns)
+            _check_frame_number(k, now_ns)
             _check_name(client)
         case Announcement(k=k, module=name) | Fetch(k=k, server=name) | Verdict(k=k, actuator=name):
-            _check_number(k, now_ns)
+            _check_frame_number(k, now_ns)
             _check_name(name)
         case Restart(start=start, client=client):
-            _check_number(start, now_ns)
+            _check_frame_number(start, now_ns)
             _check_name(client)
         case _:
             pass
 
 
 def _check_tick(tick: Tick, now_ns: int) -> None:
-    _check_number(tick.k, now_ns)
+    _check_frame_number(tick.k, now_ns)
     if not 0 <= tick.start <= tick.k:
         raise MessageFormatError(f"frame {tick.k} of an epoch that began at {tick.start}")
     if max(len(tick.down), len(tick.lost), len(tick.void)) > MAX_NAMES:
         raise MessageFormatError(f"more than {MAX_NAMES} servers or clients in a tick")
     if tick.released_ns > now_ns + MAX_CLOCK_LEAD_NS:
-        raise MessageFormatError(f"a release at {tick.released_ns} ns, and it is {now_ns}")
+        raise MessageFormatError(f"a release at {tick.released_ns} ns, but it is {now_ns} ns now")
     _check_stop(tick.stopped, now_ns)
 
 
 def _check_stop(stopped: Stopped | None, now_ns: int) -> None:
     if stopped is not None and stopped.t_ns > now_ns + MAX_CLOCK_LEAD_NS:
-        raise MessageFormatError(f"an emergency stop at {stopped.t_ns} ns, and it is {now_ns}")
+        raise MessageFormatError(f"an emergency stop at {stopped.t_ns} ns, but it is {now_ns} ns now")
 
 
-def _check_number(k: int, now_ns: int) -> None:
+def _check_frame_number(k: int, now_ns: int) -> None:
     """Check a frame number; -1 stands for no frame."""
     if not -1 <= k <= (now_ns + MAX_CLOCK_LEAD_NS) // FRAME_NUMBER_NS:
         raise MessageFormatError(f"frame {k} is not possible yet")

@@ -1,4 +1,4 @@
-"""Topics of one robot: names, not addresses.
+"""Topics of one robot: names to which nodes send messages, and to which others listen.
 
 A transport that serves several robots prefixes them with `colony/<robot>/` (see `live/keys.py`).
 """

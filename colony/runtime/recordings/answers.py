@@ -1,4 +1,4 @@
-"""The recorded answers of modules in Python, so that no reader of a recording has to run a module.
+"""The recorded answers of modules in Python, so that readers of a recording need not run the modules.
 
     {"seeks": {"command": [300.0, -2.5]}, "rests": {}, "fails": {"error": true}}
 
@@ -19,7 +19,7 @@ from colony.ir.frame import Answer
 
 
 class AnswerMessage(msgspec.Struct, frozen=True, kw_only=True):
-    """An answer in its recorded form; texts stand for the values that are not numbers in JSON."""
+    """An answer in its recorded form; strings stand for values that JSON numbers cannot represent."""
 
     command: tuple[float | bool | Literal["nan", "inf", "-inf"], ...] | None = None
     error: bool = False
@@ -39,9 +39,9 @@ def _value(x: float | bool) -> float | bool | str:
     return x if math.isfinite(x) else repr(x)
 
 
-def read_answers(found: Mapping[str, AnswerMessage]) -> dict[str, Answer]:
+def read_answers(recorded: Mapping[str, AnswerMessage]) -> dict[str, Answer]:
     """Return the recorded answers of a frame."""
-    return {module: Answer(_values(recorded), recorded.error) for module, recorded in found.items()}
+    return {module: Answer(_values(message), message.error) for module, message in recorded.items()}
 
 
 def _values(recorded: AnswerMessage) -> tuple[float | bool, ...] | None:

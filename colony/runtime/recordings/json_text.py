@@ -9,7 +9,7 @@ from colony.ir.frame import Frame, Reading
 from colony.ir.program import Sensor
 from colony.ir.types import Array, ScalarValue
 
-_LARGEST = sys.float_info.max
+_MAX_DOUBLE = sys.float_info.max
 
 
 def seconds_text(t_ns: int) -> str:
@@ -20,14 +20,14 @@ def seconds_text(t_ns: int) -> str:
 
 
 def sensor_members(frame: Frame, sensors: tuple[Sensor, ...]) -> list[str]:
-    """Return the JSON members for the readings of a frame, which read back to the same doubles."""
-    out = []
+    """Return the readings of a frame as JSON members that read back to the same doubles."""
+    members = []
     for sensor in sensors:
         reading = frame.readings.get(sensor.name)
         if reading is not None:
             size = sensor.type.size if isinstance(sensor.type, Array) else None
-            out.append(f"{json.dumps(sensor.name)}: {_reading(reading, size)}")
-    return out
+            members.append(f"{json.dumps(sensor.name)}: {_reading(reading, size)}")
+    return members
 
 
 def _reading(reading: Reading, size: int | None) -> str:
@@ -43,13 +43,14 @@ def _reading(reading: Reading, size: int | None) -> str:
 def number_text(value: ScalarValue) -> str:
     """Return a number as JSON.
 
-    JSON has neither infinities nor NaN. Infinities, and ints beyond all doubles, are written as numbers too
-    large for a double. NaN is written as a string: a value of the wrong type is a faulty reading, as NaN is.
+    JSON has neither infinities nor NaN. Infinities, and ints too large for a double, are written as a number
+    that overflows a double. NaN is written as a string: a value of the wrong type is a faulty reading, like
+    NaN.
     """
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (int, float)):
-        if abs(value) <= _LARGEST:
+        if abs(value) <= _MAX_DOUBLE:
             return repr(value)
         return '"nan"' if value != value else ("1e999" if value > 0 else "-1e999")
     return json.dumps(value)

@@ -1,9 +1,10 @@
-"""Keyframes: snapshots of memory, at least twice a second, from which a reader resumes after damage.
+"""Keyframes: snapshots of memory at least twice a second, from which a reader resumes after damage.
 
     {"memory": {"first_ns": 0, "cells": {"state bumps": 3.0, "window drive.0 until": 1750000000}}}
 
-`memory` is the memory before its frame, absent if unknown; `first_ns` is absent if the memory is initial.
-`degraded` is true if a client has been lost since memory was initial. Numbers are written as in readings.
+`memory` is the memory before the keyframe's frame, absent if unknown; `first_ns` is absent if memory is
+initial. `degraded` is true if a client has been lost since the epoch began. Numbers are written as in
+readings.
 """
 
 from __future__ import annotations
@@ -30,23 +31,23 @@ class _Keyframe(msgspec.Struct, frozen=True):
 
 def keyframe_members(keyframe: Keyframe) -> list[str]:
     """Return the members of a JSON object that holds the keyframe."""
-    out = []
+    members = []
     if keyframe.memory is not None:
         first, cells = keyframe.memory.first_ns, keyframe.memory.cells
         texts = ", ".join([f"{json.dumps(name)}: {number_text(value)}" for name, value in cells.items()])
-        begun = "" if first is None else f'"first_ns": {first}, '
-        out.append(f'"memory": {{{begun}"cells": {{{texts}}}}}')
+        first_member = "" if first is None else f'"first_ns": {first}, '
+        members.append(f'"memory": {{{first_member}"cells": {{{texts}}}}}')
     if keyframe.degraded:
-        out.append('"degraded": true')
-    return out
+        members.append('"degraded": true')
+    return members
 
 
-def read_keyframe(found: object) -> Keyframe | None:
-    """Return the keyframe in an object from JSON, None for None; the memory of a malformed one is unknown."""
-    if found is None:
+def read_keyframe(value: object) -> Keyframe | None:
+    """Return the keyframe in a JSON value, None for None; a malformed keyframe has unknown memory."""
+    if value is None:
         return None
     try:
-        keyframe = msgspec.convert(found, _Keyframe)
+        keyframe = msgspec.convert(value, _Keyframe)
     except msgspec.ValidationError:
         return Keyframe(None)
     memory = keyframe.memory

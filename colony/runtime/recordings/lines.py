@@ -1,16 +1,16 @@
-"""Recordings in JSON lines, one frame a line, which `colony trace --input` reads back.
+"""Recordings in JSON lines, one frame per line, which `colony trace --input` reads back.
 
     {"t": 0.05, "@tick": 1, "sonar": [...], "drive": {"by": "avoid", "velocity": 80.0}, "@sum": "8a4f01c2"}
 
 `t` is in seconds and reads back to the same nanosecond; `@tick` is the number of the frame, `@restart` is
-true if all memory restarted, and `@skipped` is present if memory is unknown: the number of frames before this
-one that could not be observed. Sensors have their published values in declared units, and are absent if
+true if all memory restarted, and `@skipped`, present if memory is unknown, is the number of frames before
+this one that could not be observed. Sensors have their published values in declared units, and are absent if
 missing; each actuator has its winner and the command sent. If the network did not decide alone, the actuator
 also has `fault`, `fates` with the clients that were late, lost, refused or overruled, `@outside` with the
-connection outside the network that commanded, or `@held_by`. Broken contracts are not written: they follow
-from the rest. `@python` has the answers of modules in Python (`answers.py`). `@sum` is the CRC-32 of
-everything before it, and `@keyframe`, in a line at least every half second, the memory from which a reader
-resumes after a damaged line (`keyframes.py`).
+connection outside the network that commanded, or `@held_by` with the reason of a hold. Broken contracts are
+not written, because they follow from the rest. `@python` has the answers of modules in Python (`answers.py`).
+`@sum` is the CRC-32 of everything before it, and `@keyframe`, in a line at least every half second, the
+memory from which a reader resumes after a damaged line (`keyframes.py`).
 
 MCAP recordings (`mcap_writer.py`) contain more.
 """
@@ -55,7 +55,7 @@ def write_all(file: ByteFile, data: bytes) -> None:
 
 
 class Recording:
-    """A sink that writes each frame immediately, as one write per line: a killed run leaves whole lines."""
+    """A sink that writes each frame immediately, in one write, so that a killed run leaves whole lines."""
 
     def __init__(self, compiled: Compiled, file: ByteFile) -> None:
         self._encode = encoder(compiled)
@@ -115,14 +115,14 @@ _EXPECTED_FATES = frozenset({"won", "inactive", "silent", "suppressed", "inhibit
 
 
 def _deviations(verdict: Verdict) -> dict[str, object]:
-    out: dict[str, object] = {}
+    members: dict[str, object] = {}
     if verdict.fault:
-        out["fault"] = verdict.fault
+        members["fault"] = verdict.fault
     fates = {client: fate for client, fate in verdict.fates if fate not in _EXPECTED_FATES}
     if fates:
-        out["fates"] = fates
+        members["fates"] = fates
     if verdict.outside is not None:
-        out["@outside"] = verdict.outside
+        members["@outside"] = verdict.outside
     if verdict.hold is not None:
-        out["@held_by"] = verdict.hold
-    return out
+        members["@held_by"] = verdict.hold
+    return members

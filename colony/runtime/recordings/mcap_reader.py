@@ -1,7 +1,7 @@
-"""Reader of the MCAP recordings of `mcap_writer.py`, even if other tools rewrote the file.
+"""Reader of the MCAP recordings of `mcap_writer.py`, including files that other tools have rewritten.
 
-Damage among the frames costs the chunk that it is in. After damage in the part before the frames (the run,
-its program, the channels), nothing can be read.
+Damage among the frames loses only the damaged chunk. If the part before the frames (the run, its program, the
+channels) is damaged, nothing can be read.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
 SOURCES_BYTES = 32 * 1024 * 1024
-"""Byte limit of all files of a program together."""
+"""Maximum total size of the files of a program, in bytes."""
 
 
 class FrameMessage(msgspec.Struct, frozen=True, kw_only=True):
-    """A message of `/frames`. `sensors` stay text: they have infinity as a number beyond all doubles."""
+    """A message of `/frames`. `sensors` stays undecoded: infinity is written as a number that overflows."""
 
     k: int
     t_ns: int
@@ -64,7 +64,7 @@ class FrameMessage(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class _RunText(msgspec.Struct, frozen=True, kw_only=True):
-    """The metadata of the run; its numbers are texts there."""
+    """The metadata of the run; in the file, its numbers are strings."""
 
     format: str
     version: str
@@ -77,10 +77,10 @@ class _RunText(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class McapReader:
-    """An MCAP recording; the constructor reads the part before the first frame. Mutable: the position.
+    """An MCAP recording; the constructor reads the part before the first frame. Stateful: keeps the position.
 
     Raises:
-        DiagnosticError: A002, the file is no recording of a run; A006, the part before the frames is damaged.
+        DiagnosticError: A002, the file is not a recording; A006, the part before the frames is damaged.
     """
 
     def __init__(self, file: BinaryIO, name: str) -> None:
@@ -90,8 +90,8 @@ class McapReader:
         self._topics: dict[int, str] = {}
         self._actuators: frozenset[str] = frozenset()
         records = self._records(file)
-        self.run, first = self._header(records)
-        self._rest = chain(first, records)
+        self.run, first_records = self._header(records)
+        self._remaining = chain(first_records, records)
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
         """Yield the frames, as frames of `program`.
@@ -102,8 +102,8 @@ class McapReader:
         for actuator in program.robot.actuators if self._topics else ():
             if actuator.name not in self._actuators:
                 self._fail("A004", f"its robot lacks the actuator `{actuator.name}` of this program")
-        frames, last_ns = _Frames(self._topics, program), None
-        for record in self._rest:
+        frames, last_ns = _RecordedFrameAssembler(self._topics, program), None
+        for record in self._remaining:
             match record:
                 case Damage():
                     self.damaged = True
@@ -113,13 +113,13 @@ class McapReader:
                     if frame is not None:
                         t_ns = frame.frame.t_ns
                         if last_ns is not None and t_ns <= last_ns:
-                            self._fail("A004", f"time must rise: {t_ns} ns follow {last_ns} ns")
+                            self._fail("A004", f"time must increase: {t_ns} ns follows {last_ns} ns")
                         last_ns, self.damaged = t_ns, False
                         yield frame
                 case _:
                     pass
 
-    def _frame(self, frames: _Frames, message: ChunkMessage) -> RecordedFrame | None:
+    def _frame(self, frames: _RecordedFrameAssembler, message: ChunkMessage) -> RecordedFrame | None:
         try:
             return frames.take(message, damaged=self.damaged)
         except (msgspec.MsgspecError, ValueError, RecursionError) as problem:
@@ -127,7 +127,7 @@ class McapReader:
             self._fail("A004", text)
 
     def _records(self, file: BinaryIO) -> Iterator[Record]:
-        """Yield every record up to the end, and note the topics of channels."""
+        """Yield every record up to the end, and collect the topics of channels."""
         try:
             for record in read_records(file):
                 if isinstance(record, Channel):
@@ -167,15 +167,15 @@ class McapReader:
     def _run(self, metadata: Mapping[str, Mapping[str, str]], sources: tuple[SourceFile, ...]) -> RunInfo:
         if METADATA not in metadata:
             self._fail(
-                "A002", f"this is MCAP, but no recording of a run{f': {self.cut}' if self.cut else ''}"
+                "A002", f"this is MCAP, but not a recording of a run{f': {self.cut}' if self.cut else ''}"
             )
         try:
             run = msgspec.convert(metadata[METADATA], _RunText, strict=False)
             clients = tuple(
                 (name.removeprefix(CLIENTS), module, int(priority))
-                for name, of in metadata.items()
+                for name, members in metadata.items()
                 if name.startswith(CLIENTS)
-                for module, priority in of.items()
+                for module, priority in members.items()
                 if module != CHECKSUM
             )
         except (msgspec.ValidationError, ValueError) as problem:
@@ -204,22 +204,22 @@ class McapReader:
 
 
 def _source(attachment: Attachment) -> Iterator[SourceFile]:
-    """Yield the source in an attachment; nothing for another kind, or an unsafe path."""
-    kind, _, place = attachment.name.partition("/")
-    path = PurePosixPath(place)
-    if not path.parts or path.is_absolute() or ".." in path.parts or "\\" in place or "\0" in place:
+    """Yield the source file in an attachment, if its kind is known and its path is safe."""
+    kind, _, name = attachment.name.partition("/")
+    path = PurePosixPath(name)
+    if not path.parts or path.is_absolute() or ".." in path.parts or "\\" in name or "\0" in name:
         return
     match kind:
         case "behavior" | "python":
-            yield SourceFile(kind=kind, place=str(path), data=attachment.data)
+            yield SourceFile(kind=kind, path=str(path), data=attachment.data)
         case _:
             pass
 
 
-class _Frames:
-    """The assembler of the messages of a frame. Mutable: messages of the incomplete frame.
+class _RecordedFrameAssembler:
+    """Assembles messages into frames. Stateful: keeps the messages of the incomplete frame.
 
-    The message of `/frames` is the last one of its frame; messages without it are dropped.
+    The `/frames` message is the last message of its frame; if it is missing, the others are dropped.
     """
 
     def __init__(self, topics: Mapping[int, str], program: Program) -> None:
@@ -227,13 +227,13 @@ class _Frames:
         self._actuators = {VERDICTS + a.name: a for a in program.robot.actuators}
         self.forget()
         self._next_number, self._gap = 0, False
-        self._frame = msgspec.json.Decoder(FrameMessage).decode
-        self._verdict = msgspec.json.Decoder(VerdictMessage).decode
-        self._contracts = msgspec.json.Decoder(ContractsMessage).decode
+        self._decode_frame = msgspec.json.Decoder(FrameMessage).decode
+        self._decode_verdict = msgspec.json.Decoder(VerdictMessage).decode
+        self._decode_contracts = msgspec.json.Decoder(ContractsMessage).decode
 
     def forget(self) -> None:
         """Drop the messages of an incomplete frame."""
-        self._found: dict[str, VerdictMessage] = {}  # by topic
+        self._verdicts: dict[str, VerdictMessage] = {}  # by topic
         self._broken: tuple[str, ...] = ()
         self._keyframe: Keyframe | None = None
 
@@ -245,45 +245,45 @@ class _Frames:
         """
         topic = self._topics.get(message.channel_id, "")
         if topic == FRAMES:
-            return self._complete(self._frame(message.data), damaged)
+            return self._complete(self._decode_frame(message.data), damaged)
         if topic == CONTRACTS:
-            self._broken = self._contracts(message.data).broken
+            self._broken = self._decode_contracts(message.data).broken
         elif topic == KEYFRAMES:
-            self._number(json.loads(message.data))
+            self._take_keyframe(json.loads(message.data))
         elif topic in self._actuators:
-            self._found[topic] = self._verdict(message.data)
+            self._verdicts[topic] = self._decode_verdict(message.data)
         elif topic.startswith(VERDICTS):
             raise ValueError(f"the program has no actuator `{topic.removeprefix(VERDICTS)}`")
         return None
 
-    def _number(self, found: Any) -> None:
-        """Take a keyframe. If the previous one is missing, another tool has left out damaged data."""
-        self._keyframe = read_keyframe(found)
-        number = found.get("n") if isinstance(found, dict) else None
+    def _take_keyframe(self, members: Any) -> None:
+        """Take a keyframe. If the previous one is missing, another tool has removed damaged data."""
+        self._keyframe = read_keyframe(members)
+        number = members.get("n") if isinstance(members, dict) else None
         self._gap = self._gap or number != self._next_number
         self._next_number = number + 1 if isinstance(number, int) else 0
 
-    def _complete(self, found: FrameMessage, damaged: bool) -> RecordedFrame:
-        t_ns, broken, keyframe = found.t_ns, self._broken, self._keyframe
-        decided = [
+    def _complete(self, message: FrameMessage, damaged: bool) -> RecordedFrame:
+        t_ns, broken, keyframe = message.t_ns, self._broken, self._keyframe
+        verdicts = [
             _to_verdict(self._actuators[topic], verdict, t_ns)
-            for topic, verdict in self._found.items()
-            if verdict.k == found.k
+            for topic, verdict in self._verdicts.items()
+            if verdict.k == message.k
         ]
         damaged = damaged or self._gap
         self._gap = False
         self.forget()
         return RecordedFrame(
-            tick=Tick(k=found.k, t_ns=t_ns, start=found.start, down=found.down, lost=found.lost),
-            frame=Frame(t_ns, _readings(found.sensors)),
-            verdicts={verdict.actuator: verdict for verdict in decided},
-            restart=found.restart,
-            skipped=found.skipped or 0,
-            memory_unknown=found.skipped is not None,
+            tick=Tick(k=message.k, t_ns=t_ns, start=message.start, down=message.down, lost=message.lost),
+            frame=Frame(t_ns, _readings(message.sensors)),
+            verdicts={verdict.actuator: verdict for verdict in verdicts},
+            restart=message.restart,
+            skipped=message.skipped or 0,
+            memory_unknown=message.skipped is not None,
             breaches=broken,
             keyframe=keyframe,
             damaged=damaged,
-            answers=read_answers(found.python),
+            answers=read_answers(message.python),
         )
 
 
@@ -294,17 +294,17 @@ def _readings(sensors: msgspec.Raw) -> dict[str, Any]:
     return readings
 
 
-def _to_verdict(actuator: Actuator, found: VerdictMessage, t_ns: int) -> Verdict:
+def _to_verdict(actuator: Actuator, message: VerdictMessage, t_ns: int) -> Verdict:
     return Verdict(
-        k=found.k,
+        k=message.k,
         t_ns=t_ns,
         actuator=actuator.name,
-        by=found.by,
-        values=None if found.values is None else command(actuator, found.values),
-        fates=tuple(found.fates.items()),
-        fault=found.fault,
-        violation=found.violation,
-        outside=found.outside,
-        hold=found.hold,
-        notes=found.notes,
+        by=message.by,
+        values=None if message.values is None else command(actuator, message.values),
+        fates=tuple(message.fates.items()),
+        fault=message.fault,
+        violation=message.violation,
+        outside=message.outside,
+        hold=message.hold,
+        notes=message.notes,
     )

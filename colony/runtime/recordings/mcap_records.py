@@ -2,8 +2,8 @@
 
 Chunks and attachments have checksums, and so does the metadata of `mcap_writer`. Other records are accepted
 only if their length agrees with their content. After a damaged record, everything up to the next chunk is
-left out. The reader finds that chunk by its head, which contains its length twice, because the recording of a
-killed run has no index. Every size is limited, in the file and unpacked.
+skipped. Because the recording of a killed run has no index, the reader finds that chunk by its head, which
+contains the chunk's length twice. Every size is limited, in the file and unpacked.
 """
 
 from __future__ import annotations
@@ -30,29 +30,29 @@ MAX_RECORD_BYTES = 32 * 1024 * 1024
 """Byte limit of a record in a file."""
 
 MAX_CHUNK_BYTES = 8 * 1024 * 1024
-"""Byte limit of an unpacked chunk. Colony's have some ten thousand bytes, other tools' some million."""
+"""Byte limit of an unpacked chunk. Colony's have tens of kilobytes, those of other tools megabytes."""
 
 MAX_MESSAGE_BYTES = 4 * 1024 * 1024
 """Byte limit of a message: the size of the largest frame."""
 
 UNPACKED_BASE_BYTES = 64 * 1024 * 1024
 MAX_UNPACKED_RATIO = 64
-"""Limit of the unpacked bytes of all chunks: a constant plus a multiple of the file size."""
+"""Limit on the unpacked bytes of all chunks: a constant plus a multiple of the file size."""
 
 MESSAGES_BASE = 10_000
 MESSAGE_BYTES = 2
-"""Limit of the number of messages: a constant plus one for each `MESSAGE_BYTES` of the file."""
+"""Limit on the number of messages: a constant plus one per `MESSAGE_BYTES` of the file size."""
 
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """A gap in the records; `reason` is what was found there."""
+    """A gap in the records; `reason` describes what was found there."""
 
     reason: str
 
 
 class ChunkMessage(NamedTuple):
-    """A message of a chunk whose checksum is right."""
+    """A message of a chunk whose checksum is correct."""
 
     channel_id: int
     log_time: int
@@ -83,7 +83,7 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
         UNPACKED_BASE_BYTES + MAX_UNPACKED_RATIO * size,
         MESSAGES_BASE + size // MESSAGE_BYTES,
     )
-    at, chunks = len(MAGIC), False
+    at, seen_chunk = len(MAGIC), False
     while True:
         file.seek(at)
         head = file.read(_MAX_HEAD_BYTES)
@@ -93,12 +93,12 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
         end = at + _RECORD.size + length
         chunk_head = _chunk_head(head) if opcode == Opcode.CHUNK else None
         if chunk_head is not None and end <= size:
-            chunks = True
+            seen_chunk = True
             allowance -= chunk_head.unpacked if chunk_head.unpacked <= MAX_CHUNK_BYTES else 0
             if allowance < 0:
                 raise RecordTooLargeError
             file.seek(end - chunk_head.packed)
-            for record in _chunk(chunk_head, file.read(chunk_head.packed)):
+            for record in _read_chunk(chunk_head, file.read(chunk_head.packed)):
                 messages -= isinstance(record, ChunkMessage)
                 if messages < 0:
                     raise RecordTooLargeError
@@ -107,22 +107,24 @@ def read_records(file: BinaryIO) -> Iterator[Record]:
             continue
         if opcode == Opcode.DATA_END and length == _DATA_END_BYTES and end <= size:
             return
-        if chunk_head is not None or _cut_off(opcode, length, len(head)):
+        if chunk_head is not None or _may_be_cut_off(opcode, length, len(head)):
             raise TruncatedError
-        found: Metadata | Attachment | Damage | None = Damage("a record that does not end in the file")
+        record_or_damage: Metadata | Attachment | Damage | None = Damage(
+            "a record that does not end in the file"
+        )
         if end <= size and length <= MAX_RECORD_BYTES:
             file.seek(at + _RECORD.size)
-            found = _read_other(opcode, file.read(length), first=not chunks)
-        if isinstance(found, Damage):
-            following = _next_chunk(file, at + 1, size)
-            if following is None and end > size and not chunks:
+            record_or_damage = _read_other(opcode, file.read(length), before_chunks=not seen_chunk)
+        if isinstance(record_or_damage, Damage):
+            next_start = _find_chunk(file, at + 1, size)
+            if next_start is None and end > size and not seen_chunk:
                 raise TruncatedError
-            yield found
-            if following is None:
+            yield record_or_damage
+            if next_start is None:
                 return
-            end = following
-        elif found is not None:
-            yield found
+            end = next_start
+        elif record_or_damage is not None:
+            yield record_or_damage
         at = end
 
 
@@ -151,19 +153,19 @@ class _ChunkHead(NamedTuple):
     packed: int
 
 
-def _cut_off(opcode: int, length: int, available: int) -> bool:
-    """Return True if the first `there` bytes of a record could be those of a valid one that was cut off."""
+def _may_be_cut_off(opcode: int, length: int, available: int) -> bool:
+    """Return True if a record of which `available` bytes were read could be valid but cut off."""
     if opcode == Opcode.CHUNK:
         return available < _MAX_HEAD_BYTES
     return opcode == Opcode.DATA_END and length == _DATA_END_BYTES
 
 
 def _chunk_head(head: bytes) -> _ChunkHead | None:
-    """Return the head of a chunk, without its data; None if it is not a chunk, or too short."""
+    """Parse the head of a chunk; return None if it is not one, or is too short."""
     if len(head) < _MAX_HEAD_BYTES:
         return None
     opcode, length = _RECORD.unpack_from(head)
-    _, _, unpacked, found, name_length = _CHUNK.unpack_from(head, _RECORD.size)
+    _, _, unpacked, crc, name_length = _CHUNK.unpack_from(head, _RECORD.size)
     at = _RECORD.size + _CHUNK.size
     if opcode != Opcode.CHUNK or name_length > 4:
         return None
@@ -171,28 +173,28 @@ def _chunk_head(head: bytes) -> _ChunkHead | None:
     (packed,) = struct.unpack_from("<Q", head, at + name_length)
     if name not in _COMPRESSIONS or length != _CHUNK.size + name_length + 8 + packed:
         return None
-    return _ChunkHead(name, unpacked, found, packed) if length <= MAX_RECORD_BYTES else None
+    return _ChunkHead(name, unpacked, crc, packed) if length <= MAX_RECORD_BYTES else None
 
 
-def _next_chunk(file: BinaryIO, at: int, size: int) -> int | None:
-    """Return the position of the first whole chunk from `at` on, None if there is none."""
+def _find_chunk(file: BinaryIO, at: int, size: int) -> int | None:
+    """Return the offset of the first whole chunk at or after `at`, None if there is none."""
     block = 1 << 20
     while at < size:
         file.seek(at)
         data = file.read(block + _MAX_HEAD_BYTES)
-        for found in _CHUNK_START.finditer(data, 0, block + 8):
-            chunk_head = _chunk_head(data[found.start() : found.start() + _MAX_HEAD_BYTES])
-            start = at + found.start()
+        for match in _CHUNK_START.finditer(data, 0, block + 8):
+            chunk_head = _chunk_head(data[match.start() : match.start() + _MAX_HEAD_BYTES])
+            start = at + match.start()
             if (
                 chunk_head is not None
-                and start + _RECORD.size + _RECORD.unpack_from(data, found.start())[1] <= size
+                and start + _RECORD.size + _RECORD.unpack_from(data, match.start())[1] <= size
             ):
                 return start
         at += block
     return None
 
 
-def _chunk(chunk_head: _ChunkHead, packed: bytes) -> Iterator[Record]:
+def _read_chunk(chunk_head: _ChunkHead, packed: bytes) -> Iterator[Record]:
     """Yield the records in a chunk."""
     records = _decompress(chunk_head, packed)
     if isinstance(records, Damage):
@@ -226,8 +228,8 @@ def _decompress(chunk_head: _ChunkHead, packed: bytes) -> bytes | Damage:
             case b"zstd":
                 records = _zstd.stream_reader(packed).read(chunk_head.unpacked + 1)
             case b"lz4":
-                unpacking = lz4.frame.LZ4FrameDecompressor()
-                records = unpacking.decompress(packed, max_length=chunk_head.unpacked + 1)
+                decompressor = lz4.frame.LZ4FrameDecompressor()
+                records = decompressor.decompress(packed, max_length=chunk_head.unpacked + 1)
             case _:
                 records = packed
     except (zstandard.ZstdError, RuntimeError, ValueError, EOFError):
@@ -248,33 +250,33 @@ _IN_HEAD: dict[int, type[Header | Schema | Channel]] = {
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
 }
-"""Records before the first chunk that are ignored, because chunks contain them, too."""
+"""Types of records that are ignored before the first chunk, because chunks contain them, too."""
 
 
-def _read_other(opcode: int, content: bytes, *, first: bool) -> Metadata | Attachment | Damage | None:
-    """Return the trustworthy content of a record other than a chunk; `first`: it is before all chunks."""
+def _read_other(opcode: int, content: bytes, *, before_chunks: bool) -> Metadata | Attachment | Damage | None:
+    """Return a trustworthy record that is not a chunk; `before_chunks`: no chunk precedes it."""
     stream = ReadDataStream(BytesIO(content))
-    found: object = None
+    record: object = None
     try:
         if opcode == Opcode.MESSAGE_INDEX:
-            found = MessageIndex.read(stream)
+            record = MessageIndex.read(stream)
         elif opcode == Opcode.METADATA:
-            found = Metadata.read(stream)
+            record = Metadata.read(stream)
         elif opcode == Opcode.ATTACHMENT:
-            found = Attachment.read(stream)
-        elif first and opcode in _IN_HEAD:
-            found = _IN_HEAD[opcode].read(stream)
+            record = Attachment.read(stream)
+        elif before_chunks and opcode in _IN_HEAD:
+            record = _IN_HEAD[opcode].read(stream)
     except (EndOfFile, ValueError, struct.error):
         return Damage("a record that cannot be read")
-    if found is None or stream.count != len(content):
+    if record is None or stream.count != len(content):
         return Damage("a record that does not belong here")
-    match found:
+    match record:
         case Metadata(name=name, metadata=members):
-            ours = name.startswith(METADATA)
-            wrong = ours and members.get(CHECKSUM, checksum(members)) != checksum(members)
-            return Damage("metadata with a wrong checksum") if wrong else found
+            is_colonys = name.startswith(METADATA)
+            is_damaged = is_colonys and members.get(CHECKSUM, checksum(members)) != checksum(members)
+            return Damage("metadata with a wrong checksum") if is_damaged else record
         case Attachment():
-            right = zlib.crc32(content[:-4]) == int.from_bytes(content[-4:], "little")
-            return found if right else Damage("an attachment with a wrong checksum")
+            is_intact = zlib.crc32(content[:-4]) == int.from_bytes(content[-4:], "little")
+            return record if is_intact else Damage("an attachment with a wrong checksum")
         case _:
             return None

@@ -1,15 +1,15 @@
-"""Recordings as MCAP, which Foxglove and other tools open (see schemas.py for its channels).
+"""Recordings as MCAP, which Foxglove and other tools open (`schemas.py` lists the channels).
 
-Besides the frames, a recording has the run in its metadata and the sources of the program as attachments:
-`behavior/...` are the files of the behavior, `python/...` those of modules in Python. Everything else can be
-derived from these.
+In addition to the frames, a recording has metadata about the run, and the sources of the program as
+attachments: `behavior/...` are the files of the behavior, `python/...` the files of modules in Python.
+Everything else can be derived from these.
 
-Frames are in chunks. Each chunk has a checksum, is written at once, and begins with a keyframe: the memory
-from which a reader resumes if the previous chunk is damaged. A chunk spans less than half a second, so a
-killed run loses no more than that. The first chunk has the schemas and channels, which also need a checksum;
-attachments have one, and metadata has one as a member. The message of `/frames` is the last of its frame.
-There is no index, which would have to be kept in memory to the end of a run: `mcap recover` writes a copy
-with one.
+Frames are in chunks. Each chunk has a checksum, is written in one piece, and begins with a keyframe: the
+memory from which a reader resumes if the previous chunk is damaged. A chunk spans less than half a second, so
+a killed run loses no more than that. Schemas and channels are in the first chunk, so that its checksum covers
+them; attachments have their own checksums, and metadata has one as a member. The `/frames` message is the
+last message of its frame. There is no index, which would have to be kept in memory until the end of the run;
+`mcap recover` writes a copy with an index.
 """
 
 from __future__ import annotations
@@ -49,22 +49,22 @@ from colony.runtime.recordings.schemas import (
 )
 
 FORMAT = "colony-recording/2"
-"""Format of the recording. Version 1 had no checksums."""
+"""Format of recordings. Version 1 had no checksums."""
 
 METADATA = "colony"
 """Name of the metadata about the run; `mcap_reader` defines its members."""
 
 CLIENTS = "colony clients of "
-"""Prefix, before an actuator's name, of the metadata with the priorities of its clients."""
+"""Prefix of metadata names; metadata `<prefix><actuator>` has the priorities of its clients."""
 
 CHECKSUM = "checksum"
-"""Name of the metadata member that is a checksum of the others."""
+"""Name of the metadata member with the checksum of the other members."""
 
 CHUNK_BYTES = 1024 * 1024
 """Size in bytes beyond which a chunk is written early."""
 
 MAX_COMPRESSION_RATIO = 32
-"""Compression ratio from which a chunk is stored uncompressed: readers would take it for a bomb."""
+"""Compression ratio from which a chunk is stored uncompressed, lest readers take it for a bomb."""
 
 MEDIA_TYPES = {"behavior": "text/x-colony", "python": "text/x-python"}
 
@@ -106,10 +106,10 @@ class ContractsMessage(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class McapRecording:
-    """A sink that writes frames, a chunk at a time. Mutable: the frames that are not written yet.
+    """A sink that writes frames, one chunk at a time. Stateful: keeps the frames of the next chunk.
 
     Raises:
-        OSError: the file cannot be written; the part written so far can be read.
+        OSError: the file cannot be written; everything written before can be read.
     """
 
     def __init__(self, compiled: Compiled, run: RunInfo, file: ByteFile) -> None:
@@ -118,7 +118,7 @@ class McapRecording:
         self._buffer = _Buffer()
         self._chunk = _Chunk()
         self._keyframes = 0
-        self._whole = True
+        self._last_write_succeeded = True
         self._taken_ns: int | None = None
         self.written_ns: int | None = None
         """Time of the last frame that is in the file."""
@@ -161,9 +161,9 @@ class McapRecording:
             self._flush()
 
     def close(self) -> None:
-        """Write the end of the file, unless a part before it could not be written."""
+        """Write the end of the file, unless an earlier write failed."""
         try:
-            if self._whole:
+            if self._last_write_succeeded:
                 self._flush()
                 self._writer.finish()  # type: ignore[no-untyped-call]
                 self._flush()
@@ -173,34 +173,36 @@ class McapRecording:
     def _begin(self, run: RunInfo) -> None:
         writer = self._writer
         writer.start(library=f"colony {run.version}")
-        self._metadata(METADATA, _metadata(run))
+        self._add_metadata(METADATA, _metadata(run))
         clients: dict[str, tuple[str, ...]] = {}
         for actuator in self._compiled.robot.actuators:
-            found = {module: str(priority) for name, module, priority in run.clients if name == actuator.name}
-            self._metadata(CLIENTS + actuator.name, found)
-            clients[actuator.name] = tuple(found)
+            priorities = {
+                module: str(priority) for name, module, priority in run.clients if name == actuator.name
+            }
+            self._add_metadata(CLIENTS + actuator.name, priorities)
+            clients[actuator.name] = tuple(priorities)
         for source in run.sources:
-            name, media_type = f"{source.kind}/{source.place}", MEDIA_TYPES[source.kind]
+            name, media_type = f"{source.kind}/{source.path}", MEDIA_TYPES[source.kind]
             writer.add_attachment(
                 create_time=0, log_time=0, name=name, media_type=media_type, data=source.data
             )
         self._channels: dict[str, int] = {}
         for topic, name, schema in channel_schemas(self._compiled, clients):
             text = json.dumps(schema).encode()
-            at: int = writer.register_schema(name, SchemaEncoding.JSONSchema, text)
-            self._channels[topic] = writer.register_channel(topic, MessageEncoding.JSON, at)
+            schema_id: int = writer.register_schema(name, SchemaEncoding.JSONSchema, text)
+            self._channels[topic] = writer.register_channel(topic, MessageEncoding.JSON, schema_id)
             self._chunk.add_channel(
-                Schema(id=at, data=text, encoding=SchemaEncoding.JSONSchema, name=name),
+                Schema(id=schema_id, data=text, encoding=SchemaEncoding.JSONSchema, name=name),
                 Channel(
                     id=self._channels[topic],
                     topic=topic,
                     message_encoding=MessageEncoding.JSON,
                     metadata={},
-                    schema_id=at,
+                    schema_id=schema_id,
                 ),
             )
 
-    def _metadata(self, name: str, members: dict[str, str]) -> None:
+    def _add_metadata(self, name: str, members: dict[str, str]) -> None:
         self._writer.add_metadata(name, {**members, CHECKSUM: checksum(members)})
 
     def _add(self, topic: str, k: int, t_ns: int, data: bytes) -> None:
@@ -227,12 +229,12 @@ class McapRecording:
         return f'{{{", ".join(parts)}, "sensors": {{{readings}}}}}'.encode()
 
     def _flush(self) -> None:
-        """Write all waiting bytes; after a failure, `close` writes nothing, because it could not be read."""
+        """Write all buffered data; after a failure, `close` writes nothing, as it would be unreadable."""
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._buffer.write(self._chunk.take())
-        self._whole = False
+        self._last_write_succeeded = False
         write_all(self._file, self._buffer.take())
-        self._whole = True
+        self._last_write_succeeded = True
         self.written_ns = self._taken_ns
 
 
@@ -241,7 +243,7 @@ _MESSAGE = struct.Struct("<BQHIQQ")
 
 
 class _Chunk:
-    """The records of the next chunk. Mutable: those so far, and their times."""
+    """The records of the next chunk. Mutable."""
 
     def __init__(self) -> None:
         self._records: list[bytes] = []
@@ -265,7 +267,7 @@ class _Chunk:
         self._records += (_MESSAGE.pack(Opcode.MESSAGE, length, channel, k & 0xFFFFFFFF, t_ns, t_ns), data)
 
     def take(self) -> bytes:
-        """Return the record of the chunk, empty if the chunk is, and begin the next chunk."""
+        """Return the chunk as a record (empty bytes if there are no records), and begin the next chunk."""
         records = b"".join(self._records)
         self._records.clear()
         self.size = 0
@@ -288,13 +290,13 @@ _compress = zstandard.ZstdCompressor(level=1).compress
 
 
 def checksum(metadata: Mapping[str, str]) -> str:
-    """Return the checksum of metadata, leaving out the checksum member."""
+    """Return the checksum of all metadata members except the checksum itself."""
     members = sorted((name, value) for name, value in metadata.items() if name != CHECKSUM)
     return f"{zlib.crc32(json.dumps(members).encode()):08x}"
 
 
 class _Buffer:
-    """The output of the MCAP writer. Mutable: the waiting bytes, and the total number of bytes."""
+    """The output of the MCAP writer. Stateful: keeps the unwritten bytes, and counts all bytes."""
 
     def __init__(self) -> None:
         self._waiting: list[bytes] = []
@@ -348,7 +350,7 @@ def _requests(k: int, actuator: Actuator, requests: list[Request]) -> RequestsMe
     clients: dict[str, BidMessage] = {}
     for request in requests:
         values = request.values
-        if values is not None and len(values) == len(actuator.fields):  # others were refused
+        if values is not None and len(values) == len(actuator.fields):  # other requests were refused
             values = in_declared_units(values, actuator.fields)
         else:
             values = None

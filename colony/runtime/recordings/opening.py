@@ -13,7 +13,7 @@ from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
 _HEAD_BYTES = 64 * 1024
-"""Number of leading bytes that contain a checksum, even in a recording in lines with a damaged beginning."""
+"""Number of leading bytes searched for a checksum, which identifies JSON lines with a damaged beginning."""
 
 
 def open_recording(path: str) -> BinaryIO:
@@ -25,14 +25,14 @@ def open_recording(path: str) -> BinaryIO:
     try:
         return open_regular(path)
     except OSError as problem:
-        _unreadable(path, reason(problem))
+        _raise_unreadable(path, reason(problem))
 
 
 def read_frames(file: BinaryIO, name: str) -> RecordingReader:
-    """Return a reader of frames as input: an MCAP recording, or JSON lines, recorded or not.
+    """Return a reader of input frames from an MCAP recording or JSON lines, recorded or not.
 
     Raises:
-        DiagnosticError: A002, the file is no recording of a run; A006, the part before its frames is damaged.
+        DiagnosticError: A002, the file is not a recording; A006, the part before its frames is damaged.
     """
     if isinstance(file, BufferedReader) and file.peek(len(MAGIC)).startswith(MAGIC):
         from colony.runtime.recordings.mcap_reader import McapReader
@@ -41,26 +41,26 @@ def read_frames(file: BinaryIO, name: str) -> RecordingReader:
     return FramesReader(file, name)
 
 
-def _unreadable(path: str, why: str) -> NoReturn:
+def _raise_unreadable(path: str, why: str) -> NoReturn:
     raise DiagnosticError([error("A001", Span(Source(path, ""), 0, 0), f"cannot read the recording: {why}")])
 
 
 def read_recording(file: BinaryIO, name: str) -> RecordingReader:
-    """Return the reader of a recording in either format; the beginning of one in lines may be damaged.
+    """Return the reader of a recording in either format; the beginning of JSON lines may be damaged.
 
     Raises:
-        DiagnosticError: A001, the file cannot be read; A002, it is no recording.
+        DiagnosticError: A001, the file cannot be read; A002, it is not a recording.
     """
     try:
         head = file.read(_HEAD_BYTES)
         file.seek(0)
     except OSError as problem:
-        _unreadable(name, reason(problem))
+        _raise_unreadable(name, reason(problem))
     if head.startswith(MAGIC):
         from colony.runtime.recordings.mcap_reader import McapReader
 
         return McapReader(file, name)
     if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"") or CHECKSUM_PREFIX in head:
         return LinesReader(file, name)
-    message = "this is no recording: neither MCAP nor JSON lines"
+    message = "this is not a recording: neither MCAP nor JSON lines"
     raise DiagnosticError([error("A002", Span(Source(name, ""), 0, 0), message)])

@@ -1,7 +1,7 @@
 """Readers of recordings: JSON lines here, MCAP in `mcap_reader.py`.
 
-A run may be killed while it writes. A recording that breaks off in the middle of a frame ends with the
-previous frame, and the reader reports that.
+A run may be killed while it writes. If a recording breaks off in the middle of a frame, the reader ends with
+the previous frame, and reports that.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ BREAKS_OFF = "it breaks off in the middle of a frame"
 
 
 class _Lines:
-    """A file of JSON lines. Mutable: the reading position."""
+    """A file of JSON lines. Stateful: keeps the reading position."""
 
     run = None
 
@@ -38,15 +38,15 @@ class _Lines:
         self.cut: str | None = None
         self.damaged = False
 
-    def _end(self, rows: Rows) -> None:
+    def _finish(self, rows: Rows) -> None:
         self.damaged = rows.damaged
         self.cut = BREAKS_OFF if rows.broken_off else None
 
 
 class LinesReader(_Lines):
-    """A recording in JSON lines. Mutable: the reading position.
+    """A recording in JSON lines. Stateful: keeps the reading position.
 
-    `name` is the file's name in messages. The format does not identify the run.
+    `name` is the file's name in messages. The format contains no information about the run.
     """
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
@@ -58,12 +58,12 @@ class LinesReader(_Lines):
         """
         actuators, start = program.robot.actuators, None
         rows = Rows(self._bounded(), self._name, program)
-        for at, row in enumerate(rows):
+        for index, row in enumerate(rows):
             try:
                 members = msgspec.convert(row.values, _Row)
-                k = at if members.tick is None else members.tick
+                k = index if members.tick is None else members.tick
                 if members.restart or start is None:
-                    start = _UNKNOWN if row.damaged and not members.restart else k
+                    start = _UNKNOWN_START if row.damaged and not members.restart else k
                 tick = Tick(k=k, t_ns=row.frame.t_ns, start=start)
                 recorded = _recorded(tick, row, actuators, members)
             except msgspec.ValidationError as problem:
@@ -72,7 +72,7 @@ class LinesReader(_Lines):
                     [located("A004", self._name, row.number, row.text, 0, message)]
                 ) from None
             yield recorded
-        self._end(rows)
+        self._finish(rows)
 
     def _bounded(self) -> Iterator[bytes]:
         try:
@@ -85,7 +85,7 @@ class LinesReader(_Lines):
 class FramesReader(_Lines):
     """Frames in JSON lines, from a recording or another source; members about actuators are ignored.
 
-    Mutable: the reading position.
+    Stateful: keeps the reading position.
     """
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
@@ -106,11 +106,11 @@ class FramesReader(_Lines):
                 keyframe=read_keyframe(row.values.get("@keyframe")),
                 damaged=row.damaged,
             )
-        self._end(rows)
+        self._finish(rows)
 
 
-_UNKNOWN = -1
-"""Placeholder for an unknown frame in which memory was initial."""
+_UNKNOWN_START = -1
+"""Placeholder for the first frame of an epoch, if it is unknown."""
 
 
 class _Row(
@@ -119,7 +119,7 @@ class _Row(
     kw_only=True,
     rename=lambda name: f"@{name}",
 ):
-    """The members of a line about its frame."""
+    """What a line says about the frame itself."""
 
     tick: int | None = None
     restart: bool = False
@@ -135,7 +135,7 @@ class _Decision(
     forbid_unknown_fields=True,
     rename={"outside": "@outside", "held_by": "@held_by"},
 ):
-    """The members of a line about an actuator, besides the fields of the command."""
+    """What a line says about one actuator, apart from the command's fields."""
 
     by: str | None = None
     fault: str | None = None
@@ -160,14 +160,14 @@ def _recorded(tick: Tick, row: Row, actuators: tuple[Actuator, ...], members: _R
     )
 
 
-def _verdict(tick: Tick, actuator: Actuator, found: Any) -> Verdict:
-    if found is None:
-        found = {}
-    if not isinstance(found, dict):
+def _verdict(tick: Tick, actuator: Actuator, row: Any) -> Verdict:
+    if row is None:
+        row = {}
+    if not isinstance(row, dict):
         raise msgspec.ValidationError(f"`{actuator.name}` is not an object")
     names = [f.name for f in actuator.fields]
-    members = msgspec.convert({key: found[key] for key in found if key not in names}, _Decision)
-    values = {name: found[name] for name in names if name in found}
+    members = msgspec.convert({key: row[key] for key in row if key not in names}, _Decision)
+    values = {name: row[name] for name in names if name in row}
     return Verdict(
         k=tick.k,
         t_ns=tick.t_ns,
@@ -186,7 +186,7 @@ def command(actuator: Actuator, values: dict[str, float | bool]) -> tuple[float 
     """Return a recorded command in the order of the actuator's fields.
 
     Raises:
-        msgspec.ValidationError: it does not have exactly these fields.
+        msgspec.ValidationError: the command does not have exactly these fields.
     """
     names = [f.name for f in actuator.fields]
     if set(values) != set(names):

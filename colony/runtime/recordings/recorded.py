@@ -1,4 +1,4 @@
-"""Content of a recording in either format: its run, and its frames."""
+"""The content of a recording in either format: its run and its frames."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from colony.runtime.protocol.messages import Tick, Verdict
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunInfo:
-    """The recorded run. `clients` are actuator, module and priority, highest place first.
+    """The recorded run. `clients` are actuator, module and priority, highest priority first.
 
-    `program` is the place in `sources` of the behavior that was run, "" if the sources are unknown; `run` is
-    the name of the run on a real robot; `started` is its start time as text for users.
+    `program` is the path in `sources` of the behavior that was run, "" if the sources are unknown. `run` is
+    the name of a run on a real robot, and `started` its start time as text for users.
     """
 
     robot: str
@@ -37,8 +37,8 @@ class RecordedFrame:
     """One recorded frame (see `FrameLog`); `breaches` is None if the format omits them.
 
     A verdict is absent if none was received. Fields of ticks and verdicts that the format omits have their
-    defaults; JSON lines have only unusual `fates`. `damaged` is True if data between the previous frame and
-    this one is damaged and left out.
+    defaults; JSON lines contain only unusual fates. `damaged` is True if damaged data between the previous
+    frame and this one was skipped.
     """
 
     tick: Tick
@@ -58,21 +58,21 @@ class RecordingReader(Protocol):
 
     @property
     def run(self) -> RunInfo | None:
-        """The recorded run, None if the format does not identify it."""
+        """The recorded run, None if the format contains no information about it."""
         ...
 
     @property
     def cut(self) -> str | None:
-        """How the recording breaks off, None if it does not; known after all frames were read."""
+        """How the recording breaks off, None if it does not; valid after all frames were read."""
         ...
 
     @property
     def damaged(self) -> bool:
-        """True if data after the last frame is damaged; known after all frames were read."""
+        """True if data after the last frame is damaged; valid after all frames were read."""
         ...
 
     def frames(self, program: Program) -> Iterator[RecordedFrame]:
-        """Yield the undamaged frames, once, in their order, as frames of `program`.
+        """Yield the undamaged frames in order, as frames of `program`. Call this once.
 
         Raises:
             DiagnosticError: the frames are not of that program, or malformed.

@@ -1,10 +1,10 @@
 """The input and output lines of `colony trace`: recorded frames, and decisions of an executor.
 
-A frame is one JSON object a line: `t` in seconds and readings in declared units. A sensor that is absent or
-null is missing. Members about actuators are ignored, so that a recording is valid input.
+A frame is one JSON object per line, with `t` in seconds and readings in declared units. A sensor that is
+absent or null is missing. Members about actuators are ignored, so that a recording is valid input.
 
 If one of the first lines has a valid checksum, the input is a recording, and lines without a valid checksum
-are damaged and left out. A line with a wrong checksum is left out in any case. Other bad lines are errors.
+count as damaged and are skipped. A line with a wrong checksum is always skipped. Other bad lines are errors.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ LINE_BYTES = 4 * 1024 * 1024
 """Byte limit of a line of a recording; no message of a robot, and so no frame, is larger."""
 
 _EXACT_BELOW = float(2**20)
-"""Limit, in seconds, below which the double of a decimal time is within half a nanosecond of it."""
+"""Limit, in seconds, below which a double is within half a nanosecond of the decimal time it represents."""
 
-_LATEST_S = 9e9
-"""Largest time in seconds, almost 300 years, so that the time in nanoseconds fits 64 bits."""
+_MAX_TIME_S = 9e9
+"""Maximum time in seconds, almost 300 years, so that the time in nanoseconds fits into 64 bits."""
 
 
 class Row(NamedTuple):
-    """A line of a recording: its number and text, its frame, and all its members by name.
+    """A line of a recording: its number, its text, its frame, and all members of its JSON object.
 
-    `damaged` is True if lines before it are damaged.
+    `damaged` is True if lines just before it are damaged.
     """
 
     number: int
@@ -52,19 +52,19 @@ class Row(NamedTuple):
 
 
 class Rows:
-    """The lines of a recording as rows, with unchecked members about actuators.
+    """The lines of a recording as rows; their members about actuators are not checked.
 
-    `name` is the file's name in messages. Mutable: the state of the file's end, once all rows were read.
+    `name` is the file's name in messages. `damaged` and `broken_off` are valid once all rows were read.
 
     Raises:
         DiagnosticError: during iteration, at the first bad line. Codes: F001 not JSON, F002 not an object,
-            F003 no proper time, F004 time does not rise, F005 unknown sensor, F006 wrong length, F007 not
+            F003 no valid time, F004 time does not increase, F005 unknown sensor, F006 wrong length, F007 not
             text.
     """
 
     def __init__(self, lines: Iterable[bytes], name: str, program: Program) -> None:
         self._lines = lines
-        self._reader = _Reader(name, program)
+        self._parser = _RowParser(name, program)
         self.damaged = False
         """True if lines after the last row are damaged."""
         self.broken_off = False
@@ -72,17 +72,17 @@ class Rows:
 
     def __iter__(self) -> Iterator[Row]:
         """Yield the undamaged lines as rows."""
-        rest = enumerate(self._lines, 1)
-        first = tuple(islice(rest, DETECTION_LINES))
-        has_checksums = any(has_valid_checksum(line) for _, line in first)
-        for number, line in chain(first, rest):
+        remaining = enumerate(self._lines, 1)
+        leading = tuple(islice(remaining, DETECTION_LINES))
+        has_checksums = any(has_valid_checksum(line) for _, line in leading)
+        for number, line in chain(leading, remaining):
             damaged = (has_checksums or CHECKSUM_PREFIX in line) and not has_valid_checksum(line)
             if damaged and not line.endswith(b"\n") and _may_be_cut_off(line):
                 self.broken_off = True
             elif damaged:
                 self.damaged = True
             elif line.strip():
-                yield self._reader.row(number, line)._replace(damaged=self.damaged)
+                yield self._parser.parse_row(number, line)._replace(damaged=self.damaged)
                 self.damaged = False
 
 
@@ -93,28 +93,28 @@ _CHECKSUM = re.compile(CHECKSUM_PREFIX + rb'([0-9a-f]{8})"\}\r?\n?')
 _PARTIAL_CHECKSUM = re.compile(CHECKSUM_PREFIX + rb'([0-9a-f]{0,7}|[0-9a-f]{8}"?)')
 
 DETECTION_LINES = 16
-"""Number of leading lines of a recording, at least one of which has a valid checksum."""
+"""Number of leading lines of a recording, of which at least one must have a valid checksum."""
 
 
 def _may_be_cut_off(line: bytes) -> bool:
     """Return True if an unterminated line may break off before or within its checksum."""
-    at = line.rfind(CHECKSUM_PREFIX)
-    return b"\0" not in line if at < 0 else _PARTIAL_CHECKSUM.fullmatch(line, at) is not None
+    start = line.rfind(CHECKSUM_PREFIX)
+    return b"\0" not in line if start < 0 else _PARTIAL_CHECKSUM.fullmatch(line, start) is not None
 
 
 def has_valid_checksum(line: bytes) -> bool:
     """Return True if a line ends with a valid checksum of its content."""
-    at = line.rfind(CHECKSUM_PREFIX)
-    found = _CHECKSUM.fullmatch(line, at) if at >= 0 else None
-    return found is not None and int(found[1], 16) == zlib.crc32(line[:at].removeprefix(BOM_UTF8))
+    start = line.rfind(CHECKSUM_PREFIX)
+    match = _CHECKSUM.fullmatch(line, start) if start >= 0 else None
+    return match is not None and int(match[1], 16) == zlib.crc32(line[:start].removeprefix(BOM_UTF8))
 
 
 RESERVED = frozenset({"t", "@tick", "@restart", "@skipped", "@keyframe", "@python", "@sum"})
-"""Members of a line besides sensors and actuators; no name of a program has an `@`."""
+"""Members of a line that are not sensors or actuators; names in a program cannot contain `@`."""
 
 
-class _Reader:
-    """The parser of lines, one after another. Mutable: the time of the last line."""
+class _RowParser:
+    """The parser of lines, one after another. Stateful: remembers the time of the last line."""
 
     def __init__(self, name: str, program: Program) -> None:
         self._name = name
@@ -124,14 +124,17 @@ class _Reader:
         self._ignored = RESERVED.union(a.name for a in program.robot.actuators)
         self._last_ns: int | None = None
 
-    def row(self, number: int, data: bytes) -> Row:
+    def parse_row(self, number: int, data: bytes) -> Row:
         text = self._text(number, data)
         try:
             row = json.loads(text, object_pairs_hook=_reject_repeated_keys)
         except _RepeatedKeyError as repeated:
-            at, hint = self._at(text, repeated.key, last=True), "each line is a whole frame, each name once"
+            offset, hint = (
+                self._offset(text, repeated.key, last=True),
+                "each line is a whole frame, each name once",
+            )
             message = f"`{repeated.key}` appears twice in one object"
-            raise self._failure("F001", number, text, at, message, hint) from None
+            raise self._failure("F001", number, text, offset, message, hint) from None
         except json.JSONDecodeError as problem:
             message = f"not JSON: {problem.msg}"
             hint = "each line is a whole frame, an object in JSON"
@@ -161,47 +164,49 @@ class _Reader:
 
     def _time(self, number: int, text: str, row: dict[str, Any]) -> int:
         t = row.get("t")
-        if isinstance(t, bool) or not isinstance(t, int | float) or not abs(t) <= _LATEST_S:
+        if isinstance(t, bool) or not isinstance(t, int | float) or not abs(t) <= _MAX_TIME_S:
             found = "no time" if "t" not in row else json.dumps(t)
             found = found if len(found) <= 40 else f"{found[:37]}..."
             message = f'"t" must be the frame\'s time in seconds, found {found}'
-            raise self._failure("F003", number, text, self._at(text, "t"), message)
+            raise self._failure("F003", number, text, self._offset(text, "t"), message)
         if abs(t) < _EXACT_BELOW:
             t_ns = nanoseconds(t)
         else:
             t_ns = round(Decimal(json.loads(text, parse_float=Decimal)["t"]) * 1_000_000_000)
         if self._last_ns is not None and t_ns <= self._last_ns:
-            message = f"time must rise: {seconds_text(t_ns)} s follows {seconds_text(self._last_ns)} s"
-            raise self._failure("F004", number, text, self._at(text, "t"), message)
+            message = f"time must increase: {seconds_text(t_ns)} s follows {seconds_text(self._last_ns)} s"
+            raise self._failure("F004", number, text, self._offset(text, "t"), message)
         self._last_ns = t_ns
         return t_ns
 
     def _is_reading(self, number: int, text: str, row: dict[str, Any], key: str) -> bool:
-        """Return True if the key is a sensor, and its value can be a reading."""
+        """Return True if the key is a sensor; check the size of its value."""
         if key in self._ignored and key not in self._sizes:
             return False
         if key not in self._sizes:
             hint = did_you_mean(key, self._sizes) or f"the robot has {', '.join(self._sizes)}"
-            raise self._failure("F005", number, text, self._at(text, key), f"unknown sensor `{key}`", hint)
+            raise self._failure(
+                "F005", number, text, self._offset(text, key), f"unknown sensor `{key}`", hint
+            )
         size, value = self._sizes[key], row[key]
         if size is not None and isinstance(value, list) and len(value) != size:
             message = f"`{key}` must have {size} elements, found {len(value)}"
             hint = "write null if the sensor is missing"
-            raise self._failure("F006", number, text, self._at(text, key), message, hint)
+            raise self._failure("F006", number, text, self._offset(text, key), message, hint)
         return True
 
-    def _at(self, text: str, key: str, *, last: bool = False) -> int:
+    def _offset(self, text: str, key: str, *, last: bool = False) -> int:
         name = json.dumps(key)
         return max(text.rfind(name) if last else text.find(name), 0)
 
     def _failure(
-        self, code: str, number: int, text: str, at: int, message: str, hint: str | None = None
+        self, code: str, number: int, text: str, offset: int, message: str, hint: str | None = None
     ) -> DiagnosticError:
-        return DiagnosticError([located(code, self._name, number, text, at, message, hint)])
+        return DiagnosticError([located(code, self._name, number, text, offset, message, hint)])
 
 
 class _RepeatedKeyError(Exception):
-    """A name that appears twice in a JSON object: which value is meant is unknown."""
+    """A name appears twice in a JSON object, so that it is unknown which value is meant."""
 
     def __init__(self, key: str) -> None:
         self.key = key
@@ -231,11 +236,11 @@ def _kind(value: object) -> str:
 
 
 def located(
-    code: str, name: str, number: int, text: str, at: int, message: str, hint: str | None = None
+    code: str, name: str, number: int, text: str, offset: int, message: str, hint: str | None = None
 ) -> Diagnostic:
-    """Return an error at a character of a line of the file, which messages call `name`."""
+    """Return an error at a character of line `number` of the file `name`."""
     before = "\n" * (number - 1)
-    start = len(before) + at
+    start = len(before) + offset
     return error(code, Span(Source(name, before + text), start, start + 1), message, hint)
 
 

@@ -31,14 +31,14 @@ class ChannelSchema(NamedTuple):
 
 
 def channel_schemas(compiled: Compiled, clients: dict[str, tuple[str, ...]]) -> tuple[ChannelSchema, ...]:
-    """Return every channel of a recording; `clients` are each actuator's modules, highest place first."""
-    out = [
+    """Return every channel of a recording; `clients` are each actuator's modules, highest priority first."""
+    channels = [
         ChannelSchema(FRAMES, "colony.Frame", _frame(compiled)),
         ChannelSchema(KEYFRAMES, "colony.Keyframe", _keyframe()),
     ]
     for actuator in compiled.robot.actuators:
         modules = clients.get(actuator.name, ())
-        out += [
+        channels += [
             ChannelSchema(
                 VERDICTS + actuator.name, f"colony.Verdict.{actuator.name}", _verdict(actuator, modules)
             ),
@@ -46,15 +46,15 @@ def channel_schemas(compiled: Compiled, clients: dict[str, tuple[str, ...]]) -> 
                 REQUESTS + actuator.name, f"colony.Requests.{actuator.name}", _requests(actuator, modules)
             ),
         ]
-    return (*out, ChannelSchema(CONTRACTS, "colony.Contracts", _contracts(compiled)))
+    return (*channels, ChannelSchema(CONTRACTS, "colony.Contracts", _contracts(compiled)))
 
 
 def _object(description: str, required: tuple[str, ...] = (), /, **properties: Schema) -> Schema:
-    out: Schema = {"type": "object", "description": description, "properties": properties}
-    return {**out, "required": list(required)} if required else out
+    schema: Schema = {"type": "object", "description": description, "properties": properties}
+    return {**schema, "required": list(required)} if required else schema
 
 
-def _of(kind: str, description: str) -> Schema:
+def _scalar(kind: str, description: str) -> Schema:
     return {"type": kind, "description": description}
 
 
@@ -62,7 +62,7 @@ def _texts(description: str) -> Schema:
     return {"type": "array", "description": description, "items": {"type": "string"}}
 
 
-_K = _of("integer", "number of the frame")
+_K = _scalar("integer", "number of the frame")
 
 
 def _frame(compiled: Compiled) -> Schema:
@@ -70,19 +70,19 @@ def _frame(compiled: Compiled) -> Schema:
         "the readings of a frame",
         ("k", "t", "t_ns", "sensors"),
         k=_K,
-        t=_of("number", "time of the frame in s"),
-        t_ns=_of("integer", "the same in ns, exactly"),
-        start=_of("integer", "the frame in which all memory was initial"),
-        restart=_of("boolean", "all memory restarted with this frame"),
-        skipped=_of("integer", "if memory is unknown: frames before this one that could not be observed"),
+        t=_scalar("number", "time of the frame in s"),
+        t_ns=_scalar("integer", "the same in ns, exactly"),
+        start=_scalar("integer", "the first frame of the epoch"),
+        restart=_scalar("boolean", "all memory restarted with this frame"),
+        skipped=_scalar("integer", "if memory is unknown: frames before this one that could not be observed"),
         down=_texts("servers that are down"),
         lost=_texts("clients that are lost"),
         python=_object(
-            "answers of modules in Python; absent where unknown",
-            **{module: _answer() for module in compiled.announced},
+            "answers of modules in Python; absent if unknown",
+            **{module: _answer() for module in compiled.python_modules},
         ),
         sensors=_object(
-            "readings in declared units; absent where missing",
+            "readings in declared units; absent if missing",
             **{s.name: _sensor(s) for s in compiled.robot.sensors},
         ),
         disagreements=_texts(
@@ -94,26 +94,26 @@ def _frame(compiled: Compiled) -> Schema:
 def _answer() -> Schema:
     command: Schema = {
         "type": "array",
-        "description": "the fields of its command in mm, s and deg; absent where it is not applicable",
+        "description": "the fields of its command in mm, s and deg; absent if it is not applicable",
         "items": {"type": "number"},
     }
-    return _object("", command=command, error=_of("boolean", "it raised, or gave no command"))
+    return _object("", command=command, error=_scalar("boolean", "it raised, or gave no command"))
 
 
 def _keyframe() -> Schema:
     memory = _object(
-        "the program's memory; absent where unknown",
+        "the program's memory; absent if unknown",
         ("cells",),
-        first_ns=_of("integer", "time of the first frame since memory was initial; absent if there was none"),
-        cells={**_object("memory cells by their places in the text"), "additionalProperties": True},
+        first_ns=_scalar("integer", "time of the first frame of the epoch; absent if there was none"),
+        cells={**_object("memory cells by name"), "additionalProperties": True},
     )
     return _object(
         "memory before a frame, from which a reader resumes after damage",
         ("k", "n"),
         k=_K,
-        n=_of("integer", "number of the keyframe"),
+        n=_scalar("integer", "number of the keyframe"),
         memory=memory,
-        degraded=_of("boolean", "a client has been lost since memory was initial"),
+        degraded=_scalar("boolean", "a client has been lost since the epoch began"),
     )
 
 
@@ -122,13 +122,13 @@ def _verdict(actuator: Actuator, modules: tuple[str, ...]) -> Schema:
         f"verdict on a frame of {actuator.name}",
         ("k",),
         k=_K,
-        by=_of("string", "client of the network that won; absent if none did"),
-        values=_values(actuator, "command sent, in declared units; absent if none was"),
-        fates=_object("fate of each client's request", **{m: _of("string", "") for m in modules}),
-        fault=_of("string", "reason why the winner's command was not sent"),
-        violation=_of("boolean", "two clients commanded in one frame"),
-        outside=_of("string", "connection outside the network whose command was sent"),
-        hold=_of("string", "reason why the network did not decide: stopped or locked"),
+        by=_scalar("string", "client of the network that won; absent if none did"),
+        values=_values(actuator, "command that was sent, in declared units; absent if none was sent"),
+        fates=_object("fate of each client's request", **{m: _scalar("string", "") for m in modules}),
+        fault=_scalar("string", "reason why the winner's command was not sent"),
+        violation=_scalar("boolean", "two clients commanded in one frame"),
+        outside=_scalar("string", "connection outside the network whose command was sent"),
+        hold=_scalar("string", "reason why the network did not decide: stopped or locked"),
         notes=_texts("problems with requests"),
     )
 
@@ -137,9 +137,9 @@ def _requests(actuator: Actuator, modules: tuple[str, ...]) -> Schema:
     bid = _object(
         "request of a client",
         ("bid",),
-        bid=_of("string", "command, suppressed, inhibited, inactive or silent"),
+        bid=_scalar("string", "command, suppressed, inhibited, inactive or silent"),
         values=_values(actuator, "command, limited and clamped, in declared units"),
-        fault=_of("string", "reason why the command has no values"),
+        fault=_scalar("string", "reason why the command has no values"),
     )
     clients = _object("by client", **dict.fromkeys(modules, bid))
     return _object(f"requests of the clients of {actuator.name}", ("k",), k=_K, clients=clients)
@@ -156,17 +156,17 @@ def _values(actuator: Actuator, description: str) -> Schema:
 
 
 def _field(field: ActuatorField) -> Schema:
-    return _of(_kind(field.type), field.unit)
+    return _scalar(_json_type(field.type), field.unit)
 
 
 def _sensor(sensor: Sensor) -> Schema:
-    where = f"from {sensor.server}.{sensor.field}"
-    description = f"{sensor.unit}, {where}" if sensor.unit else where
+    origin = f"from {sensor.server}.{sensor.field}"
+    description = f"{sensor.unit}, {origin}" if sensor.unit else origin
     if isinstance(sensor.type, Array):
-        items = {"type": _kind(sensor.type.element)}
+        items = {"type": _json_type(sensor.type.element)}
         return {"type": "array", "description": f"{sensor.type.size} values, {description}", "items": items}
-    return _of(_kind(sensor.type), description)
+    return _scalar(_json_type(sensor.type), description)
 
 
-def _kind(of: Scalar) -> str:
-    return "boolean" if isinstance(of, Bool) else "number"
+def _json_type(type_: Scalar) -> str:
+    return "boolean" if isinstance(type_, Bool) else "number"

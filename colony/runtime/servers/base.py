@@ -15,18 +15,18 @@ from colony.runtime.servers.piloting import Bumper
 from colony.runtime.servers.virtual_position import Odometer
 
 MAX_COORDINATE_MM = 1e7
-"""Largest x and y of a position that a call may set: 10 km.
+"""Maximum magnitude of x and y in a call that sets the position: 10 km.
 
-With much larger numbers, rounding would swallow each step of dead reckoning: the position would not change
+With much larger numbers, rounding would cancel each step of dead reckoning: the position would not change
 while the base moves.
 """
 
 MAX_HEADING_DEG = 36_000.0
-"""Largest heading, in either direction, that a call may set, for the same reason."""
+"""Maximum magnitude of a heading that a call may set, for the same reason."""
 
 
 class Base:
-    """A base. Mutable: its newest state, the virtual position, and the speeds sent last."""
+    """A base: its newest state, its virtual position, and the speeds sent last. Mutable."""
 
     def __init__(self, driver: BaseDriver) -> None:
         self._driver = driver
@@ -94,11 +94,11 @@ class Base:
         return BaseObservation(self._odometer.track, self._setting, elapsed_s)
 
     def drive(self, speeds: Speeds) -> Bumper | None:
-        """Send these speeds to the base; send only the turn if a pressed bumper is in the way.
+        """Send these speeds to the base; send only the turn if a pressed bumper blocks the motion.
 
         Returns:
-            The pressed bumper in the way, as of the last `refresh`; None if there is none, or bumpers are
-            ignored.
+            The bumper that blocks the motion, as of the last `refresh`; None if there is none, or if bumpers
+            are ignored.
         """
         bumper = self._blocking_bumper(speeds.velocity)
         self._setting = speeds if bumper is None else Speeds(0.0, speeds.turn)

@@ -1,4 +1,4 @@
-"""The actuator that a program binds to the base, or the built-in one."""
+"""The actuator of the base: the one that a program binds to it, or the built-in one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from colony.ir.program import Actuator, ActuatorField
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.motion import Speeds
 from colony.runtime.protocol.bindings import ActuatorBinding
-from colony.runtime.protocol.deployment import ActuatorTable, Deployment, actuator_table, actuators_of
+from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuator_spec, actuators_of
 from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.servers.drivers import BaseLimits
 from colony.runtime.servers.motion_commands import Range, full_range
@@ -20,7 +20,7 @@ FRAME_NS = 50_000_000
 
 _DRIVE = RSERVER.commands[0]
 
-_BUILT_IN = actuator_table(
+_BUILT_IN = actuator_spec(
     Actuator(
         name=_DRIVE.name,
         fields=tuple(ActuatorField(name=p.name, type=p.type) for p in _DRIVE.parameters),
@@ -28,7 +28,7 @@ _BUILT_IN = actuator_table(
         command=_DRIVE.name,
         idle=(0.0, 0.0),
     ),
-    ActuatorBinding(actuator=_DRIVE.name, server=RSERVER.name, command=_DRIVE.name, places=(0, 1)),
+    ActuatorBinding(actuator=_DRIVE.name, server=RSERVER.name, command=_DRIVE.name, field_indices=(0, 1)),
     (),
 )
 
@@ -37,12 +37,12 @@ _BUILT_IN = actuator_table(
 class BaseActuator:
     """The actuator of the base in a run, its range, and its clients by priority.
 
-    `published` is True if its verdicts are published. It is False for a program that does not bind the base.
+    `published` is True if its verdicts are published; it is False for a program that does not bind the base.
     """
 
     run: str
     frame_ns: int
-    table: ActuatorTable
+    spec: ActuatorSpec
     allowed: Range
     clients: Mapping[int, str]
     published: bool = True
@@ -51,38 +51,36 @@ class BaseActuator:
     @property
     def name(self) -> str:
         """Name of the actuator."""
-        return self.table.name
+        return self.spec.name
 
     def values(self, speeds: Speeds) -> tuple[float, ...]:
         """Return the values of the actuator for these speeds; a speed without a field is dropped."""
-        values = [0.0] * len(self.table.fields)
-        for i, speed in zip(self.table.places, speeds, strict=True):
+        values = [0.0] * len(self.spec.fields)
+        for i, speed in zip(self.spec.field_indices, speeds, strict=True):
             if i is not None:
                 values[i] = speed
         return tuple(values)
 
 
-def speeds_of(actuator: ActuatorTable, values: tuple[ScalarValue, ...]) -> Speeds:
+def speeds_of(actuator: ActuatorSpec, values: tuple[ScalarValue, ...]) -> Speeds:
     """Return the speeds of a command in base units; a missing parameter is 0."""
-    velocity, turn = (0.0 if i is None else float(values[i]) for i in actuator.places)
+    velocity, turn = (0.0 if i is None else float(values[i]) for i in actuator.field_indices)
     return Speeds(velocity, turn)
 
 
 def base_actuator(deployed: Deployment | None, limits: BaseLimits) -> BaseActuator:
     """Return the actuator bound to the base in a valid deployment, else the built-in one."""
     if deployed is None:
-        return BaseActuator(
-            run="", frame_ns=FRAME_NS, table=_BUILT_IN, allowed=full_range(limits), clients={}
-        )
-    found = actuators_of(deployed, RSERVER.name)
-    table = found[0] if found else _BUILT_IN
+        return BaseActuator(run="", frame_ns=FRAME_NS, spec=_BUILT_IN, allowed=full_range(limits), clients={})
+    bound = actuators_of(deployed, RSERVER.name)
+    spec = bound[0] if bound else _BUILT_IN
     return BaseActuator(
         run=deployed.run,
         frame_ns=deployed.frame_ns,
-        table=table,
-        allowed=_range(table, limits),
-        clients={priority: name for name, priority in table.clients},
-        published=bool(found),
+        spec=spec,
+        allowed=_range(spec, limits),
+        clients={priority: name for name, priority in spec.clients},
+        published=bool(bound),
         lockstep=deployed.lockstep,
     )
 
@@ -95,50 +93,48 @@ def mismatch(deployed: Deployment) -> str | None:
 def _mismatches(deployed: Deployment) -> Iterator[str]:
     if not deployed.run:
         yield "a run without a name"
-    tables = [table for table in deployed.actuators if table.server == RSERVER.name]
-    if len(tables) > 1:
-        names = " and ".join(f"`{table.name}`" for table in tables)
+    specs = [spec for spec in deployed.actuators if spec.server == RSERVER.name]
+    if len(specs) > 1:
+        names = " and ".join(f"`{spec.name}`" for spec in specs)
         yield f"{names} command the base; expected one actuator"
-    for table in tables:
-        yield from _table_mismatches(table)
+    for spec in specs:
+        yield from _spec_mismatches(spec)
 
 
-def _table_mismatches(table: ActuatorTable) -> Iterator[str]:
-    if table.command != _DRIVE.name:
-        yield f"`{table.name}`: {RSERVER.name} has no command `{table.command}`"
-    count = len(table.fields)
-    if len(table.places) != len(_DRIVE.parameters):
-        yield f"`{table.name}`: {len(table.places)} parameters; expected {len(_DRIVE.parameters)}"
-    if any(i is not None and not 0 <= i < count for i in table.places):
-        yield f"`{table.name}`: a parameter is not one of its {count} fields"
-    if any(field.kind != "number" for field in table.fields):
-        yield f"`{table.name}`: a field is not a number"
-    if any(not math.isfinite(field.factor) or field.factor == 0.0 for field in table.fields):
-        yield f"`{table.name}`: a factor is 0 or not finite"
-    if table.idle is not None and not all(map(_number, table.idle)):
-        yield f"`{table.name}`: an idle command with a value that is not finite"
-    priorities = [priority for _, priority in table.clients]
+def _spec_mismatches(spec: ActuatorSpec) -> Iterator[str]:
+    if spec.command != _DRIVE.name:
+        yield f"`{spec.name}`: {RSERVER.name} has no command `{spec.command}`"
+    count = len(spec.fields)
+    if len(spec.field_indices) != len(_DRIVE.parameters):
+        yield f"`{spec.name}`: {len(spec.field_indices)} parameters; expected {len(_DRIVE.parameters)}"
+    if any(i is not None and not 0 <= i < count for i in spec.field_indices):
+        yield f"`{spec.name}`: a parameter is not one of its {count} fields"
+    if any(field.kind != "number" for field in spec.fields):
+        yield f"`{spec.name}`: a field is not a number"
+    if any(not math.isfinite(field.factor) or field.factor == 0.0 for field in spec.fields):
+        yield f"`{spec.name}`: a factor is 0 or not finite"
+    if spec.idle is not None and not all(map(_is_finite_number, spec.idle)):
+        yield f"`{spec.name}`: an idle command with a value that is not finite"
+    priorities = [priority for _, priority in spec.clients]
     if priorities != sorted(priorities, reverse=True):
-        yield f"`{table.name}`: the clients are not in the order of their priorities"
+        yield f"`{spec.name}`: the clients are not in the order of their priorities"
 
 
-def _number(value: ScalarValue) -> bool:
+def _is_finite_number(value: ScalarValue) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _range(table: ActuatorTable, limits: BaseLimits) -> Range:
-    """Return the program's range within the limits of the base; a speed that it lacks keeps its limits."""
-    whole = full_range(limits)
-    velocity, turn = table.places
-    return whole._replace(
-        velocity=_narrowed(whole.velocity, table, velocity), turn=_narrowed(whole.turn, table, turn)
-    )
+def _range(spec: ActuatorSpec, limits: BaseLimits) -> Range:
+    """Return the program's range within the limits of the base; a speed without a field keeps the limits."""
+    full = full_range(limits)
+    velocity, turn = spec.field_indices
+    return full._replace(velocity=_narrow(full.velocity, spec, velocity), turn=_narrow(full.turn, spec, turn))
 
 
-def _narrowed(whole: tuple[float, float], table: ActuatorTable, place: int | None) -> tuple[float, float]:
-    if place is None:
-        return whole
-    field = table.fields[place]
-    low = whole[0] if field.low is None else max(whole[0], field.low)
-    high = whole[1] if field.high is None else min(whole[1], field.high)
+def _narrow(full: tuple[float, float], spec: ActuatorSpec, index: int | None) -> tuple[float, float]:
+    if index is None:
+        return full
+    field = spec.fields[index]
+    low = full[0] if field.low is None else max(full[0], field.low)
+    high = full[1] if field.high is None else min(full[1], field.high)
     return (low, high)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 
 class Bound:
-    """A limit. Mutable: whether a request was refused because of it.
+    """A limit. Stateful: remembers whether a request was refused because of it.
 
     Args:
-        what: the name of the things counted, for users.
-        limit: the largest count that is allowed.
+        what: the display name of the counted things.
+        limit: the maximum count.
         in_bytes: True if the count is in bytes.
     """
 
@@ -23,8 +23,8 @@ class Bound:
         self._was_reached |= count > self.limit
         return count <= self.limit
 
-    def reached(self, count: int) -> tuple[str, ...]:
-        """Return a sentence if `count` reaches the limit or a request was ever refused; else nothing."""
+    def limit_messages(self, count: int) -> tuple[str, ...]:
+        """Return a message if `count` reaches the limit or a request was ever refused; else nothing."""
         if count < self.limit and not self._was_reached:
             return ()
         refused = ", and there was no room for more" if self._was_reached else ""

@@ -1,11 +1,11 @@
 """Answers to calls, recorded so that each call is executed exactly once, even across restarts.
 
 A restarted server must know which of the repeated calls it has already executed. So it records its answers,
-and commits each together with the effects of its call: the store has both or neither.
+and commits each answer together with the effects of the call: the store has both or neither.
 
 The newest `ANSWERS_PER_CONNECTION` answers of each connection are kept in a ring: number i of its answers
-is in slot i mod `ANSWERS_PER_CONNECTION`. A call with a number up to that of a dropped answer may have been
-executed, and is refused, unless it is recorded as still waiting for its answer.
+is in slot i mod `ANSWERS_PER_CONNECTION`. A call whose number is not above that of a dropped answer may have
+been executed; it is refused, unless it is recorded as still waiting for its answer.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ ANSWERS_PER_CONNECTION = 64
 """Number of answers recorded for a connection."""
 
 MAX_CONNECTIONS = 2000
-"""Largest number of connections with recorded answers; the least recently active are dropped."""
+"""Maximum number of connections with recorded answers; the least recently active are dropped."""
 
 MAX_TOTAL_BYTES = 16 << 20
 """Byte limit of all recorded answers; each counts its result, its connection and `OVERHEAD`."""
 
 OVERHEAD = 100
-"""Bytes that an answer counts besides its result and its connection."""
+"""Bytes that an answer counts in addition to its result and its connection."""
 
 MAX_CALL_NUMBER = (1 << 53) - 1
-"""The largest valid call number."""
+"""Maximum number of a call."""
 
 
 class _Answer(NamedTuple):
@@ -53,7 +53,7 @@ class _Ring:
 
 
 class CallAnswers:
-    """The recorded answers. Mutable; changes go into the journal."""
+    """The recorded answers. Mutable; changes are written to the journal."""
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
@@ -62,9 +62,9 @@ class CallAnswers:
         self._used = 0
 
     @property
-    def reached(self) -> tuple[str, ...]:
-        """Sentences for users about the limits reached since the server started."""
-        return self._bound.reached(self._used)
+    def limit_messages(self) -> tuple[str, ...]:
+        """User-readable messages about the limits reached since the server started."""
+        return self._bound.limit_messages(self._used)
 
     def find(self, connection: str, number: int) -> bytes | None:
         """Return the result in msgpack of a call that was executed; None if it was not.
@@ -86,14 +86,13 @@ class CallAnswers:
         return None
 
     def record(self, connection: str, number: int, result: bytes) -> None:
-        """Record the result in msgpack of an executed call; it may be sent once this is committed."""
-        self._journal.promise()
+        """Record the result of an executed call, in msgpack; it may be sent once the record is committed."""
+        self._journal.mark_ack_pending()
         ring = self._ring(connection)
         answers = ring.answers
         oldest = next(iter(answers.values()), None)
-        if (
-            oldest is not None and oldest.sequence == ring.sequence - ANSWERS_PER_CONNECTION
-        ):  # its slot is about to be written
+        # the new answer takes the slot of the oldest one in a full ring
+        if oldest is not None and oldest.sequence == ring.sequence - ANSWERS_PER_CONNECTION:
             self._used -= _cost(connection, answers.pop(oldest.number))
             ring.floor = max(ring.floor, oldest.number)
         answer = answers[number] = _Answer(ring.sequence, number, ring.floor, result)
@@ -108,7 +107,7 @@ class CallAnswers:
             self.clear_pending(connection, number)
 
     def mark_pending(self, connection: str, number: int) -> None:
-        """Record that a call waits for its answer, up to `ANSWERS_PER_CONNECTION` calls of a connection."""
+        """Record that a call waits for its answer; at most `ANSWERS_PER_CONNECTION` calls of a connection."""
         pending = self._ring(connection).pending
         if len(pending) < ANSWERS_PER_CONNECTION:
             pending.add(number)
@@ -122,7 +121,7 @@ class CallAnswers:
             self._journal.drop(Key("pending", connection, number))
 
     def forget(self, connection: str, number: int) -> None:
-        """Drop the answer of a call whose effect was undone: if repeated, it is executed again."""
+        """Drop the answer of a call whose effect was undone, so that a repeated call is executed again."""
         ring = self._rings.get(connection)
         answer = None if ring is None else ring.answers.pop(number, None)
         if answer is not None:
@@ -130,7 +129,7 @@ class CallAnswers:
             self._journal.drop(Key("answer", connection, answer.sequence % ANSWERS_PER_CONNECTION))
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Load the entries of a store of the kinds "answer" and "pending"."""
+        """Load the entries of kinds "answer" and "pending" from a store."""
         kept = [(key.name, _answers.decode(data)) for key, data in entries.items() if key.kind == "answer"]
         for connection, answer in sorted(kept, key=lambda entry: entry[1].sequence):
             ring = self._rings.setdefault(connection, _Ring())

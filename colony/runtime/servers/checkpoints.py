@@ -1,6 +1,6 @@
-"""Checkpoints at DServer: the memory of a program's clients, for processes that replace them.
+"""Checkpoints at DServer: the memory of a program's clients, for the processes that replace lost clients.
 
-DServer accepts checkpoints of the deployed program's clients only.
+DServer accepts checkpoints only of clients of the deployed program.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _CLIENTS = Key("fact", "clients")
 
 
 class Checkpoints:
-    """The newest checkpoint of each client, by address. Mutable; changes go into the journal."""
+    """The newest checkpoint of each client, by address. Mutable; changes are written to the journal."""
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
@@ -39,9 +39,9 @@ class Checkpoints:
         self._clients: frozenset[str] = frozenset()
 
     @property
-    def reached(self) -> tuple[str, ...]:
-        """Sentences for users about the limits reached since the server started."""
-        return self._bound.reached(self._used)
+    def limit_messages(self) -> tuple[str, ...]:
+        """User-readable messages about the limits reached since the server started."""
+        return self._bound.limit_messages(self._used)
 
     def keep(self, checkpoint: Checkpoint) -> None:
         """Keep a checkpoint of a client of the program, unless it is too large or outdated."""
@@ -59,14 +59,14 @@ class Checkpoints:
         self._journal.put(Key("checkpoint", client), _encode(checkpoint))
 
     def recall(self, recall: Recall) -> Iterator[Send]:
-        """Send a client its newest checkpoint; ignore a client of no or another program."""
+        """Send a client its newest checkpoint; ignore a client that is not of the deployed program."""
         if recall.client in self._clients:
-            none = Checkpoint(client=recall.client, k=-1, start=-1, memory=b"")
-            found = self._newest.get(recall.client, none)
-            yield Send(topics.recalled(DSERVER.name, recall.client), found)
+            empty = Checkpoint(client=recall.client, k=-1, start=-1, memory=b"")
+            newest = self._newest.get(recall.client, empty)
+            yield Send(topics.recalled(DSERVER.name, recall.client), newest)
 
     def begin(self, run: str, clients: Iterable[str]) -> None:
-        """Begin a run with these clients; if it is a new one, drop all checkpoints."""
+        """Begin a run with these clients; drop all checkpoints if the run is new."""
         if run == self._run:
             return
         for client in self._newest:

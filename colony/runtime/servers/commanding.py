@@ -1,4 +1,4 @@
-"""Command handling of a server: an arbiter for each actuator, and one dispatch a frame."""
+"""Command handling of a server: an arbiter for each actuator, which dispatches once per frame."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Arbiter, Dispatch, Event, Timing
 from colony.runtime.arbitration.ballot import NO_INTERVENTIONS, STOPPED, Interventions
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.deployment import ActuatorTable
+from colony.runtime.protocol.deployment import ActuatorSpec
 from colony.runtime.protocol.messages import Effect, Malformed, Request, Send, Tick, Verdict, WakeAt
 
-Perform = Callable[[ActuatorTable, tuple[ScalarValue, ...], int], None]
+Perform = Callable[[ActuatorSpec, tuple[ScalarValue, ...], int], None]
 """A function that carries out a command: the actuator, its fields in base units, the time."""
 
-OnDispatch = Callable[[ActuatorTable, Dispatch, int], None]
-"""A function called with a frame's decision before it is carried out, even if nothing is sent."""
+OnDispatch = Callable[[ActuatorSpec, Dispatch, int], None]
+"""A function called with each dispatch before it is carried out, even if it sends nothing."""
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class _Counts:
-    """Counts of one actuator: its frames, the failures in them by client, and the last note."""
+    """Counts of one actuator: its frames, its clients' failures in them, and the last note."""
 
     frames: int = 0
     late: dict[str, int] = field(default_factory=dict)
@@ -30,7 +30,7 @@ class _Counts:
     refused: dict[str, int] = field(default_factory=dict)
     last_note: str | None = None
 
-    def take(self, verdict: Verdict) -> None:
+    def add(self, verdict: Verdict) -> None:
         self.frames += 1
         for client, fate in verdict.fates:
             if fate == "late":
@@ -55,7 +55,7 @@ class ClientCounts(NamedTuple):
 
 
 class ActuatorCounts(NamedTuple):
-    """The frames of an actuator so far, its clients, highest priority first, and the last note."""
+    """The number of frames of an actuator so far, its clients (highest priority first), and the last note."""
 
     actuator: str
     frames: int
@@ -64,10 +64,10 @@ class ActuatorCounts(NamedTuple):
 
 
 class CommandDispatcher:
-    """The arbitration and execution of commands for a server's actuators. Mutable: the arbiters.
+    """The arbitration and execution of commands for a server's actuators. Mutable.
 
     Args:
-        commanded: the actuators.
+        actuators: the actuators.
         times: the deadline and grace period of their frames.
         perform: carries out a dispatched command; not called if nothing is sent (`idle hold`).
         on_dispatch: called with every dispatch.
@@ -76,18 +76,18 @@ class CommandDispatcher:
 
     def __init__(
         self,
-        commanded: tuple[ActuatorTable, ...],
+        actuators: tuple[ActuatorSpec, ...],
         times: Timing,
         perform: Perform,
         *,
         on_dispatch: OnDispatch = lambda actuator, dispatch, now_ns: None,
         publish: bool = True,
     ) -> None:
-        self._actuators = {table.name: table for table in commanded}
-        self._arbiters = {table.name: Arbiter(table, times) for table in commanded}
+        self._actuators = {spec.name: spec for spec in actuators}
+        self._arbiters = {spec.name: Arbiter(spec, times) for spec in actuators}
         self._clients = {
-            name: {topics.client_address(name, client): client for client, _ in table.clients}
-            for name, table in self._actuators.items()
+            name: {topics.client_address(name, client): client for client, _ in spec.clients}
+            for name, spec in self._actuators.items()
         }
         self._counts = {name: _Counts() for name in self._actuators}
         self._perform = perform
@@ -98,12 +98,12 @@ class CommandDispatcher:
     @property
     def can_halt(self) -> bool:
         """True if `halt` has an idle command to carry out."""
-        return any(table.idle is not None for table in self._actuators.values())
+        return any(spec.idle is not None for spec in self._actuators.values())
 
     def tick(
         self, tick: Tick, now_ns: int, interventions: Interventions = NO_INTERVENTIONS
     ) -> Iterable[Effect]:
-        """Open the frame of every actuator; `interventions` act besides its clients."""
+        """Open the frame of every actuator; `interventions` compete with its clients."""
         for name, arbiter in self._arbiters.items():
             clients = self._clients[name]
             lost = frozenset(clients[a] for a in tick.lost if a in clients)
@@ -111,7 +111,7 @@ class CommandDispatcher:
         yield from self._set_alarm()
 
     def request(self, request: Request, now_ns: int) -> Iterable[Effect]:
-        """Take a client's request; ignore one for an actuator of another server."""
+        """Handle a client's request; ignore one for an actuator of another server."""
         arbiter = self._arbiters.get(request.actuator)
         if arbiter is not None:
             events = arbiter.receive(request, now_ns)
@@ -123,21 +123,21 @@ class CommandDispatcher:
                 yield WakeAt(due)
 
     def intervene(self, actuator: str, interventions: Interventions, now_ns: int) -> Iterable[Effect]:
-        """Apply changed interventions to an actuator within its frame."""
+        """Apply changed interventions to the current frame of an actuator."""
         yield from self._carry_out(
             actuator, self._arbiters[actuator].intervene(interventions, now_ns), now_ns
         )
         yield from self._set_alarm()
 
     def halt(self, now_ns: int) -> Iterable[Effect]:
-        """Carry out every idle command, whatever the frames decide.
+        """Carry out every idle command, regardless of what the frames decide.
 
-        Called on an emergency stop, and when ticks stop coming.
+        Called on an emergency stop, and when no more ticks arrive.
         """
-        for name, table in self._actuators.items():
+        for name, spec in self._actuators.items():
             yield from self.intervene(name, STOPPED, now_ns)
-            if table.idle is not None:
-                self._perform(table, table.idle, now_ns)
+            if spec.idle is not None:
+                self._perform(spec, spec.idle, now_ns)
 
     def malformed(self, message: Malformed) -> None:
         """Add a note about a malformed request to the verdicts of the frame."""
@@ -157,36 +157,37 @@ class CommandDispatcher:
         yield from self._set_alarm()
 
     def finish(self, now_ns: int) -> Iterable[Effect]:
-        """End the present frames as they are; no other frame follows."""
+        """End the current frames as they stand, because no others follow."""
         for name, arbiter in self._arbiters.items():
             yield from self._carry_out(name, arbiter.finish(), now_ns)
 
     def counts(self) -> tuple[ActuatorCounts, ...]:
         """Return the counts of every actuator so far."""
-        return tuple(_counts_of(table, self._counts[name]) for name, table in self._actuators.items())
+        return tuple(_counts_of(spec, self._counts[name]) for name, spec in self._actuators.items())
 
     def _carry_out(self, name: str, events: tuple[Event, ...], now_ns: int) -> Iterator[Effect]:
         for event in events:
             if isinstance(event, Dispatch):
-                table = self._actuators[name]
-                self._on_dispatch(table, event, now_ns)
+                spec = self._actuators[name]
+                self._on_dispatch(spec, event, now_ns)
                 if event.values is not None:
-                    self._perform(table, event.values, now_ns)
+                    self._perform(spec, event.values, now_ns)
             else:
-                self._counts[name].take(event)
+                self._counts[name].add(event)
                 if self._publish:
                     yield Send(topics.VERDICTS, event)
 
     def _set_alarm(self) -> Iterator[Effect]:
-        due = min((at for a in self._arbiters.values() if (at := a.wake_at) is not None), default=None)
+        times = (arbiter.wake_at for arbiter in self._arbiters.values())
+        due = min((t_ns for t_ns in times if t_ns is not None), default=None)
         if due is not None and (self._alarm is None or due < self._alarm):
             self._alarm = due
             yield WakeAt(due)
 
 
-def _counts_of(table: ActuatorTable, counts: _Counts) -> ActuatorCounts:
+def _counts_of(spec: ActuatorSpec, counts: _Counts) -> ActuatorCounts:
     clients = []
-    for name, priority in table.clients:
-        bad = tuple(of.get(name, 0) for of in (counts.late, counts.lost, counts.refused))
-        clients.append(ClientCounts(name, priority, counts.frames - sum(bad), *bad))
-    return ActuatorCounts(table.name, counts.frames, tuple(clients), counts.last_note)
+    for name, priority in spec.clients:
+        failed = tuple(frames.get(name, 0) for frames in (counts.late, counts.lost, counts.refused))
+        clients.append(ClientCounts(name, priority, counts.frames - sum(failed), *failed))
+    return ActuatorCounts(spec.name, counts.frames, tuple(clients), counts.last_note)

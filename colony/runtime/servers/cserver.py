@@ -1,10 +1,10 @@
 """CServer: the server of one camera (thesis section 4.6.4). Each camera of a robot has its own.
 
 The server grabs an image every period and returns the newest one, so no caller waits for the camera. While a
-connection holds the lock, the image is frozen: rows grabbed one after the other belong to the same image.
+connection holds the lock, the image is frozen: rows grabbed one after another belong to the same image.
 
-Images do not fit into frames, and no sensor binds to a CServer. It answers ticks with empty frames, which
-show the Clock that it is alive.
+Images do not fit into frames, and no sensor can be bound to a CServer. It answers ticks with empty frames,
+which show the Clock that it is alive.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.servers.drivers import CameraDriver
 
 CSERVER = "CServer"
-"""Name of the only camera; if there are several, the prefix of their names."""
+"""Name of the server of a single camera; with several cameras, the prefix of their servers' names."""
 
 PERIOD_NS = 500_000_000
 """Time from one image to the next in nanoseconds, as in the thesis."""
@@ -51,11 +51,11 @@ MIN_PERIOD_NS = 10_000_000
 MAX_PERIOD_NS = 3_600_000_000_000
 
 _MAX_PIXEL_BYTES = MAX_MESSAGE_BYTES - 4096
-"""Byte limit of the pixels in one message; the rest is for the other fields of the reply."""
+"""Byte limit of the pixels in one message; the remainder is for the other fields of the reply."""
 
 
 class Camera:
-    """A camera. Mutable: the newest shot, its lock, the period, and `answers`.
+    """A camera: its newest shot, its lock and its period. Mutable.
 
     Args:
         address: the server's name.
@@ -81,8 +81,8 @@ class Camera:
             method("size", NoArguments, self._size, right="read"),
             method("grab", NoArguments, self._grab, right="read"),
             method("grab_rows", GrabRows, self._grab_rows, right="read"),
-            method("lock", LockImage, self._take_lock),
-            method("unlock", NoArguments, self._give_lock),
+            method("lock", LockImage, self._acquire_lock),
+            method("unlock", NoArguments, self._release_lock),
             method("period", NoArguments, lambda *_: self._period_ns, right="read"),
             method("set_period", SetPeriod, self._set_period),
         )
@@ -100,20 +100,19 @@ class Camera:
 
     def poll(self, now_ns: int) -> None:
         """Grab an image if one is due, and refuse calls whose wait for the lock timed out."""
-        frozen = (
-            self._lock.holder is not None and not self.answers
-        )  # a lock that is just being granted does not freeze the image
+        # a lock that is just being granted does not freeze the image yet
+        frozen = self._lock.holder is not None and not self.answers
         if now_ns >= self._due_ns and not frozen:
             self._shot = self._driver.grab()
             self._due_ns += self._period_ns * (1 + (now_ns - self._due_ns) // self._period_ns)
         self.answers += [(call_id, self._lock.refusal()) for call_id in self._lock.expire(now_ns)]
 
     def lost(self, caller: Caller) -> None:
-        """Release the lock of a connection that has ended, and remove it from the queue."""
+        """Release the lock of a connection that has ended, and remove the connection from the queue."""
         self._grant(self._lock.drop(caller))
 
     def _require_shot(self) -> Shot:
-        """Return the shot; if there is none yet, try the camera once more."""
+        """Return the newest shot; if there is none yet, try the camera once more."""
         if self._shot is None:
             self._shot = self._driver.grab()
         if self._shot is None:
@@ -140,26 +139,27 @@ class Camera:
             raise RefusedError("too large", f"{found}; grab rows of at most {_MAX_PIXEL_BYTES} bytes")
         return image
 
-    def _take_lock(self, call_id: CallId, arguments: LockImage, now_ns: int) -> Later | None:
-        return None if self._lock.ask(call_id, now_ns, wait_ns=arguments.wait_ns) else LATER
+    def _acquire_lock(self, call_id: CallId, arguments: LockImage, now_ns: int) -> Later | None:
+        return None if self._lock.acquire(call_id, now_ns, wait_ns=arguments.wait_ns) else LATER
 
-    def _give_lock(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> None:
+    def _release_lock(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> None:
         self._grant(self._lock.release(call_id.caller))
 
     def _grant(self, granted: Iterable[CallId]) -> None:
         self.answers += [(call_id, None) for call_id in granted]
 
     def _set_period(self, call_id: CallId, arguments: SetPeriod, now_ns: int) -> None:
-        period_ns, least, most = arguments.period_ns, MIN_PERIOD_NS, MAX_PERIOD_NS
-        if not least <= period_ns <= most:
+        period_ns = arguments.period_ns
+        if not MIN_PERIOD_NS <= period_ns <= MAX_PERIOD_NS:
             found = f"{self.address}.set_period: {period_ns / 1e9:g} s"
-            raise RefusedError("arguments", f"{found}; expected {least / 1e9:g} to {most / 1e9:g} s")
+            expected = f"{MIN_PERIOD_NS / 1e9:g} to {MAX_PERIOD_NS / 1e9:g} s"
+            raise RefusedError("arguments", f"{found}; expected {expected}")
         self._period_ns = period_ns
         self._due_ns = min(self._due_ns, now_ns + period_ns)
 
 
 class CServer(QuietNode):
-    """The server of a camera. Mutable: the camera's image, its lock, the period.
+    """The server of a camera. Mutable.
 
     Args:
         driver: the camera.

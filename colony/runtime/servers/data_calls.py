@@ -1,4 +1,4 @@
-"""The calls of DServer, made by the functions of `library/data.py` (thesis section 4.6.1).
+"""Handling of the calls of DServer, which the functions of `library/data.py` make (thesis section 4.6.1).
 
 Variables, semaphores, watches and answers put their changes into one journal, which the server commits before
 any effect leaves.
@@ -22,7 +22,7 @@ from colony.runtime.protocol.messages import Effect, Message, Wake, WakeAt
 from colony.runtime.servers.call_answers import CallAnswers
 from colony.runtime.servers.data_methods import MAX_NAMES_BYTES, DataMethods, check_count
 from colony.runtime.servers.frame_content import FrameSubscriptions
-from colony.runtime.servers.names import checked_name
+from colony.runtime.servers.names import validate_name
 from colony.runtime.servers.notices import SLICE_INTERVAL_NS, NoticeQueue
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.variables import (
@@ -33,23 +33,23 @@ from colony.runtime.servers.watching import Watches
 RECONNECT_GRACE_NS = 2_000_000_000
 """Nanoseconds after a restart for which the holds of a connection wait for it to reconnect.
 
-If it were shorter, a client about to reconnect might find that another client holds its semaphore, too.
+If it were shorter, a client about to reconnect could find that another client holds its semaphore as well.
 """
 
 
 class DataCalls:
-    """The calls of DServer. Mutable: its parts, and the pending notices and answers.
+    """Handles the calls of DServer. Mutable.
 
     Args:
         variables: the variables, loaded.
         semaphores: the semaphores, loaded.
         answers: the answers to calls, loaded.
         watches: the watches of connections, loaded.
-        wanted: the variables that connections subscribed to in frames, loaded.
-        others: further methods.
+        frame_subscriptions: the variables that connections subscribed to in frames, loaded.
+        other_methods: further methods of the server.
         on_lost: called for each connection that has ended.
         stop: carries out an emergency stop, given the connection and the time.
-        full: returns sentences about limits that the server has reached.
+        full: returns messages about limits that the server has reached.
         no_room: returns the reason why changes cannot be stored, None while they can.
     """
 
@@ -61,7 +61,7 @@ class DataCalls:
         watches: Watches,
         frame_subscriptions: FrameSubscriptions,
         *,
-        others: Iterable[Method] = (),
+        other_methods: Iterable[Method] = (),
         on_lost: Callable[[Caller], None] = lambda caller: None,
         stop: Callable[[str, int], None] | None = None,
         full: Callable[[], Iterable[str]] = lambda: (),
@@ -74,11 +74,11 @@ class DataCalls:
         self._watches = watches
         self._frame_subscriptions = frame_subscriptions
         self._notices = NoticeQueue(variables, watches, self._notify)
-        self._data = DataMethods(variables, semaphores, self._notices.changed)
+        self._data = DataMethods(variables, semaphores, self._notices.mark_changed)
         self._next_slice: int | None = None
         self._calls = CallDispatcher(
             DSERVER.name,
-            (*self._methods(), *others),
+            (*self._methods(), *other_methods),
             admit=self._admit,
             on_lost=self._end,
             stop=stop,
@@ -92,7 +92,7 @@ class DataCalls:
         self.listens = self._calls.listens
 
     def start(self, now_ns: int) -> Iterator[Effect]:
-        """Start without connections, and give earlier connections time to reconnect."""
+        """Give the connections of before a restart time to reconnect; none is open yet."""
         self._watches.start(now_ns)
         if self._semaphores.holders_except(()):
             self._reconnect_by = now_ns + RECONNECT_GRACE_NS
@@ -106,13 +106,13 @@ class DataCalls:
         if self._opened:
             self._restore_watches()
         yield from self._settle(now_ns)
-        if self._notices.waiting:
+        if self._notices.pending:
             yield from self._send_notices(now_ns)
 
     def changed(self, names: Iterable[str], now_ns: int) -> Iterator[Effect]:
         """Send notices about variables that actuators have set."""
         for name in names:
-            self._notices.changed(name)
+            self._notices.mark_changed(name)
         yield from self._send_notices(now_ns)
 
     def _methods(self) -> tuple[Method, ...]:
@@ -131,11 +131,11 @@ class DataCalls:
 
         def handle(call_id: CallId, arguments: Any, now_ns: int) -> object:
             connection, number = call_id.caller.connection, call_id.number
-            done = self._answers.find(connection, number)
-            if done is not None:
-                return msgspec.Raw(done)
+            recorded = self._answers.find(connection, number)
+            if recorded is not None:
+                return msgspec.Raw(recorded)
             try:
-                self._expect_room()
+                self._check_room()
                 result = handler(call_id, arguments, now_ns)
             except RefusedError:
                 self._answers.clear_pending(connection, number)
@@ -148,33 +148,33 @@ class DataCalls:
 
         return handle
 
-    def _expect_room(self) -> None:
+    def _check_room(self) -> None:
         """Check that the changes of a call can be stored.
 
         Raises:
             RefusedError: "full".
         """
-        if (why := self._no_room()) is not None:
-            raise RefusedError("full", f"DServer keeps nothing new: {why}")
+        if (reason := self._no_room()) is not None:
+            raise RefusedError("full", f"DServer keeps nothing new: {reason}")
 
     # --- variables -----------------------------------------------------------------------------------
 
     def _publish(self, call_id: CallId, arguments: Publish, now_ns: int) -> None:
         check_count(len(arguments.names))
-        names = dict.fromkeys(checked_name(name) for name in arguments.names)
-        self._variables.expect_frames_with(names)
+        names = dict.fromkeys(validate_name(name) for name in arguments.names)
+        self._variables.check_frame_room(names)
         self._variables.show(self._frame_subscriptions.subscribe(call_id.caller.connection, names))
 
     # --- changes -------------------------------------------------------------------------------------
 
     def _watch(self, call_id: CallId, arguments: Watch, now_ns: int) -> None:
-        self._expect_room()
+        self._check_room()
         check_count(len(arguments.names) + len(arguments.prefixes))
         for text in (*arguments.names, *arguments.prefixes):
-            checked_name(text or "-")  # a prefix may be empty
+            validate_name(text or "-")  # a prefix may be empty
         connection = call_id.caller.connection
         self._watches.add(connection, arguments.names, arguments.prefixes)
-        self._notices.queue_present_values(connection, arguments.names, arguments.prefixes)
+        self._notices.queue_current_values(connection, arguments.names, arguments.prefixes)
 
     def _unwatch(self, call_id: CallId, arguments: Watch, now_ns: int) -> None:
         check_count(len(arguments.names) + len(arguments.prefixes))
@@ -191,7 +191,7 @@ class DataCalls:
     def _send_notices(self, now_ns: int) -> Iterator[Effect]:
         """Send one slice of notices, and schedule a wake if more are pending."""
         yield from self._notices.slice()
-        if not self._notices.waiting:
+        if not self._notices.pending:
             self._next_slice = None
         elif self._next_slice is None or now_ns >= self._next_slice:
             self._next_slice = now_ns + SLICE_INTERVAL_NS
@@ -204,11 +204,11 @@ class DataCalls:
         self._opened.append(caller.connection)
 
     def _restore_watches(self) -> None:
-        """Restore the watches of reopened connections, and queue notices of the present values."""
+        """Restore the watches of reopened connections, and queue notices of the current values."""
         opened, self._opened = self._opened, []
         for connection in opened:
             self._watches.opened(connection)
-            self._notices.queue_present_values(connection, *self._watches.of(connection))
+            self._notices.queue_current_values(connection, *self._watches.watched_by(connection))
 
     def _end(self, caller: Caller, now_ns: int) -> Iterable[Effect]:
         connection = caller.connection
@@ -234,7 +234,7 @@ class DataCalls:
         self._data.expire(now_ns)
 
     def _settle(self, now_ns: int) -> Iterator[Effect]:
-        """Answer the calls that are done, and schedule a wake for those that still wait."""
+        """Answer the calls that have ended, and schedule a wake for those that still wait."""
         answers, self._data.answers = self._data.answers, []
         for call_id, result in answers:
             if isinstance(result, RefusedError):

@@ -27,31 +27,31 @@ from colony.runtime.library.data import (
     Wait,
 )
 from colony.runtime.protocol.calls import LATER, CallId, Later, Method, RefusedError, method
-from colony.runtime.protocol.deployment import ActuatorTable
-from colony.runtime.servers.names import SortedNames, checked_name
-from colony.runtime.servers.semaphores import Semaphores, timed_out
+from colony.runtime.protocol.deployment import ActuatorSpec
+from colony.runtime.servers.names import SortedNames, validate_name
+from colony.runtime.servers.semaphores import Semaphores, timeout_refusal
 from colony.runtime.servers.variables import (
     MAX_DECODED_BYTES,
     MAX_VALUE_BYTES,
     CheckedValue,
     StoredValue,
     Variables,
-    checked_value,
-    encoded,
+    encode_value,
     unknown_variable,
+    validate_value,
 )
 
 MAX_REPLY_BYTES = 3 << 20
 """Byte limit of the values in one reply, so that it fits into a message."""
 
 MAX_NAMES_PER_REPLY = 5000
-"""Largest number of names in one reply."""
+"""Maximum number of names in one reply."""
 
 MAX_VALUES_PER_REPLY = 2000
-"""Largest number of values of a history in one reply."""
+"""Maximum number of values of a history in one reply."""
 
 MAX_NAMES_PER_CALL = 1000
-"""Largest number of variables that one call sets, gets, watches or publishes."""
+"""Maximum number of variables that one call sets, gets, watches or publishes."""
 
 MAX_SET_BYTES = MAX_VALUE_BYTES + 1024
 """Byte limit of the arguments of `set` and `set_many`: one value of the largest size, with its name."""
@@ -61,12 +61,12 @@ MAX_NAMES_BYTES = 1 << 18
 
 
 class DataMethods:
-    """The calls for variables and semaphores. Mutable: these, `answers` and `wake_at`.
+    """The methods for variables and semaphores. Mutable.
 
     Args:
         variables: the variables.
         semaphores: the semaphores.
-        changed: called with the name of each variable that a call changes.
+        on_change: called with the name of each variable that a call changes.
 
     Attributes:
         answers: results, or refusals, of calls that waited; the sender empties the list.
@@ -74,17 +74,20 @@ class DataMethods:
     """
 
     def __init__(
-        self, variables: Variables, semaphores: Semaphores, changed: Callable[[str], None] = lambda name: None
+        self,
+        variables: Variables,
+        semaphores: Semaphores,
+        on_change: Callable[[str], None] = lambda name: None,
     ) -> None:
         self._variables = variables
         self._semaphores = semaphores
-        self._changed = changed
+        self._on_change = on_change
         self.answers: list[tuple[CallId, object]] = []
         self.wake_at: int | None = None
 
     @property
     def methods(self) -> tuple[Method, ...]:
-        """The methods; those that need the right to command change the state."""
+        """All methods; those that need the right to command change the state."""
         return (
             method("set", Set, self._set, max_bytes=MAX_SET_BYTES),
             method("set_many", SetMany, self._set_many, max_bytes=MAX_SET_BYTES),
@@ -107,14 +110,14 @@ class DataMethods:
         """Refuse the calls whose timeout has passed."""
         if self.wake_at is None or now_ns < self.wake_at:
             return
-        late = self._semaphores.expire(now_ns)
-        self.answers += [(waiter.call_id, timed_out(waiter.name)) for waiter in late]
+        expired = self._semaphores.expire(now_ns)
+        self.answers += [(waiter.call_id, timeout_refusal(waiter.name)) for waiter in expired]
         self.wake_at = self._semaphores.wake_at
 
     def drop(self, connection: str) -> tuple[int, ...]:
         """Remove a connection from all queues, and release the semaphores that it holds.
 
-        Return the numbers of the calls that took them.
+        Return the numbers of the calls by which it took these semaphores.
         """
         held, granted = self._semaphores.drop(connection)
         self.answers += [(call_id, None) for call_id in granted]
@@ -123,15 +126,15 @@ class DataMethods:
     # --- variables -----------------------------------------------------------------------------------
 
     def _set(self, call_id: CallId, arguments: Set, now_ns: int) -> None:
-        name = checked_name(arguments.name)
-        self._variables.set((checked_value(name, arguments.value),), now_ns)
-        self._changed(name)
+        name = validate_name(arguments.name)
+        self._variables.set((validate_value(name, arguments.value),), now_ns)
+        self._on_change(name)
 
     def _set_many(self, call_id: CallId, arguments: SetMany, now_ns: int) -> None:
-        values = checked_values(arguments)
+        values = validate_values(arguments)
         self._variables.set(values, now_ns)
         for value in values:
-            self._changed(value.name)
+            self._on_change(value.name)
 
     def _get(self, call_id: CallId, arguments: Get, now_ns: int) -> msgspec.Raw:
         try:
@@ -146,9 +149,9 @@ class DataMethods:
         missing = [name for name in arguments.names if not self._variables.has(name)]
         if missing:
             raise unknown_variable("`, `".join(missing[:10]))
-        found = {name: self._variables.value(name) for name in arguments.names}
-        _fit(found.values(), "fewer variables")
-        return {name: msgspec.Raw(stored.data) for name, stored in found.items()}
+        values = {name: self._variables.value(name) for name in arguments.names}
+        _check_reply_size(values.values(), "fewer variables")
+        return {name: msgspec.Raw(stored.data) for name, stored in values.items()}
 
     def _history(self, call_id: CallId, arguments: History, now_ns: int) -> tuple[TimedValue, ...]:
         limit = arguments.limit
@@ -156,17 +159,17 @@ class DataMethods:
             wrong = f"{limit} values of a history, starting at value {arguments.back}"
             expected = f"1 to {MAX_VALUES_PER_REPLY}, starting at value 0 or an older one"
             raise RefusedError("arguments", f"DServer: {wrong}; expected {expected}")
-        found = tuple(islice(self._variables.history(arguments.name, arguments.back), limit))
-        _fit(found, "fewer values, or single ones by `get`")
-        return tuple(_timed(stored) for stored in found)
+        values = tuple(islice(self._variables.history(arguments.name, arguments.back), limit))
+        _check_reply_size(values, "fewer values, or for single ones by `get`")
+        return tuple(_timed_value(stored) for stored in values)
 
     def _set_history(self, call_id: CallId, arguments: SetHistory, now_ns: int) -> None:
-        self._variables.set_history(checked_name(arguments.name), arguments.length)
+        self._variables.set_history(validate_name(arguments.name), arguments.length)
 
     def _delete(self, call_id: CallId, arguments: Named, now_ns: int) -> bool:
         deleted = self._variables.delete(arguments.name)
         if deleted:
-            self._changed(arguments.name)
+            self._on_change(arguments.name)
         return deleted
 
     def _names(self, call_id: CallId, arguments: ListNames, now_ns: int) -> tuple[str, ...]:
@@ -175,7 +178,7 @@ class DataMethods:
     # --- semaphores ----------------------------------------------------------------------------------
 
     def _create_semaphore(self, call_id: CallId, arguments: CreateSemaphore, now_ns: int) -> bool:
-        return self._semaphores.create(checked_name(arguments.name), arguments.value)
+        return self._semaphores.create(validate_name(arguments.name), arguments.value)
 
     def _wait(self, call_id: CallId, arguments: Wait, now_ns: int) -> Later | None:
         name, hold = arguments.name, arguments.hold
@@ -200,9 +203,9 @@ class DataMethods:
         return _page(self._semaphores.names, arguments)
 
     def _delete_semaphore(self, call_id: CallId, arguments: Named, now_ns: int) -> bool:
-        deleted, waited = self._semaphores.delete(arguments.name)
+        deleted, waiting = self._semaphores.delete(arguments.name)
         refused = RefusedError("deleted", f"DServer: `{arguments.name}` was deleted")
-        self.answers += [(waiter, refused) for waiter in waited]
+        self.answers += [(call_id, refused) for call_id in waiting]
         return deleted
 
     def _grant(self, call_id: CallId | None) -> None:
@@ -211,10 +214,10 @@ class DataMethods:
             self.answers.append((call_id, None))
 
 
-def command(
-    variables: Variables, actuator: ActuatorTable, values: tuple[ScalarValue, ...], now_ns: int
+def set_commanded_variable(
+    variables: Variables, actuator: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int
 ) -> None:
-    """Set the variable that an actuator is bound to; one field becomes a value, several a list.
+    """Set the variable that an actuator is bound to: to the value of a single field, or to a list of several.
 
     Args:
         variables: the variables of DServer.
@@ -225,22 +228,22 @@ def command(
     declared = in_declared_units(values, actuator.fields)
     assert declared is not None
     value: Value = declared[0] if len(declared) == 1 else declared
-    variables.put(checked_value(actuator.command, encoded(value)), now_ns)
+    variables.put(validate_value(actuator.command, encode_value(value)), now_ns)
 
 
-def _timed(stored: StoredValue) -> TimedValue:
+def _timed_value(stored: StoredValue) -> TimedValue:
     return TimedValue(t_ns=stored.t_ns, value=msgspec.Raw(stored.data))
 
 
-def _fit(datings: Iterable[StoredValue], instead: str) -> None:
-    size = sum(len(stored.data) + 16 for stored in datings)
+def _check_reply_size(values: Iterable[StoredValue], smaller: str) -> None:
+    size = sum(len(stored.data) + 16 for stored in values)
     if size > MAX_REPLY_BYTES:
-        text = f"DServer: {size} bytes of values do not fit into one reply; ask for {instead}"
+        text = f"DServer: {size} bytes of values do not fit into one reply; ask for {smaller}"
         raise RefusedError("size", text)
 
 
-def checked_values(arguments: SetMany) -> list[CheckedValue]:
-    """Return the checked values of a call of `set_many`.
+def validate_values(arguments: SetMany) -> list[CheckedValue]:
+    """Check the values of a call of `set_many`, and return them.
 
     Raises:
         RefusedError: "arguments" or "size".
@@ -251,7 +254,7 @@ def checked_values(arguments: SetMany) -> list[CheckedValue]:
     except (msgspec.DecodeError, UnicodeDecodeError) as problem:
         raise RefusedError("arguments", f"DServer.set_many: {problem} of the values") from None
     readable = len(memoryview(arguments.values)) <= MAX_DECODED_BYTES
-    return [checked_value(checked_name(name), value, readable=readable) for name, value in values.items()]
+    return [validate_value(validate_name(name), value, readable=readable) for name, value in values.items()]
 
 
 def check_count(count: int) -> None:
@@ -266,14 +269,14 @@ def check_count(count: int) -> None:
         )
 
 
-def _page(names: SortedNames, wanted: ListNames) -> tuple[str, ...]:
+def _page(names: SortedNames, request: ListNames) -> tuple[str, ...]:
     """Return the names that a call asks for.
 
     Raises:
         RefusedError: "arguments".
     """
-    if not 1 <= wanted.limit <= MAX_NAMES_PER_REPLY:
+    if not 1 <= request.limit <= MAX_NAMES_PER_REPLY:
         raise RefusedError(
-            "arguments", f"DServer: a limit of {wanted.limit} names; expected 1 to {MAX_NAMES_PER_REPLY}"
+            "arguments", f"DServer: a limit of {request.limit} names; expected 1 to {MAX_NAMES_PER_REPLY}"
         )
-    return names.page(wanted.prefix, wanted.after, wanted.limit)
+    return names.page(request.prefix, request.after, request.limit)

@@ -2,7 +2,7 @@
 
 Drivers do not block. They return the newest reading with the time at which it was taken, or None if there is
 none yet; a slow device is read in the background. Times are those of the robot's Clock. The mechanism that
-stops a robot whose control program fails is in the device, below the driver.
+stops the robot if its control program fails is in the device, below the driver.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from colony.runtime.protocol.messages import Sample
 class BaseState:
     """One consistent snapshot of a base, taken at `t_ns`.
 
-    Position in mm (x east, y north) and heading in degrees (0 north, counterclockwise, in [0, 360)) by dead
-    reckoning; measured speeds in mm/s and deg/s. `wheel_speed` is the mean magnitude of both wheels' speeds.
+    Dead reckoning gives the position in mm (x east, y north) and the heading in degrees (0 north,
+    counterclockwise, in [0, 360)). Speeds are measured, in mm/s and deg/s; `wheel_speed` is the mean
+    magnitude of both wheels' speeds.
     """
 
     t_ns: int
@@ -92,7 +93,7 @@ class CameraDriver(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drivers:
-    """The devices of one robot; `cameras` by the names of their servers."""
+    """The devices of one robot; the keys of `cameras` are the names of their servers."""
 
     base: BaseDriver
     proximity: ProximityDriver

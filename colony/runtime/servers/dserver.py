@@ -1,9 +1,9 @@
 """DServer: the variables and semaphores that the processes of a robot share (thesis section 4.6.1).
 
-Its state survives a crash, SIGKILL included. Each change goes into a journal, and the journal into the store
-in one commit, after all waiting messages were handled and before any effect leaves. So nothing acknowledged
-can be lost, and many changes cost one commit. A repeated call is not executed again, even after a restart of
-the server (see `call_answers.py`).
+Its state survives a crash, SIGKILL included. Each change is written to a journal. The journal is written to
+the store in one commit, after all waiting messages were handled and before any effect leaves. So nothing
+acknowledged can be lost, and many changes cost one commit. A repeated call is not executed again, even after
+a restart of the server (see `call_answers.py`).
 
 On a full disk the server refuses calls whose effects must be stored. Everything else continues: calls that
 only read, ticks, frames, and the commands of actuators.
@@ -24,7 +24,7 @@ from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import CallId, RefusedError, method
 from colony.runtime.protocol.deployment import (
     MAX_DEPLOYMENT_BYTES,
-    ActuatorTable,
+    ActuatorSpec,
     Deployment,
     actuators_of,
     client_addresses,
@@ -51,7 +51,7 @@ from colony.runtime.servers.call_answers import CallAnswers
 from colony.runtime.servers.checkpoints import Checkpoints
 from colony.runtime.servers.commanding import CommandDispatcher
 from colony.runtime.servers.data_calls import DataCalls
-from colony.runtime.servers.data_methods import command
+from colony.runtime.servers.data_methods import set_commanded_variable
 from colony.runtime.servers.frame_content import FrameSubscriptions
 from colony.runtime.servers.relaying import ActivityRelay
 from colony.runtime.servers.semaphores import Semaphores
@@ -72,24 +72,24 @@ ROOM_CHECK_INTERVAL_NS = 1_000_000_000
 
 
 class DServer:
-    """The server of variables. It publishes them, sets those bound to actuators, and answers calls.
+    """The server of variables. It publishes them, sets those bound to actuators, and answers calls. Mutable.
 
-    An actuator of one field sets its variable to the field's value, one of several fields to an array of them
-    in the order declared, in declared units. A variable set by a command of frame k is read in frame k + 1.
-    The server also relays the activity of the modules in Python that are `announced`, and keeps the
-    checkpoints of clients. Mutable.
+    An actuator with one field sets its variable to the field's value; one with several fields sets it to a
+    list of their values in the order declared. Values are in declared units. Modules read a variable set by a
+    command of frame k in frame k + 1. The server also relays the activity of the deployment's modules in
+    Python, and keeps the checkpoints of clients.
 
-    Frames show the variables that connections asked for by `publish` and, during the program's run, those
+    Frames show the variables that connections requested by `publish` and, during the program's run, those
     that the program reads.
 
     Args:
-        held: variables that are fresh in every frame, as if an outside source kept setting them. A call that
-            sets one of them ends this, also after a restart.
+        held: variables that are fresh in every frame, as if an outside source kept setting them, until a call
+            sets them; this outlasts a restart.
         deployment: the program deployed at the start; the call `deploy` replaces it.
         keep: the number of frames kept for readers that missed one.
         store: the store of the state. It is loaded here, and closed by `close`.
         clock_id: the identity of the clock in use. Stored values dated by another clock count as old.
-        notes: returns sentences for users about the store, for `status`.
+        notes: returns user-readable messages about the store, for `status`.
 
     Raises:
         StoreError: the content of the store cannot be read.
@@ -118,7 +118,7 @@ class DServer:
         self._semaphores, self._answers = Semaphores(self._journal), CallAnswers(self._journal)
         self._watches, self._checkpoints = Watches(self._journal), Checkpoints(self._journal)
         if self._load():
-            self._variables.hold(held or {})
+            self._variables.pin(held or {})
         self._leadership = Leadership(self.address)
         self._calls = DataCalls(
             self._variables,
@@ -126,7 +126,7 @@ class DServer:
             self._answers,
             self._watches,
             self._frame_subscriptions,
-            others=(method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES),),
+            other_methods=(method("deploy", Deployment, self._deploy, max_bytes=MAX_DEPLOYMENT_BYTES),),
             on_lost=self._leadership.lost,
             stop=self._stop,
             full=self.full,
@@ -157,7 +157,7 @@ class DServer:
         self.listens = tuple(dict.fromkeys(listens))
 
     def start(self, now_ns: int) -> Iterable[Effect]:
-        """Backdate loaded values of another clock, and give earlier connections time to reconnect."""
+        """Backdate loaded values that another clock dated, and give earlier connections time to reconnect."""
         self._variables.backdate(now_ns, all_values=self._other_clock)
         return self._calls.start(now_ns)
 
@@ -216,7 +216,7 @@ class DServer:
             self._watchdog_due_ns, self._halt_due = None, True
 
     def full(self) -> tuple[str, ...]:
-        """Return sentences for users about the store and the limits reached since the server started."""
+        """Return user-readable messages about the store and the limits reached since the server started."""
         parts = (
             self._variables,
             self._frame_subscriptions,
@@ -227,10 +227,10 @@ class DServer:
             self._publisher,
         )
         no_room = () if self._journal.full is None else (f"nothing new is kept: {self._journal.full}",)
-        return (*no_room, *self._notes(), *(sentence for part in parts for sentence in part.reached))
+        return (*no_room, *self._notes(), *(message for part in parts for message in part.limit_messages))
 
     def settle(self) -> None:
-        """Commit the changes; on a full disk, those that were not promised wait.
+        """Commit the changes; on a full disk, those that are not about to be acknowledged wait.
 
         Raises:
             StoreError: the changes cannot be stored; the server must end, and none of its effects may leave.
@@ -269,15 +269,15 @@ class DServer:
         self._halt_due = True
 
     def _feed_watchdog(self, now_ns: int) -> Iterable[Effect]:
-        """Schedule a wake at which the actuators become idle, unless a tick comes before."""
+        """Schedule a wake at which the actuators become idle, unless a tick arrives first."""
         if self._commands.can_halt:
             self._watchdog_due_ns = now_ns + WATCHDOG_DEADLINES * self._timing.deadline_ns
             yield WakeAt(self._watchdog_due_ns)
 
     # --- published and set variables -----------------------------------------------------------------
 
-    def _set(self, actuator: ActuatorTable, values: tuple[ScalarValue, ...], now_ns: int) -> None:
-        command(self._variables, actuator, values, now_ns)
+    def _set(self, actuator: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> None:
+        set_commanded_variable(self._variables, actuator, values, now_ns)
         self._changed.append(actuator.command)
 
     def _deploy(self, call_id: CallId, deployed: Deployment, now_ns: int) -> None:
@@ -291,7 +291,7 @@ class DServer:
         self._checkpoints.begin(deployed.run, (client for client, _ in client_addresses(deployed)))
         self._timing = timing(deployed.frame_ns, lockstep=deployed.lockstep)
         self._commands = CommandDispatcher(actuators_of(deployed, self.address), self._timing, self._set)
-        self._relay.deploy(deployed.announced)
+        self._relay.deploy(deployed.python_modules)
 
     def _load(self) -> bool:
         """Load the store; return False if it was left by a server that crashed."""

@@ -1,7 +1,7 @@
-"""The content of DServer's frames: the variables that were asked for by name, and no others.
+"""The content of DServer's frames: the variables that were requested by name, and no others.
 
-The deployed program asks for the variables that its sensors are bound to; connections ask by `publish`. So
-the size of a frame depends on its readers, not on the number of variables.
+The deployed program requests the variables that its sensors are bound to; connections use `publish`. So the
+size of a frame depends on its readers, not on the number of variables.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ FRAME_SPACE = 1 << 16
 """Byte limit of the names and values in a frame that the program reads."""
 
 PUBLISHED_SPACE = 1 << 15
-"""Byte limit of the names and values in a frame that only connections asked for."""
+"""Byte limit of the names and values in a frame that only connections requested."""
 
 MAX_LIST_LENGTH = (FRAME_SPACE - 16) // 9
-"""Length of the longest list of numbers that a frame has room for."""
+"""Length of the longest list of numbers that fits into a frame."""
 
 MAX_NAMES_PER_CONNECTION = 1_000
-"""Largest number of names that one connection may ask for in frames."""
+"""Maximum number of names that one connection may request in frames."""
 
-MAX_NAMES_ASKED = 10_000
-"""Largest number of names that all connections together may ask for in frames."""
+MAX_NAMES_REQUESTED = 10_000
+"""Maximum number of names that all connections together may request in frames."""
 
 _READS = Key("fact", "reads")
 
 
 class FrameValue(NamedTuple):
-    """A value as shown in frames, None if it cannot be, and its size there in bytes, or 0."""
+    """A value as frames show it, None if they cannot; its size there in bytes, 0 if it is of another type."""
 
     value: Value | None
     size: int
@@ -48,9 +48,9 @@ NO_FRAME_VALUE = FrameValue(None, 0)
 
 
 def frame_value(name: str, data: bytes) -> FrameValue:
-    """Return the frame value of a value in msgpack.
+    """Return the frame value of a variable's value in msgpack.
 
-    A list that is too long for any frame is not decoded or checked; only its size is set.
+    A list that is too long for any frame is neither decoded nor checked; only its size is set.
     """
     length = _list_length(data)
     if length is not None and length > MAX_LIST_LENGTH:
@@ -65,17 +65,17 @@ def frame_value(name: str, data: bytes) -> FrameValue:
 
 
 class FrameContent:
-    """The content of frames. Mutable: the variables that they show, with their present values.
+    """The content of frames: the variables that they show, with their current values. Mutable.
 
-    The variables that the program reads and those that only connections asked for have separate limits: so
-    observers take no room from the program. A value that finds no room is left out.
+    The variables that the program reads and those that only connections requested have separate limits, so
+    that observers take no room from the program. A value that does not fit is left out.
     """
 
     def __init__(self, space: int = FRAME_SPACE) -> None:
         self.space = space
         self._bound = Bound("numbers in frames", space, in_bytes=True)
         self._published = Bound("numbers in frames that no program reads", PUBLISHED_SPACE, in_bytes=True)
-        self._used = self._used_besides = 0
+        self._used = self._published_used = 0
         self._names: set[str] = set()
         self._read: frozenset[str] = frozenset()
         self._samples: dict[str, Sample] = {}
@@ -83,14 +83,17 @@ class FrameContent:
         self._fields: Fields | None = None
 
     @property
-    def reached(self) -> tuple[str, ...]:
-        """Sentences for users about the limits reached since the server started."""
-        return (*self._bound.reached(self._used), *self._published.reached(self._used_besides))
+    def limit_messages(self) -> tuple[str, ...]:
+        """User-readable messages about the limits reached since the server started."""
+        return (
+            *self._bound.limit_messages(self._used),
+            *self._published.limit_messages(self._published_used),
+        )
 
     def set_program_names(self, names: Iterable[str]) -> frozenset[str]:
         """Set the variables that the program reads, in place of earlier ones.
 
-        Return the changed names; the caller must `put` their present values again.
+        Return the names added and removed; the caller must `put` their current values again.
         """
         new = frozenset(names)
         changed = self._read ^ new
@@ -100,7 +103,7 @@ class FrameContent:
         return changed
 
     def fields(self) -> Fields:
-        """Return the fields of a frame; they are one object, shared by frames, until something changes."""
+        """Return the fields of a frame; frames share one object until something changes."""
         if self._fields is None:
             self._fields = self._samples.copy()
         return self._fields
@@ -109,19 +112,19 @@ class FrameContent:
         """Return the bytes by which a value of this size enlarges the program's part of frames."""
         return size - self._sizes.get(name, 0) if name in self._names and name in self._read else 0
 
-    def expect_room_besides(self, size: int) -> None:
+    def check_published_room(self, size: int) -> None:
         """Check that frames have room for `size` more bytes that no program reads.
 
         Raises:
             RefusedError: "full".
         """
-        if not self._published.allows(self._used_besides + size):
+        if not self._published.allows(self._published_used + size):
             text = (
                 f"DServer's frames have no room for more than {PUBLISHED_SPACE} bytes that no program reads"
             )
             raise RefusedError("full", text)
 
-    def expect_room(self, growth: int) -> None:
+    def check_room(self, growth: int) -> None:
         """Check that the program's part of frames has room for `growth` more bytes.
 
         Raises:
@@ -132,7 +135,7 @@ class FrameContent:
             raise RefusedError("full", text)
 
     def show(self, name: str) -> None:
-        """Show a variable from now on; the caller must `put` its present value."""
+        """Show a variable from now on; the caller must `put` its current value."""
         self._names.add(name)
 
     def hide(self, name: str) -> None:
@@ -141,7 +144,7 @@ class FrameContent:
         self.drop(name)
 
     def put(self, name: str, shown: FrameValue, t_ns: int) -> None:
-        """Show the new value of a variable, if it is wanted."""
+        """Show the new value of a variable, if frames show that variable and have room for the value."""
         if name not in self._names:
             return
         self.drop(name)
@@ -152,7 +155,7 @@ class FrameContent:
             self._count(name, shown.size)
 
     def drop(self, name: str) -> None:
-        """Leave out a variable, until it gets a value."""
+        """Leave out a variable until `put` gives it a value."""
         if self._samples.pop(name, None) is not None:
             self._fields = None
             self._count(name, -self._sizes.pop(name))
@@ -160,20 +163,20 @@ class FrameContent:
     def _allows(self, name: str, size: int) -> bool:
         if name in self._read:
             return self._bound.allows(self._used + size)
-        return self._published.allows(self._used_besides + size)
+        return self._published.allows(self._published_used + size)
 
     def _count(self, name: str, size: int) -> None:
         if name in self._read:
             self._used += size
         else:
-            self._used_besides += size
+            self._published_used += size
 
 
 class FrameSubscriptions:
-    """The variables that the program and connections asked for. Mutable.
+    """The variables that the program and connections requested. Mutable.
 
-    Names that the program reads go into the journal. Most methods return the names that frames show from now
-    on, or no longer.
+    The names that the program reads are written to the journal. Most methods return the names that frames
+    must show from now on, or no longer.
     """
 
     def __init__(self, journal: Journal) -> None:
@@ -181,15 +184,15 @@ class FrameSubscriptions:
         self._run: str | None = None
         self._reads: tuple[str, ...] = ()
         self._reading = False
-        self._asked: dict[str, dict[str, None]] = {}  # by connection
+        self._requested: dict[str, dict[str, None]] = {}  # by connection
         self._count: dict[str, int] = {}
-        self._bound = Bound("names asked for in frames", MAX_NAMES_ASKED)
+        self._bound = Bound("names asked for in frames", MAX_NAMES_REQUESTED)
         self._total = 0
 
     @property
-    def reached(self) -> tuple[str, ...]:
-        """Sentences for users about the limits reached since the server started."""
-        return self._bound.reached(self._total)
+    def limit_messages(self) -> tuple[str, ...]:
+        """User-readable messages about the limits reached since the server started."""
+        return self._bound.limit_messages(self._total)
 
     def deploy(self, run: str, reads: tuple[str, ...]) -> tuple[str, ...]:
         """Replace the program; return the names that no longer have a reader."""
@@ -199,9 +202,9 @@ class FrameSubscriptions:
         return gone
 
     def begin_frame(self, run: str | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Begin a frame of a run; return the names to show from now on, and those to show no longer.
+        """Begin a frame of a run; return the names to show from now on, and those no longer to show.
 
-        The program's names count in frames of its own run only.
+        The program's names count only in frames of its own run.
         """
         reading = run is not None and run == self._run
         if reading == self._reading:
@@ -209,39 +212,39 @@ class FrameSubscriptions:
         self._reading = reading
         if reading:
             return tuple(self._add(self._reads)), ()
-        return (), tuple(self._take(self._reads))
+        return (), tuple(self._remove(self._reads))
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """The variables that the program reads in the present frame."""
+        """The variables that the program reads in the current frame."""
         return self._reads if self._reading else ()
 
     def subscribe(self, connection: str, names: Iterable[str]) -> tuple[str, ...]:
-        """Add names to those that a connection asks for; return those that had no reader before.
+        """Add names to those that a connection requests; return the names that had no reader before.
 
         Raises:
             RefusedError: "full".
         """
-        asked = self._asked.get(connection, {})
-        new = [name for name in dict.fromkeys(names) if name not in asked]
-        if len(asked) + len(new) > MAX_NAMES_PER_CONNECTION:
+        requested = self._requested.get(connection, {})
+        new = [name for name in dict.fromkeys(names) if name not in requested]
+        if len(requested) + len(new) > MAX_NAMES_PER_CONNECTION:
             raise RefusedError(
                 "full",
                 f"DServer: a connection asks for at most {MAX_NAMES_PER_CONNECTION} variables in frames",
             )
         if not self._bound.allows(self._total + len(new)):
             raise RefusedError(
-                "full", f"DServer: connections ask for {MAX_NAMES_ASKED} variables in frames already"
+                "full", f"DServer: connections ask for {MAX_NAMES_REQUESTED} variables in frames already"
             )
-        self._asked.setdefault(connection, asked).update(dict.fromkeys(new))
+        self._requested.setdefault(connection, requested).update(dict.fromkeys(new))
         self._total += len(new)
         return tuple(self._add(new))
 
     def lost(self, connection: str) -> tuple[str, ...]:
-        """Drop the names of a connection that ended; return those that no longer have a reader."""
-        gone = self._asked.pop(connection, {})
+        """Drop the names of a connection that ended; return the names that no longer have a reader."""
+        gone = self._requested.pop(connection, {})
         self._total -= len(gone)
-        return tuple(self._take(gone))
+        return tuple(self._remove(gone))
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
         """Load the names that the program reads from the entries of a store."""
@@ -254,7 +257,7 @@ class FrameSubscriptions:
             if self._count[name] == 1:
                 yield name
 
-    def _take(self, names: Iterable[str]) -> Iterator[str]:
+    def _remove(self, names: Iterable[str]) -> Iterator[str]:
         for name in names:
             self._count[name] -= 1
             if not self._count[name]:
@@ -263,7 +266,7 @@ class FrameSubscriptions:
 
 
 def _list_length(data: bytes) -> int | None:
-    """Return the length of a list in msgpack, by its first bytes; None for any other value."""
+    """Return the length of a list in msgpack, as its first bytes state it; None for any other value."""
     first = data[0] if data else 0
     if first & 0xF0 == 0x90:
         return first & 0x0F

@@ -1,7 +1,7 @@
 """Translation of RServer's calls into motions of the base, within the allowed range.
 
-The functions are pure. They return the motion, and most of them the new settings: the velocity or
-acceleration of a call becomes the default of later calls (thesis section 4.6.3). Impossible requests raise
+The functions are pure. They return the motion, and most of them also the new settings: the velocity or
+acceleration of a call becomes the default of later calls (thesis section 4.6.3). Arguments out of range raise
 `RefusedError` with the code "arguments".
 """
 
@@ -18,7 +18,7 @@ from colony.runtime.servers.drivers import BaseLimits
 
 
 class Range(NamedTuple):
-    """The allowed speeds, lowest and highest, in mm/s and deg/s counterclockwise, and the accelerations."""
+    """The minimum and maximum speeds in mm/s and deg/s counterclockwise, and the maximum accelerations."""
 
     velocity: tuple[float, float]
     turn: tuple[float, float]
@@ -27,7 +27,7 @@ class Range(NamedTuple):
 
     def clamp(self, speeds: Speeds) -> Speeds:
         """Return the nearest allowed speeds."""
-        return Speeds(_clamped(speeds.velocity, self.velocity), _clamped(speeds.turn, self.turn))
+        return Speeds(_clamp(speeds.velocity, self.velocity), _clamp(speeds.turn, self.turn))
 
 
 def full_range(limits: BaseLimits) -> Range:
@@ -69,19 +69,19 @@ def drive(arguments: robot.Drive, allowed: Range) -> Motion:
 def go(
     arguments: robot.Go, settings: Settings, allowed: Range, previous: Motion | None, *, integrating: bool
 ) -> tuple[Motion, Settings]:
-    """Return a motion straight ahead; a repeated one holds the heading of the `previous` one."""
+    """Return a motion straight ahead; if the `previous` motion is one, too, it keeps holding that heading."""
     velocity = _in_range("velocity", arguments.velocity, allowed.velocity, "mm/s")
     if velocity != 0.0:
         settings = settings._replace(velocity=abs(velocity))
-    held = previous if isinstance(previous, motion.Go) else None
-    wanted = motion.Go(
+    previous_go = previous if isinstance(previous, motion.Go) else None
+    new_motion = motion.Go(
         velocity=velocity,
         acceleration=settings.acceleration,
         integrating=integrating,
-        heading=None if held is None else held.heading,
-        error=0.0 if held is None else held.error,
+        heading=None if previous_go is None else previous_go.heading,
+        integral=0.0 if previous_go is None else previous_go.integral,
     )
-    return wanted, settings
+    return new_motion, settings
 
 
 def jog(arguments: robot.Jog, settings: Settings, allowed: Range, previous: Motion | None) -> Motion:
@@ -117,16 +117,18 @@ def move(arguments: robot.Move, settings: Settings, allowed: Range) -> tuple[Fin
     distance = _finite("distance", arguments.distance)
     low, high = allowed.velocity
     settings = _path_settings(arguments, settings, allowed, high if distance > 0.0 else -low)
-    wanted = motion.Move(distance=distance, velocity=settings.velocity, acceleration=settings.acceleration)
-    return wanted, settings
+    new_motion = motion.Move(
+        distance=distance, velocity=settings.velocity, acceleration=settings.acceleration
+    )
+    return new_motion, settings
 
 
 def turn(arguments: robot.Turn, settings: Settings, allowed: Range) -> tuple[FiniteMotion, Settings]:
     """Return a turn by degrees on the spot."""
     degrees = _finite("degrees", arguments.degrees)
-    most = -allowed.turn[0] if degrees > 0.0 else allowed.turn[1]
+    limit = -allowed.turn[0] if degrees > 0.0 else allowed.turn[1]
     settings = settings._replace(
-        turn_velocity=_magnitude("velocity", arguments.velocity, settings.turn_velocity, most, "deg/s"),
+        turn_velocity=_magnitude("velocity", arguments.velocity, settings.turn_velocity, limit, "deg/s"),
         turn_acceleration=_magnitude(
             "acceleration",
             arguments.acceleration,
@@ -135,13 +137,13 @@ def turn(arguments: robot.Turn, settings: Settings, allowed: Range) -> tuple[Fin
             "deg/s^2",
         ),
     )
-    wanted = motion.Turn(
+    new_motion = motion.Turn(
         degrees=degrees,
         velocity=settings.turn_velocity,
         acceleration=settings.turn_acceleration,
         braking=settings.acceleration,
     )
-    return wanted, settings
+    return new_motion, settings
 
 
 def continuous_turn(
@@ -151,29 +153,29 @@ def continuous_turn(
     degrees, radius = _finite("degrees", arguments.degrees), _finite("radius", arguments.radius)
     if radius <= 0.0:
         raise RefusedError("arguments", f"radius is {radius:g} mm; expected more than 0")
-    most = -allowed.turn[0] if degrees > 0.0 else allowed.turn[1]
+    limit = -allowed.turn[0] if degrees > 0.0 else allowed.turn[1]
     settings = _path_settings(arguments, settings, allowed, allowed.velocity[1])
-    wanted = motion.Arc(
+    new_motion = motion.Arc(
         degrees=degrees,
         radius=radius,
-        velocity=min(settings.velocity, math.radians(most) * radius),
+        velocity=min(settings.velocity, math.radians(limit) * radius),
         acceleration=settings.acceleration,
     )
-    return wanted, settings
+    return new_motion, settings
 
 
 def _path_settings(
-    arguments: robot.Move | robot.ContinuousTurn, settings: Settings, allowed: Range, most: float
+    arguments: robot.Move | robot.ContinuousTurn, settings: Settings, allowed: Range, limit: float
 ) -> Settings:
     return settings._replace(
-        velocity=_magnitude("velocity", arguments.velocity, settings.velocity, most, "mm/s"),
+        velocity=_magnitude("velocity", arguments.velocity, settings.velocity, limit, "mm/s"),
         acceleration=_magnitude(
             "acceleration", arguments.acceleration, settings.acceleration, allowed.acceleration, "mm/s^2"
         ),
     )
 
 
-def _clamped(value: float, allowed: tuple[float, float]) -> float:
+def _clamp(value: float, allowed: tuple[float, float]) -> float:
     return min(max(value, allowed[0]), allowed[1])
 
 
@@ -190,12 +192,14 @@ def _in_range(name: str, value: float, allowed: tuple[float, float], unit: str) 
     return value
 
 
-def _magnitude(name: str, value: float, kept: float, most: float, unit: str) -> float:
-    """Return a given magnitude or, if it is negative, the kept one."""
-    if most <= 0.0:
+def _magnitude(name: str, value: float, setting: float, limit: float, unit: str) -> float:
+    """Return a given magnitude or, if it is negative, that of the settings."""
+    if limit <= 0.0:
         raise RefusedError("arguments", f"{name}: the program's range allows no motion in that direction")
     if value < 0.0:
-        return min(kept, most)
+        return min(setting, limit)
     if value == 0.0:
-        raise RefusedError("arguments", f"{name} is 0 {unit}; expected above 0, or below 0 to keep it")
-    return _in_range(name, value, (0.0, most), unit)
+        raise RefusedError(
+            "arguments", f"{name} is 0 {unit}; expected above 0, or below 0 to keep the last one"
+        )
+    return _in_range(name, value, (0.0, limit), unit)

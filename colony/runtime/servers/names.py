@@ -11,7 +11,7 @@ from colony.runtime.protocol.calls import RefusedError
 
 
 class SortedNames:
-    """A sorted list of names. Mutable: the names."""
+    """A sorted list of names. Mutable."""
 
     def __init__(self) -> None:
         self._names: list[str] = []
@@ -29,12 +29,12 @@ class SortedNames:
         del self._names[bisect_left(self._names, name)]
 
     def page(self, prefix: str, after: str, limit: int) -> tuple[str, ...]:
-        """Return the first `limit` names that begin with `prefix` and come after `after`."""
+        """Return the first `limit` names that begin with `prefix` and sort after `after`."""
         begin = max(bisect_left(self._names, prefix), bisect_right(self._names, after))
-        following = islice(self._names, begin, begin + limit)
-        return tuple(takewhile(lambda name: name.startswith(prefix), following))
+        candidates = islice(self._names, begin, begin + limit)
+        return tuple(takewhile(lambda name: name.startswith(prefix), candidates))
 
-    def beginning(self, prefixes: Iterable[str]) -> Iterator[str]:
+    def with_prefixes(self, prefixes: Iterable[str]) -> Iterator[str]:
         """Yield each name that begins with one of the prefixes, once, in order."""
         covered: str | None = None
         for prefix in sorted(prefixes):
@@ -46,8 +46,8 @@ class SortedNames:
             yield from self._names[begin:end]
 
 
-def checked_name(name: str) -> str:
-    """Return `name` if it is valid for a variable or semaphore: 1 to 255 bytes of UTF-8.
+def validate_name(name: str) -> str:
+    """Check that `name` is valid for a variable or semaphore (1 to 255 bytes of UTF-8), and return it.
 
     Raises:
         RefusedError: "arguments".

@@ -1,8 +1,8 @@
 """Notices to the connections that watch variables, sent in slices.
 
-A few notices go out immediately. A connection that starts to watch thousands of variables, or a large value
+A few notices are sent immediately. A connection that starts to watch thousands of variables, or a large value
 with hundreds of watchers, must not delay everything else. So a slice is limited in notices and bytes, and the
-next slice goes out later. A variable that changes again before its turn gets a single notice.
+next slice is sent later. A variable that changes again before its notice is sent gets a single one.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from colony.runtime.servers.variables import MAX_VARIABLES, StoredValue, Variabl
 from colony.runtime.servers.watching import Watches
 
 SLICE_NOTICES = 250
-"""Largest number of notices in one slice."""
+"""Maximum number of notices in one slice."""
 
 SLICE_BYTES = 2 << 20
-"""Bytes of notices after which a slice ends; its last notice may exceed them."""
+"""Bytes of notices after which a slice ends; its last notice may exceed the limit."""
 
 SLICE_INTERVAL_NS = 10_000_000
 """Nanoseconds between two slices."""
 
 Notify = Callable[[str, str, msgspec.Raw], Iterable[Effect]]
-"""A function that returns the effects that send a connection a notice about a variable."""
+"""Function from a connection, a variable and a body to the effects that send the notice."""
 
 
 class NoticeQueue:
@@ -35,8 +35,8 @@ class NoticeQueue:
 
     Args:
         variables: the variables that the notices are about.
-        watches: the connections that watch them.
-        notify: returns the effects that send a notice, none if the connection is gone.
+        watches: the watches of all connections.
+        notify: returns the effects that send a notice; none if the connection is gone.
     """
 
     def __init__(self, variables: Variables, watches: Watches, notify: Notify) -> None:
@@ -48,21 +48,21 @@ class NoticeQueue:
         self._current: Iterator[_Notice] | None = None
 
     @property
-    def waiting(self) -> bool:
-        """True if notices are to be sent."""
+    def pending(self) -> bool:
+        """True if there are notices to be sent."""
         return bool(self._changed or self._initial) or self._current is not None
 
-    def changed(self, name: str) -> None:
-        """Note that a variable was set or deleted.
+    def mark_changed(self, name: str) -> None:
+        """Queue notices about a variable that was set or deleted.
 
-        At most `MAX_VARIABLES` variables exist at a time. Beyond twice as many names, the rest were deleted
-        before their turn came, and notices are dropped.
+        At most `MAX_VARIABLES` variables exist at a time. If twice as many names are queued, at least half of
+        them were deleted again, and further notices are dropped.
         """
         if len(self._changed) < 2 * MAX_VARIABLES and self._watches.watchers(name):
             self._changed[name] = None
 
-    def queue_present_values(self, connection: str, names: Iterable[str], prefixes: Iterable[str]) -> None:
-        """Queue notices of the present values, for a connection that starts or resumes watching these."""
+    def queue_current_values(self, connection: str, names: Iterable[str], prefixes: Iterable[str]) -> None:
+        """Queue notices of the current values, for a connection that starts or resumes watching these."""
         known_names, known_prefixes = self._initial.setdefault(connection, ({}, {}))
         known_names.update(dict.fromkeys(names))
         known_prefixes.update(dict.fromkeys(prefixes))
@@ -73,8 +73,8 @@ class NoticeQueue:
 
     def slice(self) -> Iterator[Effect]:
         """Yield the effects that send one slice of notices."""
-        left, room = SLICE_NOTICES, SLICE_BYTES
-        while left > 0 and room > 0:
+        notices_left, bytes_left = SLICE_NOTICES, SLICE_BYTES
+        while notices_left > 0 and bytes_left > 0:
             self._current = self._current or self._next()
             if self._current is None:
                 return
@@ -82,8 +82,8 @@ class NoticeQueue:
             if notice is None:
                 self._current = None
                 continue
-            left -= 1
-            room -= len(memoryview(notice.body))
+            notices_left -= 1
+            bytes_left -= len(memoryview(notice.body))
             yield from self._notify(*notice)
 
     def _next(self) -> Iterator[_Notice] | None:
@@ -99,20 +99,20 @@ class NoticeQueue:
 
     def _change_notices(self, name: str) -> Iterator[_Notice]:
         """Yield the notices about one variable, to all connections that watch it."""
-        present = self._variables.present(name)
-        if present is not None or not self._variables.has(name):
-            body = _body(name, present)
+        current = self._variables.current(name)
+        if current is not None or not self._variables.has(name):
+            body = _body(name, current)
             for connection in tuple(self._watches.watchers(name)):
                 yield _Notice(connection, name, body)
 
     def _initial_notices(
         self, connection: str, names: Iterable[str], prefixes: Iterable[str]
     ) -> Iterator[_Notice]:
-        """Yield notices of the present values of all variables that a connection watches."""
-        for name in sorted({*names, *self._variables.names.beginning(prefixes)}):
-            present = self._variables.present(name)
-            if present is not None:
-                yield _Notice(connection, name, _body(name, present))
+        """Yield notices of the current values of all variables that a connection watches."""
+        for name in sorted({*names, *self._variables.names.with_prefixes(prefixes)}):
+            current = self._variables.current(name)
+            if current is not None:
+                yield _Notice(connection, name, _body(name, current))
 
 
 class _Notice(NamedTuple):
@@ -121,8 +121,8 @@ class _Notice(NamedTuple):
     body: msgspec.Raw
 
 
-def _body(name: str, present: StoredValue | None) -> msgspec.Raw:
-    timed = None if present is None else TimedValue(t_ns=present.t_ns, value=msgspec.Raw(present.data))
+def _body(name: str, current: StoredValue | None) -> msgspec.Raw:
+    timed = None if current is None else TimedValue(t_ns=current.t_ns, value=msgspec.Raw(current.data))
     return msgspec.Raw(_encode(Change(name=name, present=timed)))
 
 

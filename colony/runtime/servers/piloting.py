@@ -1,8 +1,8 @@
 """Control of the base by connections outside the network: their motions, the lock, the emergency stop.
 
-The pilot takes the calls of Table 4.1 that move the base, and returns the wanted commands of each frame
-(`others`). Arbitration decides, and reports the result to the pilot (`on_dispatch`), so that only motions
-that were carried out proceed. The pilot does not use a driver.
+The pilot handles the calls of Table 4.1 that move the base. For each frame, it returns the commands that
+connections want (`interventions`). Arbitration decides, and reports the result to the pilot (`on_dispatch`),
+so that only the motion that was carried out progresses. The pilot does not use a driver.
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ from colony.runtime.servers import motion_commands
 from colony.runtime.servers.drivers import BaseLimits
 
 Answer = tuple[CallId, float | RefusedError | None]
-"""A call that was waiting, and its result or refusal."""
-
+"""A call that waited, and its result or refusal."""
 
 Bumper = Literal["front", "rear"]
 
@@ -36,16 +35,17 @@ class _Proposal(NamedTuple):
 
 
 class Pilot:
-    """The commands of outside connections. Mutable: the commanders, the lock, the settings, the mode.
+    """The commands of outside connections. Mutable.
 
-    `allowed` and `clients` (the clients of the network by priority) are those of the deployment. `answers`
-    are the calls that came to an end; the owner of the pilot takes them from there.
+    `allowed` (the range) and `clients` (the clients of the network by priority) are those of the deployment.
+    `answers` are the results of calls that have ended; the owner of the pilot empties the list.
 
     Args:
         limits: the limits of the base.
         emergency: the emergency stop of the base.
         values: converts speeds to values of the actuator.
-        ticking: returns True if the Clock ticks at a time; without ticks no command is carried out.
+        is_ticking: function that returns True if the Clock is ticking at a given time; otherwise, motions are
+            refused.
     """
 
     def __init__(
@@ -53,11 +53,11 @@ class Pilot:
         limits: BaseLimits,
         emergency: StopFollower,
         values: Callable[[Speeds], tuple[float, ...]],
-        ticking: Callable[[int], bool],
+        is_ticking: Callable[[int], bool],
     ) -> None:
         self._emergency = emergency
         self._values = values
-        self._ticking = ticking
+        self._is_ticking = is_ticking
         self._settings = motion_commands.initial_settings(limits)
         self._proposal: _Proposal | None = None
         self.outside_commanders = OutsideCommanders()
@@ -67,7 +67,7 @@ class Pilot:
         self.mode: Mode = "joystick"
         self.answers: list[Answer] = []
         self.changed = False
-        """True if a command began or ended since this was last set to False."""
+        """True if a command began or ended; set to False by the owner."""
 
     @property
     def methods(self) -> tuple[Method, ...]:
@@ -82,8 +82,8 @@ class Pilot:
             method("turn", robot.Turn, self._turn),
             method("continuous_turn", robot.ContinuousTurn, self._continuous_turn),
             method("mode", NoArguments, lambda *_: self.mode, right="read"),
-            method("lock", robot.LockBase, self._take_lock),
-            method("unlock", NoArguments, self._give_lock),
+            method("lock", robot.LockBase, self._acquire_lock),
+            method("unlock", NoArguments, self._release_lock),
         )
 
     # --- frames --------------------------------------------------------------------------------------
@@ -95,7 +95,7 @@ class Pilot:
             return Interventions((), "stopped", None)
         self.outside_commanders.expire(now_ns)
         holder = self.lock.holder
-        wanted: list[OutsideCommand] = []
+        commands: list[OutsideCommand] = []
         for commander in self.outside_commanders.commanding:
             caller = commander.caller
             values: tuple[float, ...] = ()
@@ -103,10 +103,10 @@ class Pilot:
                 values = self._propose(commander, observation)
                 if commander.motion is None:
                     continue
-            wanted.append(OutsideCommand(caller.connection, caller.priority, values))
+            commands.append(OutsideCommand(caller.connection, caller.priority, values))
         if holder is None:
-            return Interventions(tuple(wanted))
-        return Interventions(tuple(wanted), "locked", holder.connection)
+            return Interventions(tuple(commands))
+        return Interventions(tuple(commands), "locked", holder.connection)
 
     def _propose(self, commander: Commander, observation: BaseObservation) -> tuple[float, ...]:
         assert commander.motion is not None
@@ -119,13 +119,13 @@ class Pilot:
         return self._values(speeds)
 
     def on_dispatch(self, outside: str | None) -> Speeds | None:
-        """Note the connection that acts in the frame, None for none; return its speeds."""
+        """Advance the motion of the connection that acts in the frame, if any, and return its speeds."""
         proposal, self._proposal = self._proposal, None
         if proposal is not None and proposal.commander.caller.connection != outside:
             proposal = None
         for commander in self.outside_commanders.commanding:
             if commander.motion is not None and (proposal is None or commander is not proposal.commander):
-                commander.motion = motion.interrupted(commander.motion)
+                commander.motion = motion.interrupt(commander.motion)
         if proposal is None:
             return None
         proposal.commander.motion = proposal.step.motion
@@ -133,14 +133,14 @@ class Pilot:
         return proposal.speeds
 
     def on_network_dispatch(self, active: bool) -> None:
-        """Set the mode for a frame without outside command; `active`: a client of the network won."""
+        """Set the mode for a frame without an outside command; `active` is True if a client won."""
         if active:
             self.mode = "jog"
         elif self.mode in ("continuous turn", "point-to-point go", "point-to-point turn"):
             self.mode = "go"
 
     def on_bumper(self, connection: str, bumper: Bumper, observation: BaseObservation) -> None:
-        """End the move or arc of a connection that a bumper stopped."""
+        """End the move or arc of a connection, because a bumper stopped it."""
         for commander in self.outside_commanders.commanding:
             moving = isinstance(commander.motion, motion.Move | motion.Arc)
             if moving and commander.caller.connection == connection:
@@ -149,7 +149,7 @@ class Pilot:
     def _end(
         self,
         commander: Commander,
-        why: Literal["done", "stalled", "front", "rear"],
+        reason: Literal["done", "stalled", "front", "rear"],
         observation: BaseObservation,
     ) -> None:
         ended, call_id = commander.motion, commander.call_id
@@ -158,19 +158,19 @@ class Pilot:
         if call_id is None or not isinstance(ended, FiniteMotion):
             return
         unit = "mm" if isinstance(ended, motion.Move) else "deg"
-        done = motion.covered(ended, observation.pose)
-        match why:
+        done = motion.measure_progress(ended, observation.pose)
+        match reason:
             case "done":
                 self.answers.append((call_id, done))
             case "stalled":
                 stalled = f"no progress for {motion.STALL_TIMEOUT_S:g} s, after {done:.4g} {unit}"
                 self.answers.append((call_id, RefusedError("stalled", stalled)))
             case "front" | "rear":
-                bumped = f"the {why} bumper is pressed, after {done:.4g} {unit}"
+                bumped = f"the {reason} bumper is pressed, after {done:.4g} {unit}"
                 self.answers.append((call_id, RefusedError("bumper", bumped)))
 
     def report(self, now_ns: int) -> tuple[robot.OutsideReport, ...]:
-        """Return the connections that have commanded, and their present commands."""
+        """Return the connections that have commanded, and their current commands."""
         return tuple(
             robot.OutsideReport(
                 connection=commander.caller.connection,
@@ -182,7 +182,7 @@ class Pilot:
             for commander in self.outside_commanders.all
         )
 
-    # --- ends of commands from outside ---------------------------------------------------------------
+    # --- ends of outside commands --------------------------------------------------------------------
 
     def cancel(self, refused: RefusedError, except_connection: str | None = None) -> None:
         """Cancel all commands, except those of one connection."""
@@ -198,7 +198,7 @@ class Pilot:
 
     def lost(self, caller: Caller) -> None:
         """Remove a connection that ended, with its command and its lock."""
-        commander = self.outside_commanders.of(caller)
+        commander = self.outside_commanders.find(caller)
         self.changed = self.changed or (commander is not None and commander.motion is not None)
         self.outside_commanders.leave(caller)
         self._on_grant(self.lock.drop(caller))
@@ -231,21 +231,21 @@ class Pilot:
         return self.outside_commanders.enter(caller, self.clients)
 
     def _admit_motion(self, caller: Caller, now_ns: int) -> Commander:
-        if not self._ticking(now_ns):
-            raise RefusedError("clock", "the Clock does not tick, so the base cannot move (see `colony ps`)")
+        if not self._is_ticking(now_ns):
+            raise RefusedError("clock", "the Clock is not ticking, so the base cannot move (see `colony ps`)")
         return self._admit(caller)
 
-    def _set_leased_motion(self, commander: Commander, wanted: Motion, until_ns: int) -> None:
+    def _set_leased_motion(self, commander: Commander, new_motion: Motion, until_ns: int) -> None:
         """Set a command that holds until its lease ends."""
         self._cancel(commander, _REPLACED)
-        commander.motion, commander.until_ns = wanted, until_ns
+        commander.motion, commander.until_ns = new_motion, until_ns
         self.changed = True
 
-    def _set_motion(self, call_id: CallId, wanted: FiniteMotion, wait: bool, now_ns: int) -> Later | None:
+    def _set_motion(self, call_id: CallId, new_motion: FiniteMotion, wait: bool, now_ns: int) -> Later | None:
         """Set a command that holds until it is done."""
         commander = self._admit_motion(call_id.caller, now_ns)
         self._cancel(commander, _REPLACED)
-        commander.motion = wanted
+        commander.motion = new_motion
         self.changed = True
         if not wait:
             return None
@@ -253,18 +253,18 @@ class Pilot:
         return LATER
 
     def _drive(self, call_id: CallId, arguments: robot.Drive, now_ns: int) -> None:
-        wanted, until_ns = (
+        new_motion, until_ns = (
             motion_commands.drive(arguments, self.allowed),
             lease_end(arguments.lease_s, now_ns),
         )
-        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), wanted, until_ns)
+        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), new_motion, until_ns)
 
     def _go(self, call_id: CallId, arguments: robot.Go, now_ns: int, integrating: bool = True) -> None:
         previous, until_ns = self._previous(call_id.caller), lease_end(arguments.lease_s, now_ns)
-        wanted, settings = motion_commands.go(
+        new_motion, settings = motion_commands.go(
             arguments, self._settings, self.allowed, previous, integrating=integrating
         )
-        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), wanted, until_ns)
+        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), new_motion, until_ns)
         self._settings = settings
 
     def _proportional_go(self, call_id: CallId, arguments: robot.Go, now_ns: int) -> None:
@@ -272,8 +272,8 @@ class Pilot:
 
     def _jog(self, call_id: CallId, arguments: robot.Jog, now_ns: int) -> None:
         previous, until_ns = self._previous(call_id.caller), lease_end(arguments.lease_s, now_ns)
-        wanted = motion_commands.jog(arguments, self._settings, self.allowed, previous)
-        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), wanted, until_ns)
+        new_motion = motion_commands.jog(arguments, self._settings, self.allowed, previous)
+        self._set_leased_motion(self._admit_motion(call_id.caller, now_ns), new_motion, until_ns)
 
     def _halt(self, call_id: CallId, arguments: robot.Halt, now_ns: int) -> None:
         until_ns = lease_end(arguments.lease_s, now_ns)
@@ -282,39 +282,39 @@ class Pilot:
         )
 
     def _move(self, call_id: CallId, arguments: robot.Move, now_ns: int) -> Later | None:
-        wanted, settings = motion_commands.move(arguments, self._settings, self.allowed)
-        answer = self._set_motion(call_id, wanted, arguments.wait, now_ns)
+        new_motion, settings = motion_commands.move(arguments, self._settings, self.allowed)
+        answer = self._set_motion(call_id, new_motion, arguments.wait, now_ns)
         self._settings = settings
         return answer
 
     def _turn(self, call_id: CallId, arguments: robot.Turn, now_ns: int) -> Later | None:
-        wanted, settings = motion_commands.turn(arguments, self._settings, self.allowed)
-        answer = self._set_motion(call_id, wanted, arguments.wait, now_ns)
+        new_motion, settings = motion_commands.turn(arguments, self._settings, self.allowed)
+        answer = self._set_motion(call_id, new_motion, arguments.wait, now_ns)
         self._settings = settings
         return answer
 
     def _continuous_turn(self, call_id: CallId, arguments: robot.ContinuousTurn, now_ns: int) -> Later | None:
-        wanted, settings = motion_commands.continuous_turn(arguments, self._settings, self.allowed)
-        answer = self._set_motion(call_id, wanted, arguments.wait, now_ns)
+        new_motion, settings = motion_commands.continuous_turn(arguments, self._settings, self.allowed)
+        answer = self._set_motion(call_id, new_motion, arguments.wait, now_ns)
         self._settings = settings
         return answer
 
     def _previous(self, caller: Caller) -> Motion | None:
-        commander = self.outside_commanders.of(caller)
+        commander = self.outside_commanders.find(caller)
         return None if commander is None else commander.motion
 
     # --- lock ----------------------------------------------------------------------------------------
 
-    def _take_lock(self, call_id: CallId, arguments: robot.LockBase, now_ns: int) -> Later | None:
+    def _acquire_lock(self, call_id: CallId, arguments: robot.LockBase, now_ns: int) -> Later | None:
         if self._emergency.stopped is not None:
             raise self._stop_refusal()
         self.outside_commanders.enter(call_id.caller, self.clients)
-        if not self.lock.ask(call_id, now_ns, wait_ns=arguments.wait_ns):
+        if not self.lock.acquire(call_id, now_ns, wait_ns=arguments.wait_ns):
             return LATER
         self._on_lock()
         return None
 
-    def _give_lock(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> None:
+    def _release_lock(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> None:
         self._on_grant(self.lock.release(call_id.caller))
         self.changed = True
 

@@ -25,9 +25,9 @@ from colony.runtime.servers.drivers import ProximityDriver
 
 
 class PServer(QuietNode):
-    """The server of both rings, each with its time of measurement. Mutable: the timeouts.
+    """The server of both rings, each with its time of measurement. Mutable.
 
-    A timeout is the greatest range of a sonar: longer ranges are cut to it, in frames and in calls.
+    A "timeout" is the maximum range of a sonar: longer ranges are clipped to it, in frames and in calls.
     """
 
     address = PSERVER.name
@@ -42,7 +42,7 @@ class PServer(QuietNode):
             method("timeouts", NoArguments, lambda *_: self._timeouts, right="read"),
             method("set_timeouts", SetTimeouts, self._set_timeouts),
         )
-        self._calls = CallDispatcher(self.address, self.methods, full=lambda: self._publisher.reached)
+        self._calls = CallDispatcher(self.address, self.methods, full=lambda: self._publisher.limit_messages)
         self.listens = (*self._publisher.listens, *self._calls.listens)
 
     def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
@@ -92,9 +92,9 @@ class PServer(QuietNode):
         ranges, where = arguments.ranges, f"{self.address}.set_timeouts"
         if len(ranges) != PROXIMITY_SENSORS:
             raise RefusedError("arguments", f"{where}: {len(ranges)} ranges; expected {PROXIMITY_SENSORS}")
-        for sensor, most in enumerate(ranges):
-            if not (math.isfinite(most) and most > 0.0):
+        for sensor, limit in enumerate(ranges):
+            if not (math.isfinite(limit) and limit > 0.0):
                 raise RefusedError(
-                    "arguments", f"{where}: sensor {sensor}: {most} mm; expected a finite range above 0"
+                    "arguments", f"{where}: sensor {sensor}: {limit} mm; expected a finite range above 0"
                 )
         self._timeouts = ranges

@@ -1,4 +1,4 @@
-"""The relay by which DServer publishes the answers of modules in Python as frames."""
+"""The relay in DServer, which publishes the answers of modules in Python as frames."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample
 
 
 class ActivityRelay:
-    """A publisher of announcements as frames. Mutable: the newest `keep` frames of each module.
+    """A publisher of announcements as frames, which keeps the newest `keep` frames of each module. Mutable.
 
-    It answers fetches to its server within a budget that each tick renews. The announcer receives the same
-    fetches, and announces again what is missing here.
+    It answers fetches within a budget that is renewed by each tick. The module's process receives the same
+    fetches, and announces again the answers that are not kept here.
     """
 
     def __init__(self, server: str, modules: tuple[str, ...], *, keep: int) -> None:
         self._server = server
-        self._most = keep
+        self._max_frames = keep
         self._budget = FetchBudget()
         self.listens = (topics.announcements(server), topics.fetches(server))
         self.deploy(modules)
@@ -29,11 +29,11 @@ class ActivityRelay:
         self._names = {module: topics.activity(self._server, module) for module in modules}
         self._kept: dict[str, dict[int, ServerFrame]] = {name: {} for name in self._names.values()}
         self._bytes = dict.fromkeys(self._kept, 0)
-        self._share = KEPT_BYTES // max(1, len(self._names))
+        self._bytes_per_module = KEPT_BYTES // max(1, len(self._names))
 
     def tick(self) -> None:
         """Begin a frame: renew the budget for fetches."""
-        self._budget.renew()
+        self._budget.reset()
 
     def announce(self, message: Announcement, now_ns: int) -> Iterable[Effect]:
         """Relay an announcement; ignore unknown modules and repeated announcements."""
@@ -45,7 +45,7 @@ class ActivityRelay:
         fields = {COMMAND: None if values is None else Sample(values, now_ns), ERROR: Sample(error, now_ns)}
         frame = kept[message.k] = ServerFrame(server=name, k=message.k, fields=fields)
         self._bytes[name] += frame_bytes(fields)
-        while len(kept) > 1 and (len(kept) > self._most or self._bytes[name] > self._share):
+        while len(kept) > 1 and (len(kept) > self._max_frames or self._bytes[name] > self._bytes_per_module):
             self._bytes[name] -= frame_bytes(kept.pop(next(iter(kept))).fields)
         return (Send(topics.frames(name), frame),)
 

@@ -1,12 +1,12 @@
-"""RServer: the server that alone moves the base, by one command a frame (thesis section 4.6.3).
+"""RServer: the only server that moves the base, with one command per frame (thesis section 4.6.3).
 
-The clients of the deployed program, and connections from outside, are arbitrated by priority, lock and
-emergency stop (`arbiter.py`, `piloting.py`). Below that are a reflex, which blocks commands that drive into a
-pressed bumper, and a watchdog. When ticks and thus decisions stop coming, the watchdog stops the base two
+The clients of the deployed program and the outside connections are arbitrated by priority, lock and emergency
+stop (`arbiter.py`, `piloting.py`). Below that are a reflex, which blocks commands that drive into a pressed
+bumper, and a watchdog. When no more ticks arrive, and thus no more decisions, the watchdog stops the base two
 frames after the last command, even under `idle hold`.
 
-Frames belong to a run. In frames of another run than the deployed one, the base is stopped, and no verdict is
-published. If nothing is deployed, the built-in actuator `drive` is arbitrated among connections alone.
+Frames belong to a run. In frames of a run other than the deployed one, the base is stopped, and no verdict is
+published. If nothing is deployed, only connections are arbitrated, for the built-in actuator `drive`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from colony.runtime.library import robot
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import CallDispatcher, CallId, Method, NoArguments, RefusedError, method
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, ActuatorTable, Deployment
+from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, ActuatorSpec, Deployment
 from colony.runtime.protocol.fields import RSERVER
 from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
@@ -47,9 +47,9 @@ from colony.runtime.servers.piloting import Bumper, Pilot
 WATCHDOG_FRAMES = 2
 
 STALE_FRAMES = 2
-"""Age in frames at which a tick is too old to move the base.
+"""Age in frames above which a tick is too old to move the base.
 
-The process was suspended, and may not have received a later emergency stop yet.
+Then the process was suspended, and may not have received a later emergency stop yet.
 """
 
 
@@ -62,8 +62,8 @@ class RServer:
 
     Args:
         driver: the base.
-        deployment: the program deployed at the start. The call `deploy` replaces it; that deployment ends
-            with the connection that made the call.
+        deployment: the program deployed at the start. The call `deploy` replaces it, by a deployment that
+            ends with the connection that made the call.
         watchdog_ns: the time without a decision after which the base is stopped; by default two frames.
         keep: the number of frames kept for readers that missed one.
     """
@@ -83,7 +83,7 @@ class RServer:
         self._publisher = Publisher(
             self.address, self._read, keep=keep, stopped=lambda: self._emergency.stopped
         )
-        self._pilot = Pilot(self._base.limits, self._emergency, self._values, self._ticking)
+        self._pilot = Pilot(self._base.limits, self._emergency, self._values, self._is_ticking)
         self._leadership = Leadership(self.address)
         self._leader: str | None = None
         methods = (*self._pilot.methods, *self._base.methods, *self._methods())
@@ -97,7 +97,7 @@ class RServer:
         self._started_ns = 0
         self._outside_speeds: Speeds | None = None
         self._acting: str | None = None
-        self._commanded_at: int | None = None
+        self._commanded_ns: int | None = None
         self._watchdog_due_ns: int | None = None
         self._lock_wake_ns: int | None = None
         self._outbox: list[Effect] = []
@@ -108,7 +108,7 @@ class RServer:
         )
 
     def start(self, now_ns: int) -> Iterable[Effect]:
-        """Stop the base, and await the first tick."""
+        """Stop the base until the first tick."""
         self._started_ns = now_ns
         self._halt()
         return ()
@@ -136,7 +136,7 @@ class RServer:
         yield from self._check_watchdog(now_ns)
 
     def _full(self) -> Iterable[str]:
-        return self._publisher.reached
+        return self._publisher.limit_messages
 
     def close(self) -> None:
         """Stop the base."""
@@ -167,12 +167,12 @@ class RServer:
     def _observation(self, now_ns: int) -> BaseObservation:
         """Return the input of the motion laws."""
         frame_ns = self._actuator.frame_ns
-        since = frame_ns if self._commanded_at is None else now_ns - self._commanded_at
-        return self._base.observation(min(max(since, 0), 2 * frame_ns) / 1e9)
+        elapsed_ns = frame_ns if self._commanded_ns is None else now_ns - self._commanded_ns
+        return self._base.observation(min(max(elapsed_ns, 0), 2 * frame_ns) / 1e9)
 
     # --- commands to the base ------------------------------------------------------------------------
 
-    def _on_dispatch(self, actuator: ActuatorTable, dispatch: Dispatch, now_ns: int) -> None:
+    def _on_dispatch(self, actuator: ActuatorSpec, dispatch: Dispatch, now_ns: int) -> None:
         self._acting = dispatch.by if dispatch.outside is None else dispatch.outside
         self._outside_speeds = self._pilot.on_dispatch(dispatch.outside)
         if dispatch.outside is None and dispatch.hold != "stopped":
@@ -180,48 +180,48 @@ class RServer:
         if dispatch.hold is not None and dispatch.values is None:
             self._halt()
 
-    def _perform(self, actuator: ActuatorTable, values: tuple[ScalarValue, ...], now_ns: int) -> None:
+    def _perform(self, actuator: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> None:
         if self._emergency.stopped is not None:
             self._halt()
             return
-        if self._stale(now_ns):
+        if self._is_stale(now_ns):
             self._halt()
             note = f"frame {self._k}: no command was sent, as the tick came too late"
             self._commands.add_note(self._actuator.name, note)
             return
         speeds = self._outside_speeds
-        wanted = speeds_of(actuator, values) if speeds is None else speeds
-        if wanted.velocity:
+        requested = speeds_of(actuator, values) if speeds is None else speeds
+        if requested.velocity:
             self._base.refresh()
-        bumper = self._base.drive(wanted)
+        bumper = self._base.drive(requested)
         if bumper is not None:
-            self._bumped(wanted, bumper, now_ns)
-        self._commanded_at = now_ns
+            self._on_bumper(requested, bumper, now_ns)
+        self._commanded_ns = now_ns
 
-    def _ticking(self, now_ns: int) -> bool:
+    def _is_ticking(self, now_ns: int) -> bool:
         """Return True if the Clock ticked recently; in lockstep the times of ticks only count frames."""
         last_ns = max(self._started_ns, self._tick_ns)
         return self._actuator.lockstep or now_ns - last_ns <= CLOCK_GRACE_NS
 
-    def _stale(self, now_ns: int) -> bool:
-        """Return True if the present frame is long over; in lockstep the times of ticks only count frames."""
+    def _is_stale(self, now_ns: int) -> bool:
+        """Return True if the current frame is long over; in lockstep the times of ticks only count frames."""
         return not self._actuator.lockstep and now_ns - self._tick_ns > STALE_FRAMES * self._actuator.frame_ns
 
-    def _bumped(self, wanted: Speeds, bumper: Bumper, now_ns: int) -> None:
-        note = f"frame {self._k}: {wanted.velocity:g} mm/s was not sent, as the {bumper} bumper is pressed"
+    def _on_bumper(self, requested: Speeds, bumper: Bumper, now_ns: int) -> None:
+        note = f"frame {self._k}: {requested.velocity:g} mm/s was not sent, as the {bumper} bumper is pressed"
         self._commands.add_note(self._actuator.name, note)
         if self._outside_speeds is not None and self._acting is not None:
             self._pilot.on_bumper(self._acting, bumper, self._observation(now_ns))
 
     def _halt(self) -> None:
-        self._commanded_at = self._watchdog_due_ns = None
+        self._commanded_ns = self._watchdog_due_ns = None
         self._base.stop()
 
     def _check_watchdog(self, now_ns: int) -> Iterator[Effect]:
         """Stop the base if its watchdog is due; else keep one wake scheduled for it."""
-        if self._commanded_at is None:
+        if self._commanded_ns is None:
             return
-        due = self._commanded_at + self._watchdog_ns
+        due = self._commanded_ns + self._watchdog_ns
         if now_ns >= due:
             self._halt()
         elif self._watchdog_due_ns is None or now_ns >= self._watchdog_due_ns:
@@ -259,7 +259,7 @@ class RServer:
         times = timing(base.frame_ns, lockstep=base.lockstep)
         on_dispatch, publish = self._on_dispatch, base.published
         self._commands = CommandDispatcher(
-            (base.table,), times, self._perform, on_dispatch=on_dispatch, publish=publish
+            (base.spec,), times, self._perform, on_dispatch=on_dispatch, publish=publish
         )
 
     def _replace_deployment(self, deployed: Deployment | None, now_ns: int) -> None:
@@ -271,7 +271,7 @@ class RServer:
         wrong = mismatch(deployed)
         if wrong is not None:
             raise RefusedError("deployment", f"{where}: {wrong}")
-        tie = self._pilot.outside_commanders.tied(base_actuator(deployed, self._base.limits).clients)
+        tie = self._pilot.outside_commanders.find_tie(base_actuator(deployed, self._base.limits).clients)
         if tie is not None:
             raise RefusedError("tie", f"{where}: {tie}")
         self._leadership.take(call_id.caller, deployed)
@@ -301,7 +301,7 @@ class RServer:
     def _stop(self, by: str, now_ns: int) -> None:
         self._halt()
         self._emergency.engage(Stopped(by=by, t_ns=now_ns))
-        self._stopped(by)
+        self._on_stopped(by)
 
     def _follow_stop(self, tick: Tick) -> None:
         """Stop or resume according to the Clock's tick."""
@@ -310,11 +310,11 @@ class RServer:
         after = self._emergency.stopped
         if before is None and after is not None:
             self._halt()
-            self._stopped(after.by)
+            self._on_stopped(after.by)
         elif before is not None and after is None:
             self._commands.add_note(self._actuator.name, "the emergency stop was released")
 
-    def _stopped(self, by: str) -> None:
+    def _on_stopped(self, by: str) -> None:
         self._pilot.stop()
         self._commands.add_note(self._actuator.name, f"emergency stop by {by}")
 
@@ -327,7 +327,7 @@ class RServer:
             actuators=tuple(_report(counts) for counts in self._commands.counts()),
             outside=self._pilot.report(now_ns),
             lock_holder=None if lock.holder is None else lock.holder.connection,
-            lock_waiting=tuple(c.connection for c in lock.waiting),
+            lock_waiting=tuple(c.connection for c in lock.queue),
             stopped=self._emergency.stopped,
         )
 

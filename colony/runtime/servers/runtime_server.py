@@ -28,8 +28,8 @@ from colony.runtime.protocol.messages import (
 class RuntimeServer(QuietNode):
     """The server of `random`, which depends only on the run's seed and the number of the frame.
 
-    So a restarted server continues with the same numbers. Mutable: the seed. It comes with each deployment,
-    before the first frame of the run: by the call `deploy`, or from the Clock of the same process by `use`.
+    So a restarted server continues with the same numbers. Mutable: the seed, which comes with each deployment
+    before the first frame of the run, by the call `deploy` or, from a Clock in the same process, by `use`.
     """
 
     address = RUNTIME.name
@@ -72,6 +72,6 @@ class RuntimeServer(QuietNode):
 
 
 def random_of_frame(seed: int, k: int) -> float:
-    """Return the number of frame `k`: the top 53 bits of a hash, as a fraction, uniform in [0, 1)."""
+    """Return the random number of frame `k`, uniform in [0, 1): the top 53 bits of a hash as a fraction."""
     digest = blake2b(f"{seed}:{k}".encode(), digest_size=8).digest()
     return (int.from_bytes(digest, "big") >> 11) / (1 << 53)

@@ -1,9 +1,9 @@
 """DServer's semaphores (thesis section 4.6.1, "Semaphores").
 
-A semaphore has a value and a queue, first come first served; while a call waits, its value is 0. A signal
-grants the semaphore to the first waiting call; only if none waits does it raise the value.
+A semaphore has a value and a queue, first come first served; while a call waits, the value is 0. A signal
+grants the semaphore to the first waiting call; only if none waits does it increment the value.
 
-As in the thesis, a semaphore that was taken has no owner. A client may take it as a *hold* instead: then it
+As in the thesis, nobody owns a semaphore that was taken. But a client may take it as a *hold*: then it
 belongs to the connection and call that took it, and is released when the connection is lost.
 """
 
@@ -23,23 +23,23 @@ from colony.runtime.servers.names import SortedNames
 from colony.runtime.store.store import Journal, Key
 
 MAX_SEMAPHORES = 10_000
-"""Largest number of semaphores."""
+"""Maximum number of semaphores."""
 
 MAX_HOLDS = 2_000
-"""Largest number of holds of all connections together; all may end in the same moment."""
+"""Maximum number of holds of all connections together; all may end at the same time."""
 
 MAX_WAITING_CALLS = 1_000
-"""Largest number of calls waiting for semaphores; all may be answered in the same moment."""
+"""Maximum number of calls waiting for semaphores; all may be answered at the same time."""
 
 UNLIMITED_WAIT_NS = 10**17
 """Nanoseconds (three years) from which a timeout counts as unlimited."""
 
 MAX_INITIAL_VALUE = (1 << 31) - 1
-"""The largest initial value of a semaphore."""
+"""Maximum initial value of a semaphore."""
 
 
 class Waiter(NamedTuple):
-    """A call that waits for a semaphore, its timeout (None: forever), and whether it would hold it."""
+    """A call that waits for a semaphore until its timeout (None: forever), to take it as a hold if `hold`."""
 
     call_id: CallId
     name: str
@@ -55,7 +55,7 @@ class _Semaphore:
 
 
 class Semaphores:
-    """All semaphores. Mutable: values, queues and holds. Values and holds go into the journal, queues do not.
+    """All semaphores. Mutable; values and holds are written to the journal, queues are not.
 
     Methods return the waiting calls that are to be answered.
     """
@@ -66,18 +66,18 @@ class Semaphores:
         self._holds: dict[str, dict[int, str]] = {}  # semaphores by connection and number of the call
         self._waits: dict[str, dict[CallId, Waiter]] = {}  # by connection
         self._held = self._waiting = 0
-        self._most = Bound("semaphores", MAX_SEMAPHORES)
-        self._most_held = Bound("holds of semaphores", MAX_HOLDS)
-        self._most_waiting = Bound("calls that wait for semaphores", MAX_WAITING_CALLS)
+        self._semaphore_limit = Bound("semaphores", MAX_SEMAPHORES)
+        self._hold_limit = Bound("holds of semaphores", MAX_HOLDS)
+        self._waiting_limit = Bound("calls that wait for semaphores", MAX_WAITING_CALLS)
         self.names = SortedNames()
 
     @property
-    def reached(self) -> tuple[str, ...]:
-        """Sentences for users about the limits reached since the server started."""
+    def limit_messages(self) -> tuple[str, ...]:
+        """User-readable messages about the limits reached since the server started."""
         return (
-            *self._most.reached(len(self._semaphores)),
-            *self._most_held.reached(self._held),
-            *self._most_waiting.reached(self._waiting),
+            *self._semaphore_limit.limit_messages(len(self._semaphores)),
+            *self._hold_limit.limit_messages(self._held),
+            *self._waiting_limit.limit_messages(self._waiting),
         )
 
     def has(self, name: str) -> bool:
@@ -109,7 +109,7 @@ class Semaphores:
             raise RefusedError(
                 "arguments", f"DServer: an initial value of {value}; expected 0 to {MAX_INITIAL_VALUE}"
             )
-        if not self._most.allows(len(self._semaphores) + 1):
+        if not self._semaphore_limit.allows(len(self._semaphores) + 1):
             raise RefusedError("full", f"DServer already has {MAX_SEMAPHORES} semaphores")
         self._semaphores[name] = _Semaphore(value=0)
         self.names.add(name)
@@ -117,32 +117,32 @@ class Semaphores:
         return True
 
     def delete(self, name: str) -> tuple[bool, tuple[CallId, ...]]:
-        """Remove a semaphore; return whether it existed, and the waiting calls, which are to be refused."""
+        """Remove a semaphore; return True if it existed, and the waiting calls, which are to be refused."""
         semaphore = self._semaphores.get(name)
         if semaphore is None:
             return False, ()
         self._journal.drop(Key("semaphore", name))
         for connection, number in [*semaphore.holds]:
             self._end_hold(connection, number)
-        waited = tuple(semaphore.waiting)
-        for call_id in waited:
+        waiting = tuple(semaphore.waiting)
+        for call_id in waiting:
             self._remove_waiter(call_id)
         del self._semaphores[name]
         self.names.discard(name)
-        return True, waited
+        return True, waiting
 
-    # --- taking and giving back ----------------------------------------------------------------------
+    # --- taking and releasing ------------------------------------------------------------------------
 
     def wait(
         self, call_id: CallId, name: str, wait_ns: int | None, now_ns: int, *, hold: bool
     ) -> Waiter | None:
-        """Take the semaphore and return None, or queue the call and return its entry.
+        """Take the semaphore and return None, or queue the call and return its `Waiter`.
 
         Raises:
             RefusedError: "unknown", "timeout" or "full".
         """
         semaphore = self._find(name)
-        if hold and not self._most_held.allows(self._held + 1):
+        if hold and not self._hold_limit.allows(self._held + 1):
             raise RefusedError("full", f"DServer already has {MAX_HOLDS} holds")
         if semaphore.value > 0:
             self._set(name, semaphore.value - 1)
@@ -150,8 +150,8 @@ class Semaphores:
                 self._hold(call_id, name)
             return None
         if wait_ns is not None and wait_ns <= 0:
-            raise timed_out(name)
-        if not self._most_waiting.allows(self._waiting + 1):
+            raise timeout_refusal(name)
+        if not self._waiting_limit.allows(self._waiting + 1):
             raise RefusedError("full", f"DServer already has {MAX_WAITING_CALLS} waiting calls")
         until_ns = None if wait_ns is None or wait_ns >= UNLIMITED_WAIT_NS else now_ns + wait_ns
         waiter = Waiter(call_id, name, until_ns, hold)
@@ -188,15 +188,15 @@ class Semaphores:
 
         Return the numbers of the calls that took the holds, and the waiting calls that get the semaphores.
         """
-        for call_id in [*self._waits.get(connection, ())]:
-            self._remove_waiter(call_id)
+        for waiting in [*self._waits.get(connection, ())]:
+            self._remove_waiter(waiting)
         held = tuple(self._holds.get(connection, {}).items())
         granted = []
         for number, name in held:
             self._end_hold(connection, number)
-            following = self._put_back(name)
-            if following is not None:
-                granted.append(following)
+            call_id = self._put_back(name)
+            if call_id is not None:
+                granted.append(call_id)
         return tuple(number for number, _ in held), tuple(granted)
 
     def holders_except(self, connections: Container[str]) -> tuple[str, ...]:
@@ -212,13 +212,13 @@ class Semaphores:
 
     def expire(self, now_ns: int) -> tuple[Waiter, ...]:
         """Remove and return the calls whose timeout has passed; they are to be refused."""
-        late = tuple(w for w in self._waiters() if w.until_ns is not None and now_ns >= w.until_ns)
-        for waiter in late:
+        expired = tuple(w for w in self._waiters() if w.until_ns is not None and now_ns >= w.until_ns)
+        for waiter in expired:
             self._remove_waiter(waiter.call_id)
-        return late
+        return expired
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Load the entries of a store of the kinds "semaphore" and "hold"."""
+        """Load the entries of kinds "semaphore" and "hold" from a store."""
         for key, data in entries.items():
             if key.kind == "semaphore":
                 self._semaphores[key.name] = _Semaphore(value=_values.decode(data))
@@ -230,7 +230,7 @@ class Semaphores:
                 self._semaphores[name].holds[key.name, key.slot] = None
                 self._held += 1
 
-    # --- parts ---------------------------------------------------------------------------------------
+    # --- internals -----------------------------------------------------------------------------------
 
     def _find(self, name: str) -> _Semaphore:
         semaphore = self._semaphores.get(name)
@@ -243,6 +243,7 @@ class Semaphores:
         self._journal.put(Key("semaphore", name), _encode(value))
 
     def _put_back(self, name: str) -> CallId | None:
+        """Grant a semaphore to the first waiting call and return it; if none waits, increment the value."""
         semaphore = self._semaphores[name]
         if not semaphore.waiting:
             self._set(name, semaphore.value + 1)
@@ -279,12 +280,12 @@ class Semaphores:
         self._journal.drop(Key("hold", connection, number))
 
     def _held_by(self, connection: str, name: str) -> int | None:
-        """Return the number of the call that holds a semaphore, the first of several."""
+        """Return the number of the connection's first call that holds a semaphore; None if there is none."""
         held = self._holds.get(connection)
         return None if held is None else next((number for number, n in held.items() if n == name), None)
 
 
-def timed_out(name: str) -> RefusedError:
+def timeout_refusal(name: str) -> RefusedError:
     """Return the refusal of a call whose wait timed out."""
     return RefusedError("timeout", f"DServer: `{name}` was not signaled in time")
 

@@ -1,7 +1,7 @@
 """DServer's variables: named values with a history each (thesis section 4.6.1, "Ordinary Variables").
 
-Values are kept in msgpack, as received; `frame_content.py` decides how frames show them. The store has each
-value of a history in a slot of its own (see `_Variable.slot`).
+Values are kept in msgpack, as received; `frame_content.py` decides how frames show them. In the store, each
+value of a history has a slot of its own (see `_Variable.slot`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from colony.runtime.servers.names import SortedNames
 from colony.runtime.store.store import Journal, Key
 
 MAX_VARIABLES = 20_000
-"""Largest number of variables."""
+"""Maximum number of variables."""
 
 MAX_VALUE_BYTES = 1 << 20
 """Byte limit of a value, in msgpack."""
@@ -36,7 +36,7 @@ checked, because decoding them could take a fifth of a second.
 """
 
 MAX_HISTORY_LENGTH = 10_000
-"""Largest number of values in a history."""
+"""Maximum number of values in a history."""
 
 MAX_TOTAL_BYTES = 1 << 26
 """Byte limit of all variables with their histories.
@@ -45,17 +45,17 @@ Each variable and each value counts for `OVERHEAD` more.
 """
 
 OVERHEAD = 200
-"""Bytes of memory that a value takes besides its own (measured: 210)."""
+"""Bytes of memory that a value takes in addition to its data (measured: 210)."""
 
 OTHER_CLOCK_AGE_NS = 10**17
 """Age in nanoseconds (three years) given to values that were dated by another clock."""
 
 
-_HELD = Key("fact", "held")
+_PINNED = Key("fact", "held")
 
 
 class StoredValue(NamedTuple):
-    """A value in msgpack, its number in its variable (from 0), and the time at which it was set."""
+    """A value in msgpack, its sequence number in its variable (from 0), and the time at which it was set."""
 
     sequence: int
     t_ns: int
@@ -63,7 +63,7 @@ class StoredValue(NamedTuple):
 
 
 class CheckedValue(NamedTuple):
-    """A checked value in msgpack, and its form in frames."""
+    """A checked value of a variable: in msgpack, and as frames show it."""
 
     name: str
     data: bytes
@@ -80,14 +80,13 @@ class _Variable:
     def slot(self, sequence: int) -> int:
         """Return the store's slot for the value with a sequence number.
 
-        It is the same for every length but 1, so that a history that gets longer or shorter leaves its values
-        where they are.
+        It is the same for every length but 1, so that changing the length of a history moves no values.
         """
         return 0 if self.length == 1 else sequence % MAX_HISTORY_LENGTH
 
 
 class Variables:
-    """All variables. Mutable: those; changes go into the journal.
+    """All variables. Mutable; changes are written to the journal.
 
     Args:
         journal: the journal of changes.
@@ -99,49 +98,48 @@ class Variables:
         self, journal: Journal, *, space: int = MAX_TOTAL_BYTES, frame_space: int = FRAME_SPACE
     ) -> None:
         self._journal = journal
-        self._space = Bound("values of variables", space, in_bytes=True)
-        self._most = Bound("variables", MAX_VARIABLES)
+        self._bytes_limit = Bound("values of variables", space, in_bytes=True)
+        self._count_limit = Bound("variables", MAX_VARIABLES)
         self._used = 0
         self._variables: dict[str, _Variable] = {}
         self._shown = FrameContent(frame_space)
-        self._held: set[str] = set()
+        self._pinned: set[str] = set()
         self.names = SortedNames()
 
     # --- reading -------------------------------------------------------------------------------------
 
     @property
-    def reached(self) -> tuple[str, ...]:
-        """Sentences for users about the limits reached since the server started."""
-        count = self._most.reached(len(self._variables))
-        return (*count, *self._space.reached(self._used), *self._shown.reached)
+    def limit_messages(self) -> tuple[str, ...]:
+        """User-readable messages about the limits reached since the server started."""
+        count = self._count_limit.limit_messages(len(self._variables))
+        return (*count, *self._bytes_limit.limit_messages(self._used), *self._shown.limit_messages)
 
     def fields(self, now_ns: int) -> Fields:
-        """Return the fields of a frame: numbers, bools and lists of them that were asked for.
+        """Return the fields of a frame: the requested variables that are numbers, bools or lists of them.
 
-        It is one object, shared by the kept frames, until something changes; held variables get a new time in
-        each frame.
+        Frames share one object until something changes; but pinned variables get a new time in each frame.
         """
         shown = self._shown.fields()
-        held = {
+        pinned = {
             name: sample._replace(t_ns=now_ns)
-            for name in self._held
+            for name in self._pinned
             if (sample := shown.get(name)) is not None
         }
-        return {**shown, **held} if held else shown
+        return {**shown, **pinned} if pinned else shown
 
-    def expect_frames_with(self, names: Iterable[str]) -> None:
-        """Check that frames have room for these variables, too.
+    def check_frame_room(self, names: Iterable[str]) -> None:
+        """Check that frames have room for these variables in addition to those shown.
 
         Raises:
             RefusedError: "full".
         """
         known = (self._variables.get(name) for name in names)
-        self._shown.expect_room_besides(
+        self._shown.check_published_room(
             sum(variable.shown_size for variable in known if variable is not None)
         )
 
     def read_by_program(self, names: Iterable[str]) -> None:
-        """Show these variables, and only these, as the ones that the program reads."""
+        """Set the variables that the program reads, in place of earlier ones."""
         self._refresh(self._shown.set_program_names(names))
 
     def show(self, names: Iterable[str]) -> None:
@@ -155,8 +153,8 @@ class Variables:
         for name in names:
             variable = self._variables.get(name)
             if variable is not None and 0 < variable.shown_size <= self._shown.space:
-                present = variable.values[-1]
-                self._shown.put(name, frame_value(name, present.data), present.t_ns)
+                current = variable.values[-1]
+                self._shown.put(name, frame_value(name, current.data), current.t_ns)
 
     def hide(self, names: Iterable[str]) -> None:
         """Stop showing these variables in frames."""
@@ -167,13 +165,13 @@ class Variables:
         """Return True if there is a variable of this name."""
         return name in self._variables
 
-    def present(self, name: str) -> StoredValue | None:
-        """Return the present value, None if there is none."""
+    def current(self, name: str) -> StoredValue | None:
+        """Return the current value, None if there is none."""
         variable = self._variables.get(name)
         return variable.values[-1] if variable is not None and variable.values else None
 
     def value(self, name: str, back: int = 0) -> StoredValue:
-        """Return the value `-back` times before the present one.
+        """Return the value `-back` steps before the current one.
 
         Raises:
             RefusedError: "unknown", "range" or "unset".
@@ -184,9 +182,9 @@ class Variables:
         if back == 0 and variable.values:
             return variable.values[-1]
         if not -variable.length < back <= 0:
-            least = 1 - variable.length
-            text = f"DServer: there is no value {back} of `{name}`; expected {least} to 0"
-            raise RefusedError("range", text if least else f"{text}, as its history is 1 long")
+            oldest = 1 - variable.length
+            text = f"DServer: there is no value {back} of `{name}`; expected {oldest} to 0"
+            raise RefusedError("range", text if oldest else f"{text}, as its history is 1 long")
         if -back >= len(variable.values):
             times = "never" if not variable.values else f"only {len(variable.values)} times"
             raise RefusedError(
@@ -195,7 +193,7 @@ class Variables:
         return variable.values[back - 1]
 
     def history(self, name: str, back: int = 0) -> Iterator[StoredValue]:
-        """Yield the values kept, the newest first, from the value `-back` times before the present one on.
+        """Yield the kept values, newest first, beginning `-back` steps before the current one.
 
         Raises:
             RefusedError: "unknown".
@@ -207,10 +205,10 @@ class Variables:
     # --- changes -------------------------------------------------------------------------------------
 
     def set(self, new_values: Sequence[CheckedValue], now_ns: int) -> None:
-        """Set several variables, of different names, at value moment.
+        """Set several variables, of different names, at the same time.
 
         Raises:
-            RefusedError: "full"; nothing is set then.
+            RefusedError: "full"; then nothing is set.
         """
         growth = frame_growth = 0
         new = 0
@@ -223,16 +221,16 @@ class Variables:
                 new += 1
             elif len(variable.values) == variable.length:
                 growth -= _cost(variable.values[0].data)
-        self._expect_room(growth, new)
-        self._shown.expect_room(frame_growth)
+        self._check_room(growth, new)
+        self._shown.check_room(frame_growth)
         for value in new_values:
             self.put(value, now_ns)
 
     def put(self, value: CheckedValue, now_ns: int) -> None:
         """Set one variable without checking limits."""
         name, data, shown = value
-        if name in self._held:
-            self._end_hold(name)
+        if name in self._pinned:
+            self._unpin(name)
         variable = self._variables.get(name) or self._make(name, 1)
         values = variable.values
         stored = StoredValue(variable.sequence, now_ns, data)
@@ -249,21 +247,23 @@ class Variables:
         variable.shown_size = shown.size
         self._shown.put(name, shown, now_ns)
 
-    def _expect_room(self, growth: int, new: int) -> None:
-        if new and not self._most.allows(len(self._variables) + new):
-            raise RefusedError("full", f"DServer has no room for more than {self._most.limit} variables")
-        if growth > 0 and not self._space.allows(self._used + growth):
+    def _check_room(self, growth: int, new: int) -> None:
+        if new and not self._count_limit.allows(len(self._variables) + new):
             raise RefusedError(
-                "full", f"DServer has no room for more than {self._space.limit} bytes of values"
+                "full", f"DServer has no room for more than {self._count_limit.limit} variables"
+            )
+        if growth > 0 and not self._bytes_limit.allows(self._used + growth):
+            raise RefusedError(
+                "full", f"DServer has no room for more than {self._bytes_limit.limit} bytes of values"
             )
 
-    def hold(self, held: Mapping[str, Value]) -> None:
-        """Set variables that are fresh in every frame until a call sets them; hold no others."""
-        for name, value in held.items():
-            self.put(checked_value(name, encoded(value)), 0)
-        if self._held != set(held):
-            self._held = set(held)
-            self._note_held()
+    def pin(self, pinned: Mapping[str, Value]) -> None:
+        """Set variables that are then fresh in every frame until a call sets them; unpin all others."""
+        for name, value in pinned.items():
+            self.put(validate_value(name, encode_value(value)), 0)
+        if self._pinned != set(pinned):
+            self._pinned = set(pinned)
+            self._persist_pinned()
 
     def set_history(self, name: str, length: int) -> None:
         """Keep `length` values of a variable from now on; create a missing one, without a value.
@@ -277,17 +277,17 @@ class Variables:
             )
         variable = self._variables.get(name)
         if variable is None:
-            self._expect_room(OVERHEAD + len(name), 1)
+            self._check_room(OVERHEAD + len(name), 1)
             self._make(name, length)
             return
         while len(variable.values) > length:
             oldest = variable.values.popleft()
             self._used -= _cost(oldest.data)
             self._journal.drop(Key("value", name, variable.slot(oldest.sequence)))
-        before = {stored.sequence: variable.slot(stored.sequence) for stored in variable.values}
+        old_slots = {stored.sequence: variable.slot(stored.sequence) for stored in variable.values}
         variable.length = length
         self._journal.put(Key("variable", name), _encode(length))
-        self._move(name, variable, before)
+        self._move(name, variable, old_slots)
 
     def delete(self, name: str) -> bool:
         """Remove a variable; return False if there is none."""
@@ -300,16 +300,16 @@ class Variables:
         self._used -= OVERHEAD + len(name) + sum(_cost(stored.data) for stored in variable.values)
         self._shown.drop(name)
         self.names.discard(name)
-        if name in self._held:
-            self._end_hold(name)
+        if name in self._pinned:
+            self._unpin(name)
         return True
 
-    def _end_hold(self, name: str) -> None:
-        self._held.discard(name)
-        self._note_held()
+    def _unpin(self, name: str) -> None:
+        self._pinned.discard(name)
+        self._persist_pinned()
 
-    def _note_held(self) -> None:
-        self._journal.put(_HELD, _encode(sorted(self._held)))
+    def _persist_pinned(self) -> None:
+        self._journal.put(_PINNED, _encode(sorted(self._pinned)))
 
     def _make(self, name: str, length: int) -> _Variable:
         variable = self._variables[name] = _Variable(length=length)
@@ -318,20 +318,22 @@ class Variables:
         self._journal.put(Key("variable", name), _encode(length))
         return variable
 
-    def _move(self, name: str, variable: _Variable, before: Mapping[int, int]) -> None:
-        """Move values to their slots from those in `before`, which are by sequence number."""
+    def _move(self, name: str, variable: _Variable, old_slots: Mapping[int, int]) -> None:
+        """Move values from their old slots, which are given by sequence number, to their new ones."""
         moved = [
-            stored for stored in variable.values if before[stored.sequence] != variable.slot(stored.sequence)
+            stored
+            for stored in variable.values
+            if old_slots[stored.sequence] != variable.slot(stored.sequence)
         ]
         for stored in moved:
-            self._journal.drop(Key("value", name, before[stored.sequence]))
+            self._journal.drop(Key("value", name, old_slots[stored.sequence]))
         for stored in moved:
             self._journal.put(Key("value", name, variable.slot(stored.sequence)), _encode(stored))
 
     # --- from the store ------------------------------------------------------------------------------
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Load the entries of a store of the kinds "variable" and "value", and the held variables."""
+        """Load the entries of kinds "variable" and "value", and the pinned variables, from a store."""
         for key, data in entries.items():
             if key.kind == "variable":
                 self._variables[key.name] = _Variable(length=_lengths.decode(data))
@@ -345,17 +347,17 @@ class Variables:
             variable.sequence = stored.sequence + 1
             self._used += _cost(stored.data)
             slots.setdefault(key.name, {})[stored.sequence] = key.slot
-        for name, before in slots.items():
+        for name, old_slots in slots.items():
             variable = self._variables[name]
             variable.shown_size = frame_value(name, variable.values[-1].data).size
-            self._move(name, variable, before)
-        if _HELD in entries:
-            self._held = {name for name in _names.decode(entries[_HELD]) if name in self._variables}
+            self._move(name, variable, old_slots)
+        if _PINNED in entries:
+            self._pinned = {name for name in _names.decode(entries[_PINNED]) if name in self._variables}
 
     def backdate(self, now_ns: int, *, all_values: bool) -> None:
-        """Backdate the values dated by another clock, before any frame shows them.
+        """Backdate the values that another clock dated, before any frame shows them.
 
-        These are values from the future, or all if `all_values`.
+        These are values from the future; with `all_values`, all of them.
         """
         for name, variable in self._variables.items():
             for stored in [*variable.values]:
@@ -366,8 +368,8 @@ class Variables:
                 variable.values[-1] = stored
 
 
-def checked_value(name: str, value: msgspec.Raw | bytes, *, readable: bool = True) -> CheckedValue:
-    """Check a value, and copy it out of its message.
+def validate_value(name: str, value: msgspec.Raw | bytes, *, readable: bool = True) -> CheckedValue:
+    """Check a value, and return a copy that is independent of its message.
 
     Args:
         name: the variable.
@@ -376,7 +378,7 @@ def checked_value(name: str, value: msgspec.Raw | bytes, *, readable: bool = Tru
             `MAX_DECODED_BYTES`).
 
     Raises:
-        RefusedError: "arguments" for a value that is no msgpack, "size" for one that is too large.
+        RefusedError: "arguments" for a value that is not msgpack, "size" for one that is too large.
     """
     data = bytes(value)
     if len(data) > MAX_VALUE_BYTES:
@@ -400,7 +402,7 @@ def _cost(data: bytes) -> int:
     return len(data) + OVERHEAD
 
 
-def encoded(value: Value) -> bytes:
+def encode_value(value: Value) -> bytes:
     """Return a value of a program in msgpack."""
     return _encode(value)
 

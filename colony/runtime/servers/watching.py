@@ -1,7 +1,7 @@
 """Watches: the connections that get notices about changes of DServer's variables.
 
 The watches of a lost connection are kept for a while, even across a restart of the server. A reopened
-connection keeps its watches and gets the present values, as it may have missed changes.
+connection keeps its watches and gets the current values, as it may have missed changes.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from colony.runtime.servers.bounds import Bound
 from colony.runtime.store.store import Journal, Key
 
 MAX_WATCHED = 2_000
-"""Largest number of names and prefixes that one connection may watch."""
+"""Maximum number of names and prefixes that one connection may watch."""
 
 MAX_PREFIXES_PER_CONNECTION = 50
-"""Largest number of prefixes that one connection may watch."""
+"""Maximum number of prefixes that one connection may watch."""
 
 MAX_WATCHED_NAMES = 20_000
-"""Largest number of names that all connections may watch together."""
+"""Maximum number of names that all connections together may watch."""
 
 MAX_WATCHED_PREFIXES = 1_000
-"""Largest number of prefixes that all connections may watch together."""
+"""Maximum number of prefixes that all connections together may watch."""
 
-USER_SHARE = 2
-"""Divisor of the limits of all connections that yields the limits of a single user."""
+USER_LIMIT_DIVISOR = 2
+"""One user may use 1/`USER_LIMIT_DIVISOR` of each limit for all connections together."""
 
 LOST_WATCHES_NS = 60_000_000_000
 """Nanoseconds for which the watches of a lost connection are kept."""
@@ -44,7 +44,7 @@ class _Watch:
 
 
 class Watches:
-    """The watches of all connections. Mutable: those; changes go into the journal."""
+    """The watches of all connections. Mutable; changes are written to the journal."""
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
@@ -53,22 +53,25 @@ class Watches:
         self._by_prefix: dict[str, dict[str, None]] = {}
         self._lengths: Counter[int] = Counter()  # lengths of the prefixes
         self._names = self._prefixes = 0
-        self._most_names = Bound("names watched", MAX_WATCHED_NAMES)
-        self._most_prefixes = Bound("prefixes watched", MAX_WATCHED_PREFIXES)
+        self._name_limit = Bound("names watched", MAX_WATCHED_NAMES)
+        self._prefix_limit = Bound("prefixes watched", MAX_WATCHED_PREFIXES)
 
     @property
-    def reached(self) -> tuple[str, ...]:
-        """Sentences for users about the limits reached since the server started."""
-        return (*self._most_names.reached(self._names), *self._most_prefixes.reached(self._prefixes))
+    def limit_messages(self) -> tuple[str, ...]:
+        """User-readable messages about the limits reached since the server started."""
+        return (
+            *self._name_limit.limit_messages(self._names),
+            *self._prefix_limit.limit_messages(self._prefixes),
+        )
 
     def watchers(self, name: str) -> Collection[str]:
         """Return the connections that watch a variable, each once."""
-        found = self._by_name.get(name, _NOBODY)
+        connections = self._by_name.get(name, _NOBODY)
         for length in self._lengths:
-            found = found | self._by_prefix.get(name[:length], _NOBODY)
-        return found
+            connections = connections | self._by_prefix.get(name[:length], _NOBODY)
+        return connections
 
-    def of(self, connection: str) -> tuple[Iterable[str], Iterable[str]]:
+    def watched_by(self, connection: str) -> tuple[Iterable[str], Iterable[str]]:
         """Return the names and the prefixes that a connection watches."""
         watch = self._watches.get(connection)
         return ((), ()) if watch is None else (watch.names, watch.prefixes)
@@ -90,25 +93,29 @@ class Watches:
             raise RefusedError(
                 "full", f"DServer: a connection watches at most {MAX_PREFIXES_PER_CONNECTION} prefixes"
             )
-        mine = [w for c, w in self._watches.items() if user_of(c) == user_of(connection)]
-        if sum(len(w.names) for w in mine) + len(names) > MAX_WATCHED_NAMES // USER_SHARE:
+        user_watches = [w for c, w in self._watches.items() if user_of(c) == user_of(connection)]
+        if sum(len(w.names) for w in user_watches) + len(names) > MAX_WATCHED_NAMES // USER_LIMIT_DIVISOR:
             raise RefusedError(
-                "full", f"DServer: a user watches at most {MAX_WATCHED_NAMES // USER_SHARE} names"
+                "full", f"DServer: a user watches at most {MAX_WATCHED_NAMES // USER_LIMIT_DIVISOR} names"
             )
-        if sum(len(w.prefixes) for w in mine) + len(prefixes) > MAX_WATCHED_PREFIXES // USER_SHARE:
+        if (
+            sum(len(w.prefixes) for w in user_watches) + len(prefixes)
+            > MAX_WATCHED_PREFIXES // USER_LIMIT_DIVISOR
+        ):
             raise RefusedError(
-                "full", f"DServer: a user watches at most {MAX_WATCHED_PREFIXES // USER_SHARE} prefixes"
+                "full",
+                f"DServer: a user watches at most {MAX_WATCHED_PREFIXES // USER_LIMIT_DIVISOR} prefixes",
             )
-        if not self._most_names.allows(self._names + len(names)):
+        if not self._name_limit.allows(self._names + len(names)):
             raise RefusedError("full", f"DServer: connections watch {MAX_WATCHED_NAMES} names already")
-        if not self._most_prefixes.allows(self._prefixes + len(prefixes)):
+        if not self._prefix_limit.allows(self._prefixes + len(prefixes)):
             raise RefusedError("full", f"DServer: connections watch {MAX_WATCHED_PREFIXES} prefixes already")
-        self._journal.promise()
+        self._journal.mark_ack_pending()
         self._watches[connection] = watch
         watch.names |= dict.fromkeys(names)
         watch.prefixes |= dict.fromkeys(prefixes)
         self._index(connection, names, prefixes)
-        self._note(connection, watch)
+        self._persist(connection, watch)
 
     def remove(self, connection: str, names: Iterable[str], prefixes: Iterable[str]) -> None:
         """Remove names and prefixes from the watches of a connection."""
@@ -126,7 +133,7 @@ class Watches:
                 self._prefixes -= 1
                 if _unindex(self._by_prefix, prefix, connection):
                     self._lengths -= Counter((len(prefix),))
-        self._note(connection, watch)
+        self._persist(connection, watch)
 
     def forget(self, connection: str) -> None:
         """Drop all watches of a connection."""
@@ -135,7 +142,7 @@ class Watches:
             self.remove(connection, [*watch.names], [*watch.prefixes])
 
     def opened(self, connection: str) -> None:
-        """Keep the watches of a connection that was opened or reopened."""
+        """Cancel the timeout of the watches of a connection that was reopened."""
         watch = self._watches.get(connection)
         if watch is not None:
             watch.until_ns = None
@@ -148,17 +155,17 @@ class Watches:
 
     def expire(self, now_ns: int) -> None:
         """Drop the watches of connections that did not reconnect."""
-        late = [c for c, w in self._watches.items() if w.until_ns is not None and now_ns >= w.until_ns]
-        for connection in late:
+        expired = [c for c, w in self._watches.items() if w.until_ns is not None and now_ns >= w.until_ns]
+        for connection in expired:
             self.forget(connection)
 
     def start(self, now_ns: int) -> None:
-        """Start without connections: start the timeouts of all watches."""
+        """Start the timeouts of all loaded watches, as no connection is open yet."""
         for connection in self._watches:
             self.lost(connection, now_ns)
 
     def load(self, entries: Mapping[Key, bytes]) -> None:
-        """Load the entries of a store of the kind "watch"."""
+        """Load the entries of kind "watch" from a store."""
         for key, data in entries.items():
             if key.kind == "watch":
                 names, prefixes = _watched.decode(data)
@@ -174,7 +181,7 @@ class Watches:
             for key in new:
                 table.setdefault(key, {})[connection] = None
 
-    def _note(self, connection: str, watch: _Watch) -> None:
+    def _persist(self, connection: str, watch: _Watch) -> None:
         if watch.names or watch.prefixes:
             self._journal.put(Key("watch", connection), _encode(([*watch.names], [*watch.prefixes])))
         else:
@@ -183,7 +190,7 @@ class Watches:
 
 
 def _unindex(table: dict[str, dict[str, None]], key: str, connection: str) -> bool:
-    """Remove a connection; return True if it was the last."""
+    """Remove a connection from the entry of a key; return True if it was the last one."""
     del table[key][connection]
     if table[key]:
         return False

@@ -37,8 +37,8 @@ def quarantine(path: Path) -> Path:
     return quarantined_path
 
 
-def quarantined(path: Path) -> tuple[Path, ...]:
-    """Return the quarantined databases, including those of which only the log was left."""
+def list_quarantined(path: Path) -> tuple[Path, ...]:
+    """Return the quarantined databases, including those of which only the log is left."""
     try:
         names = os.listdir(path.parent)
     except OSError:
@@ -49,10 +49,10 @@ def quarantined(path: Path) -> tuple[Path, ...]:
 
 
 def damage_notes(path: Path) -> tuple[str, ...]:
-    """Return a sentence for users about each quarantined database, or its log if nothing else was left."""
+    """Return a sentence for users about each quarantined database, or its log if nothing else is left."""
     return tuple(
         f"its file was damaged, so it started empty; remove {_first_existing(damaged)} when it is not needed"
-        for damaged in quarantined(path)
+        for damaged in list_quarantined(path)
     )
 
 
@@ -60,8 +60,8 @@ def _first_existing(quarantined_path: Path) -> Path:
     return next(
         (
             file
-            for e in ("", *COMPANION_SUFFIXES)
-            if os.path.lexists(file := _with_suffix(quarantined_path, e))
+            for suffix in ("", *COMPANION_SUFFIXES)
+            if os.path.lexists(file := _with_suffix(quarantined_path, suffix))
         ),
         quarantined_path,
     )

@@ -8,11 +8,11 @@ from pathlib import Path
 from colony.os_errors import NO_ROOM, naming
 
 RESERVE_BYTES = 2 << 20
-"""Size of the reserve: two of the largest values, or some thousand small changes."""
+"""Size of the reserve: room for two of the largest values, or a few thousand small changes."""
 
 
 class Reserve:
-    """A file that occupies disk space and has no content. Mutable: whether the file exists.
+    """A file that occupies disk space and has no content. Stateful: the file may exist or not.
 
     Args:
         path: file on the disk whose space is reserved.
@@ -27,7 +27,7 @@ class Reserve:
         """Allocate the space if it is not yet allocated; do nothing if the file system cannot preallocate.
 
         Raises:
-            OSError: the disk has no room for it.
+            OSError: the disk has too little space.
         """
         try:
             file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)

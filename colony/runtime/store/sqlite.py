@@ -1,25 +1,26 @@
 """A store in one SQLite file.
 
 Durability. A commit appends to the write-ahead log with plain writes. Once they are done, the operating
-system has the bytes, and SIGKILL of the process cannot undo them, whether they are synchronized to the disk
-or not. So the default is `synchronous=NORMAL`, which synchronizes only when the log is checkpointed into the
-database, about every four megabytes. `OFF` would be no faster in between, and a loss of power could leave an
-unreadable file; with `NORMAL` a loss of power costs the last moments, never the file. With `fsync` each
+system has the bytes, and they survive a SIGKILL of the process, whether synchronized to the disk or not. So
+the default is `synchronous=NORMAL`, which synchronizes only when the log is checkpointed into the
+database, about every four megabytes. `OFF` would be no faster in between, and a loss of power could
+leave an unreadable file; with `NORMAL` it costs only the latest changes, never the file. With `fsync` each
 commit waits for the disk (`synchronous=FULL`), and a loss of power costs nothing.
 
-The file is locked while it is open: two servers cannot write one state. Pages are small because most entries
+The file is locked while it is open, so that two servers cannot share it. Pages are small because most entries
 are, and a commit writes whole pages. Each entry has a checksum, because the file format has none. The table
-has row ids, so that the keys have their own index: otherwise a search among entries of a megabyte would have
-to read the entries that it passes.
+has row ids, so that the keys have their own index: otherwise a search among entries of a megabyte would read
+every entry that it passes.
 
-Full disk. A reserve file in the same folder occupies space. When a commit finds no room, the store releases
-the reserve, checkpoints the log into the database, and retries the commit, so that work in progress can be
-kept. From then on the store is `full`, until there is room for the reserve again. A file size limit or a
-quota counts as a full disk.
+Full disk. A reserve file in the same folder occupies space. When a commit finds no space, the store
+releases the reserve, checkpoints the log into the database, and retries the commit, so that work in progress
+can be kept. From then on the store is `full`, until there is space for the reserve again. A file size limit
+or a quota counts as a full disk.
 
 Damage. An empty or damaged file is quarantined (`quarantine.py`), and the store starts empty; the store
-reports that, and DServer keeps reporting it. An empty file counts as damaged because the store never makes
-one: it fills a new database under another name. A file that is not DServer's, or is from a later version, is
+reports that, and DServer keeps reporting it. An empty file counts as damaged because the store never creates
+one: it fills a new database under another name first. A file that is not DServer's, or is from a later
+    version, is
 refused and left unchanged.
 """
 
@@ -63,7 +64,7 @@ _DROP = "DELETE FROM state WHERE kind = ? AND name = ? AND slot = ?"
 
 
 class SqliteStore:
-    """A store in the SQLite database at `path`, which it creates if missing. Mutable: the file.
+    """A store in the SQLite database at `path`, which it creates if missing. Mutable.
 
     Args:
         path: database; SQLite's log is `<path>-wal`, and the reserve `<path>.reserve`.
@@ -72,7 +73,7 @@ class SqliteStore:
         report: callback for a line to users when the file is damaged and was quarantined.
 
     Raises:
-        StoreFullError: the file is missing, or is of an earlier version, and the disk has no room for a new
+        StoreFullError: the file is missing, or is of an earlier version, and the disk has no space for a new
             one.
         StoreError: the file cannot be opened or quarantined, is in use, or is not DServer's.
     """
@@ -104,17 +105,17 @@ class SqliteStore:
             )
             self._prepare(self._database, self._fsync)
         except (sqlite3.Error, UnicodeDecodeError) as problem:  # the latter from messages about damage
-            self._abandon()
+            self._disconnect()
             raise self._error(problem) from None
         except BaseException:
-            self._abandon()
+            self._disconnect()
             raise
         self._reserve = Reserve(self._path.with_name(self._path.name + ".reserve"))
         self.full: str | None = None
         self.make_room()
 
     def make_room(self) -> None:
-        """Allocate the reserve if it was released; without room for it the store stays full."""
+        """Allocate the reserve if it was released; if there is no space for it, the store stays full."""
         try:
             _check_growth(self._path)
             self._reserve.take()
@@ -125,7 +126,7 @@ class SqliteStore:
 
     def _start_empty(self, damage: _DamagedStoreError) -> None:
         """Quarantine a damaged database and create a new one."""
-        self._abandon()
+        self._disconnect()
         try:
             renamed = quarantine(self._path)
         except BlockingIOError:
@@ -146,9 +147,9 @@ class SqliteStore:
 
     def _entries(self) -> Iterator[tuple[Key, bytes]]:
         try:
-            for kind, name, slot, data, found in self._open().execute("SELECT * FROM state"):
+            for kind, name, slot, data, checksum in self._open().execute("SELECT * FROM state"):
                 key = Key(kind, name, slot)
-                if not isinstance(data, bytes) or found != _checksum(key, data):
+                if not isinstance(data, bytes) or checksum != _checksum(key, data):
                     raise _DamagedStoreError(self._path, f"the {kind} `{name}` has a wrong checksum")
                 yield key, data
         except (sqlite3.Error, UnicodeDecodeError) as problem:
@@ -188,7 +189,7 @@ class SqliteStore:
             database.close()
 
     def _checkpoint_log(self) -> None:
-        """Checkpoint the log into the database as far as there is room, and truncate the log."""
+        """Checkpoint the log into the database as far as there is space, and truncate the log."""
         with suppress(sqlite3.Error):
             self._open().execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
 
@@ -202,9 +203,8 @@ class SqliteStore:
             raise StoreError(f"{self._path}: SQLite cannot keep a write-ahead log here (mode `{mode}`)")
         database.execute(f"PRAGMA synchronous = {'FULL' if fsync else 'NORMAL'}")
         database.execute(f"PRAGMA wal_autocheckpoint = {_CHECKPOINT_PAGES}")
-        database.execute(
-            "PRAGMA secure_delete = OFF"
-        )  # overwriting old data with zeros would double the writes
+        # overwriting deleted data with zeros would double the writes
+        database.execute("PRAGMA secure_delete = OFF")
         database.execute("BEGIN EXCLUSIVE")
         if database.execute("PRAGMA user_version").fetchone()[0] == 1:
             database.execute("ALTER TABLE state RENAME TO state_1")
@@ -212,9 +212,9 @@ class SqliteStore:
             database.execute("INSERT INTO state SELECT * FROM state_1")
             database.execute("DROP TABLE state_1")
         database.execute("COMMIT")
-        found = database.execute("PRAGMA integrity_check(1)").fetchone()[0]
-        if found != "ok":
-            raise _DamagedStoreError(self._path, found)
+        result = database.execute("PRAGMA integrity_check(1)").fetchone()[0]
+        if result != "ok":
+            raise _DamagedStoreError(self._path, result)
 
     def _check_owner(self, database: sqlite3.Connection) -> None:
         """Refuse a database of another program or of a later version, before anything is written to it."""
@@ -233,7 +233,7 @@ class SqliteStore:
             raise StoreError(f"{self._path} is closed")
         return self._database
 
-    def _abandon(self) -> None:
+    def _disconnect(self) -> None:
         if self._database is not None:
             self._database.close()
             self._database = None
@@ -253,8 +253,8 @@ class SqliteStore:
 
     def _no_room(self, problem: Exception) -> StoreFullError:
         advice = limit_advice(problem) if isinstance(problem, OSError) else None
-        room = f"free some space in {self._path.parent}"
-        return StoreFullError(f"{self._path}: {reason(problem)}: {advice or room}")
+        default = f"free some space in {self._path.parent}"
+        return StoreFullError(f"{self._path}: {reason(problem)}: {advice or default}")
 
 
 class _DamagedStoreError(StoreError):
@@ -271,7 +271,7 @@ _HEADER = b"SQLite format 3\0"
 
 
 def _check_files(path: Path) -> bool:
-    """Return True if there is no database; reject a file that blocks SQLite, or that it takes for empty."""
+    """Return True if there is no database; reject files that are unreadable, empty, or not a database."""
     for suffix in COMPANION_SUFFIXES:
         _header(path.with_name(path.name + suffix))
     header, log = _header(path), _header(path.with_name(f"{path.name}-wal"))
@@ -296,18 +296,18 @@ def _header(path: Path) -> bytes | None:
 
 def _create(path: Path) -> None:
     """Create a database without entries, atomically."""
-    beside = path.with_name(f"{path.name}.new")
+    temporary = path.with_name(f"{path.name}.new")
     try:
-        _discard(beside)  # left by a server that was killed while creating it
+        _discard(temporary)  # left by a server that was killed while creating it
         try:
-            with closing(sqlite3.connect(beside, isolation_level=None)) as database:
+            with closing(sqlite3.connect(temporary, isolation_level=None)) as database:
                 database.execute(f"PRAGMA page_size = {_PAGE}")
                 database.execute("BEGIN")
                 _fill(database)
                 database.execute("COMMIT")
-            os.rename(beside, path)
+            os.rename(temporary, path)
         except BaseException:
-            _discard(beside)
+            _discard(temporary)
             raise
         sync_folder(path.parent)
     except OSError as problem:
@@ -331,15 +331,15 @@ def _check_growth(path: Path) -> None:
     Raises:
         OSError: the file may not grow that much.
     """
-    most = _file_size_limit()
-    if most is not None and path.stat().st_size + RESERVE_BYTES > most:
+    limit = _file_size_limit()
+    if limit is not None and path.stat().st_size + RESERVE_BYTES > limit:
         raise _too_large(path)
 
 
 def _file_size_limit() -> int | None:
     """Return the file size limit in bytes, or None if there is none."""
-    most = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
-    return None if most == resource.RLIM_INFINITY else most
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    return None if limit == resource.RLIM_INFINITY else limit
 
 
 def _too_large(path: Path) -> OSError:

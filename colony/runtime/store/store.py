@@ -4,9 +4,9 @@ A server's state lives in memory. Each change is also put into a `Journal`, whic
 one commit before any answer is sent. So all acknowledged changes are in the store, and a batch is committed
 as a whole or not at all.
 
-A store may run out of room. Its server then accepts nothing that must be kept, and otherwise continues:
-unacknowledged changes (variables that actuators set, checkpoints) wait in the journal until there is
-room. Promised changes never wait: if one cannot be kept, the server ends instead of acknowledging it.
+A store may run out of space. Its server then refuses calls whose changes must be kept, and otherwise
+continues: unacknowledged changes (variables that actuators set, checkpoints) wait in the journal until there
+is space. Acknowledged changes never wait: if one cannot be kept, the server ends instead of acknowledging it.
 
 A restarted server loads all entries. Only the server interprets the bytes. A store guarantees that they are
 the bytes that were committed; it quarantines a damaged file as a whole, reports that, and starts empty.
@@ -18,11 +18,11 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Literal, NamedTuple, Protocol
 
 Kind = Literal["fact", "variable", "value", "semaphore", "hold", "pending", "answer", "watch", "checkpoint"]
-"""The subject of an entry."""
+"""The kind of an entry."""
 
 
 class Key(NamedTuple):
-    """The key of one entry; `slot` numbers the entries of one name."""
+    """The key of one entry; `slot` distinguishes the entries with one name."""
 
     kind: Kind
     name: str
@@ -30,11 +30,11 @@ class Key(NamedTuple):
 
 
 class StoreError(Exception):
-    """A store cannot be opened, read or written; the message names it, the reason and the remedy."""
+    """A store cannot be opened, read or written; the message gives its path, the reason and the remedy."""
 
 
 class StoreFullError(StoreError):
-    """The store has no room for the changes, and none of them was kept."""
+    """The store has no space for the changes, and none of them was kept."""
 
 
 class Store(Protocol):
@@ -42,14 +42,14 @@ class Store(Protocol):
 
     @property
     def full(self) -> str | None:
-        """The reason why nothing new should be promised, None while there is room.
+        """The reason why no new data should be accepted; None while there is space.
 
-        It stays set until `make_room`.
+        It stays set until `make_room` finds space.
         """
         ...
 
     def make_room(self) -> None:
-        """Check whether there is room again; too slow to be called for every message."""
+        """Check whether there is space again; too slow to be called for every message."""
         ...
 
     def load(self) -> Iterable[tuple[Key, bytes]]:
@@ -64,18 +64,18 @@ class Store(Protocol):
         """Set entries, and remove those that are None, atomically.
 
         Raises:
-            StoreFullError: there is no room for them; `full` gives the reason from now on.
+            StoreFullError: there is no space for them; `full` gives the reason from now on.
             StoreError: the commit failed.
         """
         ...
 
     def close(self) -> None:
-        """Close the store; nothing can be committed afterwards. May be called again."""
+        """Close the store; nothing can be committed afterwards. Idempotent."""
         ...
 
 
 class MemoryStore:
-    """A store without a file, for runs in virtual time. Mutable: the entries."""
+    """A store without a file, for runs in virtual time. Mutable."""
 
     full: str | None = None
 
@@ -104,7 +104,8 @@ class MemoryStore:
 class PendingStore:
     """A placeholder for a store that cannot be created yet because its disk is full.
 
-    It has no entries and keeps none until the store can be created. Mutable: the store, once it exists.
+    It has no entries and accepts none until the store can be created. Stateful: holds the store once it
+    exists.
 
     Args:
         make: function that creates the store, or raises `StoreFullError`.
@@ -118,11 +119,11 @@ class PendingStore:
 
     @property
     def full(self) -> str | None:
-        """The reason why nothing new should be promised, None while there is room."""
+        """The reason why no new data should be accepted; None while there is space."""
         return self._problem if self._store is None else self._store.full
 
     def make_room(self) -> None:
-        """Create the store if that is possible now, or let an existing store check for room."""
+        """Create the store if that is possible now, or let an existing store check for space."""
         if self._store is not None:
             self._store.make_room()
             return
@@ -139,7 +140,7 @@ class PendingStore:
         """Commit to the store.
 
         Raises:
-            StoreFullError: the store could not be created yet, or has no room.
+            StoreFullError: the store could not be created yet, or has no space.
             StoreError: the commit failed.
         """
         if self._store is None:
@@ -153,20 +154,20 @@ class PendingStore:
 
 
 class Journal:
-    """The changes since the last commit. Mutable: the changes, and whether they wait for room."""
+    """The changes since the last commit. Mutable."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._changes: dict[Key, bytes | None] = {}
-        self._promised = self._waiting = False
+        self._ack_pending = self._waiting = False
 
     @property
     def full(self) -> str | None:
-        """The reason why nothing new should be promised, None while there is room."""
+        """The reason why no new data should be accepted; None while there is space."""
         return self._store.full
 
     def make_room(self) -> None:
-        """Check whether there is room again; the next `settle` retries the waiting changes anyway."""
+        """Check whether there is space again; the next `settle` retries the waiting changes in any case."""
         self._store.make_room()
         self._waiting = False
 
@@ -178,25 +179,25 @@ class Journal:
         """Record the removal of an entry; the entry need not exist."""
         self._changes[key] = None
 
-    def promise(self) -> None:
-        """Note that a caller is about to receive an acknowledgment of the changes so far."""
-        self._promised = True
+    def mark_ack_pending(self) -> None:
+        """Note that the changes so far are about to be acknowledged, so `settle` must commit them."""
+        self._ack_pending = True
 
     def settle(self) -> None:
-        """Commit the changes; without room for them, let them wait unless something was promised.
+        """Commit the changes; if there is no space, let them wait, unless one is about to be acknowledged.
 
         Raises:
             StoreError: the commit failed; the server's memory is then ahead of the store, so the server must
                 end.
         """
-        if not self._changes or (self._waiting and not self._promised):
+        if not self._changes or (self._waiting and not self._ack_pending):
             return
         try:
             self._store.commit(self._changes)
         except StoreFullError:
-            if self._promised:
+            if self._ack_pending:
                 raise
             self._waiting = True
         else:
             self._changes = {}
-            self._promised = self._waiting = False
+            self._ack_pending = self._waiting = False

@@ -12,9 +12,9 @@ from colony.runtime.transport.virtual import Delay
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultRates:
-    """The probability of each fault per message, and the largest delays.
+    """The probability of each fault per message, and the maximum delays.
 
-    A late message arrives after messages of later frames; a reordered one after others of its moment.
+    A late message may arrive after messages of later frames, a reordered one after others sent at its time.
     """
 
     lost: float = 0.02
@@ -26,7 +26,7 @@ class FaultRates:
 
 
 class Faults:
-    """A link with faults. Mutable: its random state.
+    """A link with faults. Mutable.
 
     Messages for which `exempt(sender, receiver, message)` is true always arrive at once.
     """

@@ -1,9 +1,10 @@
 """A transport within one process and in virtual time, with a seeded scheduler.
 
-A queue takes the place of the network. Messages due at the same moment are delivered in an order drawn from
-the seed, so that seeds cover the orders that a network could produce, and each run can be repeated. A `Link`
+A queue stands in for the network. Messages due at the same time are delivered in an order drawn
+from the seed, so that different seeds cover the orders that a network could produce, and each run can be
+repeated. A `Link`
 delays, drops and duplicates messages where a test wants faults (`faults.py`). Nodes can be killed, frozen and
-restarted at any moment.
+restarted at any time.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ from colony.runtime.protocol.messages import Effect, Message, Node, Send, Settli
 
 
 class VirtualClock:
-    """The present of a virtual run, in nanoseconds. Mutable: only its transport advances it."""
+    """The current time of a virtual run, in nanoseconds. Mutable: its transport advances it."""
 
     def __init__(self, now_ns: int = 0) -> None:
         self.now_ns = now_ns
 
     def __call__(self) -> int:
-        """Return the present in nanoseconds."""
+        """Return the current time in nanoseconds."""
         return self.now_ns
 
 
@@ -34,7 +35,7 @@ Link = Callable[[str, str, Message], Delay]
 """A function that returns the delay of a message from a sender to a receiver (addresses)."""
 
 
-def perfect(sender: str, receiver: str, message: Message) -> Delay:
+def deliver_immediately(sender: str, receiver: str, message: Message) -> Delay:
     """Deliver every message at once."""
     return 0
 
@@ -51,13 +52,13 @@ class _Delivery(NamedTuple):
 
 
 OUTSIDE = "outside"
-"""The sender of messages that tests inject."""
+"""The sender of injected messages."""
 
 
 class VirtualTransport:
-    """A transport of the nodes' messages to their listeners. Mutable: the queue, and the live nodes."""
+    """Delivers messages from nodes to listeners. Mutable."""
 
-    def __init__(self, clock: VirtualClock, *, seed: int, link: Link = perfect) -> None:
+    def __init__(self, clock: VirtualClock, *, seed: int, link: Link = deliver_immediately) -> None:
         self._clock = clock
         self._link = link
         self._random = random.Random(seed).random
@@ -88,7 +89,7 @@ class VirtualTransport:
         self._carry_out(address, node.start(self._clock.now_ns))
 
     def kill(self, address: str) -> Node:
-        """Remove a node without notice, as a crash would; messages on their way to it are lost."""
+        """Remove a node without notice, as a crash would; messages in transit to it are lost."""
         node = self._nodes.pop(address)
         self._settling.pop(address, None)
         self._frozen.pop(address, None)
@@ -105,7 +106,7 @@ class VirtualTransport:
         self._frozen.setdefault(address, [])
 
     def thaw(self, address: str) -> None:
-        """Resume a frozen node: the waiting messages arrive now, in the order in which they came."""
+        """Resume a frozen node: the waiting messages arrive now, in order of arrival."""
         for message in self._frozen.pop(address, ()):
             self._put(self._clock.now_ns, 0.0, address, message)
 
@@ -116,7 +117,7 @@ class VirtualTransport:
         self._send(OUTSIDE, topic, message)
 
     def at(self, t_ns: int, action: Action) -> None:
-        """Run an action at `t_ns`, before any message of that moment."""
+        """Run an action at `t_ns`, before any message due at that time."""
         self._put(max(t_ns, self._clock.now_ns), -1.0, "", action)
 
     # --- time --------------------------------------------------------------------------------------------
@@ -128,10 +129,10 @@ class VirtualTransport:
         stop: Callable[[], bool] = lambda: False,
         pace: Callable[[int], None] | None = None,
     ) -> bool:
-        """Deliver everything that is due before `t_ns`, and advance the present to it.
+        """Deliver everything that is due before `t_ns`, and advance the clock to `t_ns`.
 
         `pace` is called with each new time before anything happens at it (a run at wall-clock speed sleeps
-        there). Return False if `stop` ended the run, which happens only between moments, never within one.
+        there). Return False if `stop` ended the run; `stop` is checked only before time advances.
         """
         clock = self._clock
         while self._queue and self._queue[0].t_ns < t_ns:

@@ -18,9 +18,9 @@ import numpy as np
 
 from colony.sim.compiled import Floats, Floats2, called, inlined
 
-OFFSET, COLUMNS, ROWS, ACROSS, DOWN, COVER, WRAPS = range(7)
+OFFSET, COLUMNS, ROWS, ACROSS, DOWN, OPACITY, WRAPS = range(7)
 """Columns of `Atlas.pictures`: start of the table, size in texels, mm per texel across and down, start of the
-table of opacities (negative if opaque), and 1 if the picture repeats to the sides, else 0."""
+table of opacities (negative if opaque), and 1 if the picture repeats horizontally, else 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,14 +29,14 @@ class Picture:
 
     Attributes:
         shades: (rows, columns), from 0 (black) to 1.
-        cover: (rows, columns), the opacity of each texel; None if all are opaque.
-        wraps: True if the picture repeats to the sides.
+        opacity: (rows, columns), the opacity of each texel; None if all are opaque.
+        wraps: True if the picture repeats horizontally.
     """
 
     shades: Floats2
     width_mm: float
     height_mm: float
-    cover: Floats2 | None = None
+    opacity: Floats2 | None = None
     wraps: bool = False
 
 
@@ -55,21 +55,21 @@ def atlas_of(pictures: Sequence[Picture]) -> Atlas:
     """Return an atlas of pictures, numbered as given."""
     tables: list[Floats] = []
     rows: list[tuple[float, ...]] = []
-    used = 0
+    table_start = 0
     for picture in pictures:
         high, wide = picture.shades.shape
-        layers = [picture.shades if picture.cover is None else picture.shades * picture.cover]
-        layers += [] if picture.cover is None else [picture.cover]
-        places = []
+        layers = [picture.shades if picture.opacity is None else picture.shades * picture.opacity]
+        layers += [] if picture.opacity is None else [picture.opacity]
+        offsets = []
         for layer in layers:
             table = np.zeros((wide + 1, high + 1))
             table[1:, 1:] = layer.T.cumsum(axis=0).cumsum(axis=1)
             tables.append(table.ravel())
-            places.append(used)
-            used += table.size
+            offsets.append(table_start)
+            table_start += table.size
         across, down = picture.width_mm / wide, picture.height_mm / high
-        covering = float(places[1]) if len(places) > 1 else -1.0
-        rows.append((places[0], wide, high, across, down, covering, float(picture.wraps)))
+        opacity_offset = float(offsets[1]) if len(offsets) > 1 else -1.0
+        rows.append((offsets[0], wide, high, across, down, opacity_offset, float(picture.wraps)))
     return Atlas(
         sums=np.concatenate([np.zeros(0), *tables]),
         pictures=np.array(rows, dtype=np.float64).reshape(-1, 7),
@@ -77,18 +77,23 @@ def atlas_of(pictures: Sequence[Picture]) -> Atlas:
 
 
 @inlined
-def _at(sums: Floats, start: int, high: int, part: float, row: int, rest: float) -> float:
-    """Interpolate a table between its columns and rows; `start` is the offset of the left column."""
-    here = start + row
-    left: float = sums[here] + rest * (sums[here + 1] - sums[here])
-    here += high + 1
-    right: float = sums[here] + rest * (sums[here + 1] - sums[here])
-    return left + part * (right - left)
+def _interpolate(
+    sums: Floats, start: int, high: int, column_fraction: float, row: int, row_fraction: float
+) -> float:
+    """Interpolate a summed-area table between its columns and rows.
+
+    `start` is the offset of the left column; the fractions are those toward the next column and row.
+    """
+    index = start + row
+    left: float = sums[index] + row_fraction * (sums[index + 1] - sums[index])
+    index += high + 1
+    right: float = sums[index] + row_fraction * (sums[index + 1] - sums[index])
+    return left + column_fraction * (right - left)
 
 
 @inlined
 def _strip(
-    sums: Floats, place: int, wide: int, high: int, left: float, right: float, laps: float, down: float
+    sums: Floats, offset: int, wide: int, high: int, left: float, right: float, laps: float, down: float
 ) -> float:
     """Return the sum over the columns from `left` to `right`, from the top down to row `down`.
 
@@ -97,11 +102,11 @@ def _strip(
     row = min(int(down), high - 1)
     rest = down - row
     first, last = min(int(left), wide - 1), min(int(right), wide - 1)
-    found = _at(sums, place + last * (high + 1), high, right - last, row, rest)
-    found -= _at(sums, place + first * (high + 1), high, left - first, row, rest)
+    total = _interpolate(sums, offset + last * (high + 1), high, right - last, row, rest)
+    total -= _interpolate(sums, offset + first * (high + 1), high, left - first, row, rest)
     if laps != 0.0:
-        found += laps * _at(sums, place + (wide - 1) * (high + 1), high, 1.0, row, rest)
-    return found
+        total += laps * _interpolate(sums, offset + (wide - 1) * (high + 1), high, 1.0, row, rest)
+    return total
 
 
 @called
@@ -117,38 +122,43 @@ def paint_picture(
         picture: number of the picture.
         left: start of the visible part, in mm from the picture's left edge; within the picture unless it
             repeats.
-        right: end of the visible part, likewise.
+        right: end of the visible part, in mm from the picture's left edge.
         width: width in mm of the wall that the column covers, which includes `left` to `right`.
         first: first row that sees the picture.
         last: row after the last one that sees it.
         above: distance in mm of the upper edge of row 0 below the top of the picture.
         step: mm per row.
         clip_top: start of the visible part, in mm below the top of the picture.
-        clip_bottom: end of the visible part, likewise.
+        clip_bottom: end of the visible part, in mm below the top of the picture.
         gain: factor from shades to gray levels.
     """
-    about = atlas.pictures[picture]
-    wide, high, place, covering = int(about[COLUMNS]), int(about[ROWS]), int(about[OFFSET]), int(about[COVER])
-    start, end, laps = left / about[ACROSS], right / about[ACROSS], 0.0
-    if about[WRAPS] > 0.0:
+    entry = atlas.pictures[picture]
+    wide, high, offset, opacity_offset = (
+        int(entry[COLUMNS]),
+        int(entry[ROWS]),
+        int(entry[OFFSET]),
+        int(entry[OPACITY]),
+    )
+    start, end, laps = left / entry[ACROSS], right / entry[ACROSS], 0.0
+    if entry[WRAPS] > 0.0:
         start_lap, end_lap = math.floor(start / wide), math.floor(end / wide)
         start, end, laps = start - start_lap * wide, end - end_lap * wide, end_lap - start_lap
     start, end = min(max(start, 0.0), wide + 0.0), min(max(end, 0.0), wide + 0.0)
-    area = width / about[ACROSS] * step / about[DOWN]
+    area = width / entry[ACROSS] * step / entry[DOWN]
     share = min((right - left) / width, 1.0)
     down = min(max(above + first * step, clip_top), clip_bottom)
-    reached = min(max(down / about[DOWN], 0.0), high + 0.0)
-    before = _strip(atlas.sums, place, wide, high, start, end, laps, reached)
+    table_row = min(max(down / entry[DOWN], 0.0), high + 0.0)
+    before = _strip(atlas.sums, offset, wide, high, start, end, laps, table_row)
     hidden_before = 0.0
-    if covering >= 0:
-        hidden_before = _strip(atlas.sums, covering, wide, high, start, end, laps, reached)
+    if opacity_offset >= 0:
+        hidden_before = _strip(atlas.sums, opacity_offset, wide, high, start, end, laps, table_row)
     for row in range(first, last):
         lower = min(max(above + (row + 1) * step, clip_top), clip_bottom)
-        reached = min(max(lower / about[DOWN], 0.0), high + 0.0)
-        after = _strip(atlas.sums, place, wide, high, start, end, laps, reached)
+        table_row = min(max(lower / entry[DOWN], 0.0), high + 0.0)
+        after = _strip(atlas.sums, offset, wide, high, start, end, laps, table_row)
         hidden = share * (lower - down) / step
-        if covering >= 0:
-            hidden_after = _strip(atlas.sums, covering, wide, high, start, end, laps, reached)
+        if opacity_offset >= 0:
+            hidden_after = _strip(atlas.sums, opacity_offset, wide, high, start, end, laps, table_row)
             hidden = (hidden_after - hidden_before) / area
             hidden_before = hidden_after
         out[row] += gain * (after - before) / area - hidden * out[row]

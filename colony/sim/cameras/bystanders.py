@@ -20,7 +20,7 @@ _MIN_DEPTH_MM = 200.0
 
 @inlined
 def _robot_depth(ray: Ray, x: float, y: float, radius: float) -> tuple[float, float]:
-    """Return the depths between which a ray is in the hull of a robot at (x, y); infinite if it misses."""
+    """Return the depths at which a ray enters and leaves a robot's hull at (x, y); infinite if it misses."""
     ox, oy, squared = x - ray.x, y - ray.y, ray.length * ray.length
     ahead = ox * ray.dx + oy * ray.dy
     under_root = ahead * ahead - squared * (ox * ox + oy * oy - radius * radius)
@@ -39,8 +39,8 @@ def _person_depth(eye: Eye, ray: Ray, x: float, y: float) -> float:
     """
     ox, oy = x - eye.x, y - eye.y
     depth, right = oy * eye.cosine - ox * eye.sine, ox * eye.cosine + oy * eye.sine
-    met = depth > _MIN_DEPTH_MM and abs(right - ray.right * depth) < PERSON_WIDTH_MM / 2.0 + ray.half * depth
-    return depth if met else math.inf
+    hit = depth > _MIN_DEPTH_MM and abs(right - ray.right * depth) < PERSON_WIDTH_MM / 2.0 + ray.half * depth
+    return depth if hit else math.inf
 
 
 @inlined
@@ -67,10 +67,10 @@ def _paint_person(
     lens: Lens,
     scene: Scene,
 ) -> None:
-    """Paint the person at (x, y): the number selects the style, the place the position of the legs."""
+    """Paint the person at (x, y); `number` selects the style, the position that of the legs."""
     picture = 2 * (number % PERSON_STYLES) + int(math.floor((x + y) / _STEP_MM) % 2.0)
-    middle = (x - eye.x) * eye.cosine + (y - eye.y) * eye.sine
-    left = (ray.right - ray.half) * depth - middle + PERSON_WIDTH_MM / 2.0
+    center = (x - eye.x) * eye.cosine + (y - eye.y) * eye.sine
+    left = (ray.right - ray.half) * depth - center + PERSON_WIDTH_MM / 2.0
     right = left + 2.0 * ray.half * depth
     high = scene.atlas.pictures[picture, 2] * scene.atlas.pictures[picture, 4]
     step = depth / lens.focal
@@ -86,27 +86,27 @@ def _paint_person(
 
 
 @inlined
-def paint_others(
+def paint_bystanders(
     column: Floats, robot: int, poses: Floats2, people: Floats2, depth: float, ray: Ray, eye: Eye, lens: Lens,
     scene: Scene,
 ) -> None:  # fmt: skip
     """Paint the robots and people nearer than `depth`, from far to near."""
     limit, robots = depth, poses.shape[0]
-    more = robots > 1 or people.shape[0] > 0
-    while more:
-        which, nearest, farthest = -1, 0.0, 0.0
+    has_more = robots > 1 or people.shape[0] > 0
+    while has_more:
+        selected, nearest, farthest = -1, 0.0, 0.0
         for other in range(robots):
             if other != robot:
                 near, far = _robot_depth(ray, poses[other, 0], poses[other, 1], lens.robot_radius)
                 if near > nearest and near < limit:
-                    which, nearest, farthest = other, near, far
+                    selected, nearest, farthest = other, near, far
         for person in range(people.shape[0]):
             near = _person_depth(eye, ray, people[person, 0], people[person, 1])
             if near > nearest and near < limit:
-                which, nearest = robots + person, near
-        more, limit = which >= 0, nearest
-        if which >= robots:
-            x, y = people[which - robots, 0], people[which - robots, 1]
-            _paint_person(column, which - robots, x, y, nearest, ray, eye, lens, scene)
-        elif more:
+                selected, nearest = robots + person, near
+        has_more, limit = selected >= 0, nearest
+        if selected >= robots:
+            x, y = people[selected - robots, 0], people[selected - robots, 1]
+            _paint_person(column, selected - robots, x, y, nearest, ray, eye, lens, scene)
+        elif has_more:
             _paint_robot(column, nearest, farthest, ray, eye.axis, lens)

@@ -1,7 +1,7 @@
 """Level cameras: images of the building in shades of gray.
 
 The optical axis is level, and walls are upright. A ray of an image column therefore has one direction over
-the floor and ends at one wall, whose distance is the same for the whole column. A column consists of the
+the floor and hits one wall, whose distance is the same for the whole column. A column consists of the
 ceiling, the wall with everything on it, the floor, and the robots and people in front, painted from far to
 near. It has several rays, spread over its width and over the exposure, for sub-pixel edges and motion blur.
 
@@ -29,7 +29,7 @@ MAX_PIXELS = 4_000_000
 
 _NO_PEOPLE = np.zeros((0, 2))
 _ROBOT_HEIGHT_MM = 1000.0
-_RECORDS = (Atlas, Lighting)  # types of parts of a scene, which the compiler looks up here
+_RECORDS = (Atlas, Lighting)  # types of a scene's fields, which the compiler looks up in this file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,24 +92,24 @@ def render(
 
     Args:
         poses: (robots, 3), x and y in mm, heading in degrees.
-        robot: number of the robot with the camera.
-        people: (people, 2), the places of the people.
+        robot: index of the robot with the camera.
+        people: (people, 2), the positions of the people.
         velocity: speed of the robot, in mm/s.
         turn: turn rate of the robot, in degrees/s.
         t_ns: time of the image.
         scene: the scene.
         lens: the lens.
         sensor: the sensor.
-        canvas: the work space, larger than the image by the reach of the blur on all sides.
-        first: number of the first row to draw.
+        canvas: the work space, larger than the image by the radius of the blur on all sides.
+        first: index of the first row to draw.
         height: number of rows of the whole image.
         image: (rows, width), receives the rows, from 0 (black) to 255.
     """
-    reach = sensor.weights.shape[0] - 1
-    middle, axis = image.shape[1] / 2.0 + reach, height / 2.0 - 0.5 - first + reach
-    draw_columns(poses, robot, people, velocity, turn, scene, lens, middle, axis, canvas)
+    blur_radius = sensor.weights.shape[0] - 1
+    cx, cy = image.shape[1] / 2.0 + blur_radius, height / 2.0 - 0.5 - first + blur_radius
+    draw_columns(poses, robot, people, velocity, turn, scene, lens, cx, cy, canvas)
     gain = gain_at(poses[robot, 0], poses[robot, 1], sensor)
-    if reach > 0:
+    if blur_radius > 0:
         blur_columns(canvas.picture, canvas.blurred, sensor)
         expose(canvas.blurred, t_ns, first, height, gain, sensor, image)
     else:
@@ -119,7 +119,7 @@ def render(
 class Camera:
     """A camera of a robot, in a scene.
 
-    Mutable: its canvas, and the scene, whose doors are those of the world at the last shot.
+    Stateful: keeps its canvas, and the scene with the doors as they were in the last shot.
 
     Args:
         scene: the scene.
@@ -144,7 +144,7 @@ class Camera:
         self._canvas: Canvas | None = None
 
     def shot(self, world: World, robot: int, t_ns: int) -> Callable[[int, int], Bytes2]:
-        """Take a picture of a world in its present state, to be drawn later.
+        """Take a picture of a world in its current state, to be drawn later.
 
         Returns a function that draws `count` rows from row `first` on, exactly as they are in the whole
         image; it raises `ValueError` for rows that the image does not have.
@@ -170,13 +170,13 @@ class Camera:
         people: Floats2 = _NO_PEOPLE,
         speed: tuple[float, float] = (0.0, 0.0),
     ) -> Bytes2:
-        """Return the image of robot number `robot` of those at `poses`; (height, width) of uint8.
+        """Return the image of robot number `robot` among robots at `poses`: (height, width) of uint8.
 
         Args:
             poses: (robots, 3), x and y in mm, heading in degrees.
-            robot: number of the robot with the camera.
+            robot: index of the robot with the camera.
             t_ns: time of the image.
-            people: (people, 2), the places of the people, in mm.
+            people: (people, 2), the positions of the people, in mm.
             speed: speed of the robot, in mm/s and degrees/s.
         """
         return self._draw_rows(self._scene, poses, robot, t_ns, people, speed, 0, self.config.height)
@@ -203,6 +203,6 @@ class Camera:
         margin = 2 * (len(self._sensor.weights) - 1)
         size = self.config.width + margin, rows + margin
         canvas = self._canvas
-        if canvas is None or canvas.picture.shape != size or len(canvas.near) < walls:
+        if canvas is None or canvas.picture.shape != size or len(canvas.candidates) < walls:
             canvas = self._canvas = canvas_of(*size, walls)
         return canvas

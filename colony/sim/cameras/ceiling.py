@@ -1,9 +1,9 @@
 """The camera that looks up: an image of the ceiling with its lights, in shades of gray.
 
 The camera is on the robot's axis. Columns of the image increase in the direction of travel, rows to the
-right, so that a row is a line along the corridor, which meets a light at its leading edge (thesis section
-5.6). The ceiling is a plane, so a pixel sees one place of it: the tile, the sunlight on it, and a light if
-there is one. The lens blurs edges and darkens the corners.
+right, so that a row is a line along the corridor, which reaches a light at its leading edge (thesis section
+5.6). The ceiling is a plane, so a pixel sees one point of it: the tile, the sunlight on it, and possibly a
+light. The lens blurs edges and darkens the corners.
 
 Noise is counter-based: it depends on the seed, the time of the image and the pixel, so that rows rendered
 alone are the same as in the whole image.
@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.sim.cameras.grain import QUANTILES, quantiles
-from colony.sim.chance import PIXELS, SEEDS, random_bits
+from colony.sim.chance import PIXELS, SEED_MODULUS, random_bits
 from colony.sim.compiled import Bytes2, Floats, Floats2, Ints, compiled, inlined
 from colony.sim.hazards.scenery import CeilingLight, Scenery, SunBand
 
@@ -27,7 +27,7 @@ LIGHT_ALONG_MM, LIGHT_ACROSS_MM = 600.0, 1200.0
 
 _CEILING_LEVEL = 70.0
 _LIGHT_LEVEL = 180.0  # excess of a light over the ceiling
-_OUT_LEVEL = -12.0  # likewise of a light that is out
+_OUT_LEVEL = -12.0  # level of a light that is out, relative to the ceiling
 _TILE_MM, _TILE_LEVELS = 600.0, 6.0
 _SEAM_MM, _SEAM_LEVEL = 12.0, -18.0  # half the width of the grid that holds the tiles
 _SUN_SOFT_MM = 60.0
@@ -80,7 +80,7 @@ class CeilingModel(NamedTuple):
         sun: (m, 7), x, y, the unit vector of the length, half the length and width, and the excess.
         tiles: (64, 64), the deviation of each tile in gray levels.
         quantiles: (4096,), quantiles of the normal distribution.
-        near_lights, near_sun: (32,), the numbers of nearby lights and sun bands.
+        near_lights, near_sun: (32,), the indices of nearby lights and sun bands.
         level, hidden: (width,), a row of gray levels, and the fraction of each pixel covered by lights.
         seed: seed of the noise.
     """
@@ -99,13 +99,13 @@ class CeilingModel(NamedTuple):
 class UpwardLens(NamedTuple):
     """A ceiling camera in the renderer's form.
 
-    It has the mm of ceiling per pixel, the middle of the image, the blur, the vignetting and the noise.
+    It has the mm of ceiling per pixel, the center of the image, the blur, the vignetting and the noise.
     """
 
     along_mm: float
     across_mm: float
-    middle_column: float
-    middle_row: float
+    center_column: float
+    center_row: float
     blur: float
     vignetting: float
     noise: float
@@ -113,7 +113,7 @@ class UpwardLens(NamedTuple):
 
 def ceiling_model(scenery: Scenery, width: int) -> CeilingModel:
     """Return the ceiling of a building in one run, for images of this width."""
-    seed = scenery.seed % SEEDS
+    seed = scenery.seed % SEED_MODULUS
     return CeilingModel(
         lights=np.array([_light_row(light) for light in scenery.lights], dtype=np.float64).reshape(-1, 7),
         sun=np.array([_sun_row(band) for band in scenery.sun], dtype=np.float64).reshape(-1, 7),
@@ -134,8 +134,8 @@ def lens_of(config: CeilingCameraConfig) -> UpwardLens:
     return UpwardLens(
         along_mm=half_along / (config.width / 2),
         across_mm=half_across / (config.height / 2),
-        middle_column=(config.width - 1) / 2,
-        middle_row=(config.height - 1) / 2,
+        center_column=(config.width - 1) / 2,
+        center_row=(config.height - 1) / 2,
         blur=float(config.blur_mm),
         vignetting=float(config.vignetting),
         noise=float(config.noise),
@@ -158,13 +158,13 @@ def _sun_row(band: SunBand) -> tuple[float, ...]:
 @inlined
 def _inside(depth: float, sharpness: float) -> float:
     """Return the visible fraction, 0 to 1, at `depth` inside a blurred edge (negative: outside)."""
-    part = min(max(0.5 + depth * sharpness, 0.0), 1.0)
-    return part * part * (3.0 - 2.0 * part)
+    fraction = min(max(0.5 + depth * sharpness, 0.0), 1.0)
+    return fraction * fraction * (3.0 - 2.0 * fraction)
 
 
 @inlined
 def _gather(x: float, y: float, reach: float, shapes: Floats2, near: Ints) -> int:
-    """Collect the numbers of the rectangles that may be in view from (x, y) into `near`; return the count."""
+    """Collect the indices of the rectangles that may be in view from (x, y) into `near`; return the count."""
     count = 0
     for number in range(shapes.shape[0]):
         shape = shapes[number]
@@ -178,7 +178,7 @@ def _gather(x: float, y: float, reach: float, shapes: Floats2, near: Ints) -> in
 
 @inlined
 def _draw_tiles(x: float, y: float, dx: float, dy: float, blur: float, ceiling: CeilingModel) -> None:
-    """Draw the tiles of a row of pixels, which look at (x, y), (x + dx, y + dy) and so on."""
+    """Draw the tiles of a row of pixels, which see the points (x, y), (x + dx, y + dy) and so on."""
     sharpness = 1.0 / (2.0 * blur)
     east0, north0, east_step, north_step = x / _TILE_MM, y / _TILE_MM, dx / _TILE_MM, dy / _TILE_MM
     for column in range(ceiling.level.shape[0]):  # a loop that the compiler vectorizes
@@ -197,7 +197,7 @@ def _draw_tiles(x: float, y: float, dx: float, dy: float, blur: float, ceiling: 
 def _add(
     x: float, y: float, dx: float, dy: float, blur: float, shape: Floats, out: Floats, factor: float
 ) -> None:
-    """Add `factor` times the visible fraction of a rectangle to each pixel of such a row."""
+    """Add `factor` times the visible fraction of a rectangle to each pixel of a row as in `_draw_tiles`."""
     ox, oy = x - shape[0], y - shape[1]
     along, along_step = ox * shape[2] + oy * shape[3], dx * shape[2] + dy * shape[3]
     across, across_step = oy * shape[2] - ox * shape[3], dy * shape[2] - dx * shape[3]
@@ -209,18 +209,18 @@ def _add(
 
 
 @inlined
-def _expose(row: int, t_ns: int, ceiling: CeilingModel, lens: UpwardLens, out: Bytes2, place: int) -> None:
-    """Turn a row of gray levels into an image's: darker at the rim, with noise."""
-    down = (row - lens.middle_row) / (lens.middle_row + 0.5)
-    bits, scale = np.uint64(0), 1.0 / (lens.middle_column + 0.5)
+def _expose(row: int, t_ns: int, ceiling: CeilingModel, lens: UpwardLens, out: Bytes2, index: int) -> None:
+    """Convert row `row` of gray levels to row `index` of an image: darker at the rim, with noise."""
+    down = (row - lens.center_row) / (lens.center_row + 0.5)
+    bits, scale = np.uint64(0), 1.0 / (lens.center_column + 0.5)
     for column in range(out.shape[1]):
         if column % 4 == 0:  # sixteen bits for each of four pixels
             bits = random_bits(ceiling.seed, PIXELS, t_ns, row * 4096 + column)
         deviate = ceiling.quantiles[int(bits & np.uint64(QUANTILES - 1))]
         bits >>= np.uint64(16)
-        right = (column - lens.middle_column) * scale
+        right = (column - lens.center_column) * scale
         level = ceiling.level[column] * (1.0 - lens.vignetting * (right * right + down * down) / 2.0)
-        out[place, column] = np.uint8(min(max(level + lens.noise * deviate + 0.5, 0.0), 255.0))
+        out[index, column] = np.uint8(min(max(level + lens.noise * deviate + 0.5, 0.0), 255.0))
 
 
 @compiled
@@ -231,23 +231,23 @@ def render_rows(
     """Draw some rows of the image of a robot's camera at (x, y).
 
     Args:
-        x: place of the robot to the east, in mm.
-        y: place of the robot to the north, in mm.
+        x: position of the robot to the east, in mm.
+        y: position of the robot to the north, in mm.
         heading_deg: heading of the robot.
         t_ns: time of the image.
         ceiling: the ceiling.
         lens: the camera.
-        rows: (k,), the numbers of the rows.
+        rows: (k,), the indices of the rows.
         image: (k, width), receives the rows, from 0 (black) to 255.
     """
     sine, cosine = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
-    ahead = -lens.along_mm * lens.middle_column
-    reach = math.hypot(ahead, lens.across_mm * lens.middle_row) + lens.blur + _SUN_SOFT_MM
+    ahead = -lens.along_mm * lens.center_column
+    reach = math.hypot(ahead, lens.across_mm * lens.center_row) + lens.blur + _SUN_SOFT_MM
     lights = _gather(x, y, reach, ceiling.lights, ceiling.near_lights)
     bands = _gather(x, y, reach, ceiling.sun, ceiling.near_sun)
     dx, dy = -lens.along_mm * sine, lens.along_mm * cosine
-    for place in range(rows.shape[0]):
-        left = (lens.middle_row - rows[place]) * lens.across_mm
+    for index in range(rows.shape[0]):
+        left = (lens.center_row - rows[index]) * lens.across_mm
         px, py = x - ahead * sine - left * cosine, y + ahead * cosine - left * sine
         _draw_tiles(px, py, dx, dy, lens.blur, ceiling)
         for light in ceiling.near_lights[:lights]:
@@ -258,13 +258,13 @@ def render_rows(
             lamp = ceiling.lights[light]
             _add(px, py, dx, dy, lens.blur, lamp, ceiling.level, lamp[6])
         for band in ceiling.near_sun[:bands]:
-            shine = ceiling.sun[band]
-            _add(px, py, dx, dy, lens.blur + _SUN_SOFT_MM, shine, ceiling.level, shine[6])
-        _expose(rows[place], t_ns, ceiling, lens, image, place)
+            shape = ceiling.sun[band]
+            _add(px, py, dx, dy, lens.blur + _SUN_SOFT_MM, shape, ceiling.level, shape[6])
+        _expose(rows[index], t_ns, ceiling, lens, image, index)
 
 
 class CeilingCamera:
-    """A camera that looks up, in a building. Mutable: its work space."""
+    """A camera that looks up, in a building. Stateful: reuses its work space."""
 
     def __init__(self, scenery: Scenery, config: CeilingCameraConfig | None = None) -> None:
         self.config = config or CeilingCameraConfig()

@@ -1,7 +1,7 @@
 """The columns of an image of a building, ray by ray, for `colony.sim.cameras.camera`.
 
-These helpers, and those that they import, are part of a compiled function of `camera.py`. Its cached code is
-renewed when that file changes, but not when this one does.
+These helpers, and those that they import, are compiled into a function of `camera.py`. Its cached machine
+code is rebuilt when that file changes, but not when this one does.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.sim.cameras.atlas import Atlas, paint_picture
-from colony.sim.cameras.bystanders import paint_others
+from colony.sim.cameras.bystanders import paint_bystanders
 from colony.sim.cameras.rays import Eye, Lens, Ray, level_of, light_at, paint, row_below
 from colony.sim.cameras.surfaces import BARE, Scene
 from colony.sim.compiled import Floats, Floats2, Ints, called, inlined
@@ -20,25 +20,27 @@ from colony.sim.compiled import Floats, Floats2, Ints, called, inlined
 MAX_DEPTH_MM = 1.0e6
 
 _EDGE = 1e-9  # fraction by which walls extend beyond their ends, so that rays do not leak between them
-_BACK_MM = 1.0  # of two coincident walls, the one that shows its front is visible
-_MAX_SPAN_MM = 4000.0  # longest part of a wall that a grazing ray sees
+_BACK_MM = 1.0  # depth added to a wall seen from behind, so that a coincident front face wins
+_MAX_SPAN_MM = 4000.0  # maximum length of wall that a grazing ray covers
 _SIDE_LIGHT = 0.2  # fraction by which walls that run north to south are darker
 _FLOOR_SHADE, _FLOOR_TILE_MM, _FLOOR_CONTRAST = 0.42, 600.0, 0.10
 _CEILING_SHADE, _CEILING_TILE_MM, _CEILING_CONTRAST = 0.88, 1200.0, 0.06
-_COVER_SHIFT_MM = 977.0  # offset between the covers of different walls
+_MATERIAL_SHIFT_MM = 977.0  # offset between the materials of different walls
 
 
 class Canvas(NamedTuple):
     """Work space of the renderer.
 
-    It has a picture, (columns, rows), the blurred picture, the present column, and the numbers of the walls
-    that may be visible.
+    Attributes:
+        picture, blurred: (columns, rows), the picture before and after blurring.
+        column: (rows,), the column being drawn.
+        candidates: (walls,), the indices of the walls that may be visible.
     """
 
     picture: Floats2
     blurred: Floats2
     column: Floats
-    near: Ints
+    candidates: Ints
 
 
 def canvas_of(columns: int, rows: int, walls: int) -> Canvas:
@@ -47,13 +49,16 @@ def canvas_of(columns: int, rows: int, walls: int) -> Canvas:
         picture=np.zeros((columns, rows)),
         blurred=np.zeros((columns, rows)),
         column=np.zeros(rows),
-        near=np.zeros(walls, dtype=np.int64),
+        candidates=np.zeros(walls, dtype=np.int64),
     )
 
 
 @inlined
 def _checkered(x: float, y: float, tile: float, contrast: float, size: float) -> float:
-    """Return a tiled plane's difference from its shade at (x, y), where a pixel covers `size` mm of it."""
+    """Return the deviation of a checkered plane from its mean shade at (x, y).
+
+    A pixel covers `size` mm of the plane; the pattern fades out as that approaches half a tile.
+    """
     odd = (math.floor(x / tile) + math.floor(y / tile)) % 2.0
     fade = max(0.0, 1.0 - 2.0 * size / tile)
     return contrast * fade * (odd - 0.5)
@@ -67,7 +72,7 @@ def _floor_shade(x: float, y: float, size: float) -> float:
 
 @inlined
 def _ceiling_shade(x: float, y: float, size: float) -> float:
-    """Return the shade of the ceiling at (x, y), likewise."""
+    """Return the shade of the ceiling at (x, y), where a pixel covers `size` mm of it."""
     return _CEILING_SHADE + _checkered(x, y, _CEILING_TILE_MM, _CEILING_CONTRAST, size)
 
 
@@ -89,11 +94,11 @@ def _paint_planes(
 
 
 @inlined
-def _gather(eye: Eye, reach: float, scene: Scene, near: Ints) -> int:
-    """Collect the numbers of the walls that may be in view into `near`; return their count.
+def _gather(eye: Eye, tan_half_fov: float, scene: Scene, candidates: Ints) -> int:
+    """Collect the indices of the walls that may be in view into `candidates`; return their count.
 
-    A wall is in view unless it is completely behind the camera or beside the view, which is `reach` wide to
-    either side per mm of depth.
+    A wall may be in view unless it is completely behind the camera, or completely to one side of the view.
+    `tan_half_fov` is the tangent of half the field of view.
     """
     count = 0
     for wall in range(scene.walls.shape[0]):
@@ -102,20 +107,20 @@ def _gather(eye: Eye, reach: float, scene: Scene, near: Ints) -> int:
         a_depth, b_depth = ay * eye.cosine - ax * eye.sine, by * eye.cosine - bx * eye.sine
         a_right, b_right = ax * eye.cosine + ay * eye.sine, bx * eye.cosine + by * eye.sine
         hidden = (a_depth <= 0.0) & (b_depth <= 0.0)
-        hidden |= (a_right > reach * a_depth) & (b_right > reach * b_depth)
-        hidden |= (-a_right > reach * a_depth) & (-b_right > reach * b_depth)
-        if scene.standing[wall] == 1 and not hidden:
-            near[count] = wall
+        hidden |= (a_right > tan_half_fov * a_depth) & (b_right > tan_half_fov * b_depth)
+        hidden |= (-a_right > tan_half_fov * a_depth) & (-b_right > tan_half_fov * b_depth)
+        if scene.present[wall] == 1 and not hidden:
+            candidates[count] = wall
             count += 1
     return count
 
 
 @inlined
-def _meet_wall(ray: Ray, walls: Floats2, near: Ints, count: int) -> tuple[int, float]:
-    """Return the wall at which a ray ends, -1 if there is none, and its depth."""
-    met, nearest, behind = -1, MAX_DEPTH_MM, MAX_DEPTH_MM
+def _cast_ray(ray: Ray, walls: Floats2, candidates: Ints, count: int) -> tuple[int, float]:
+    """Return the first wall that a ray hits, -1 for none, and its depth."""
+    hit, nearest, nearest_biased = -1, MAX_DEPTH_MM, MAX_DEPTH_MM
     for number in range(count):
-        wall = near[number]
+        wall = candidates[number]
         ax, ay, length = walls[wall, 0] - ray.x, walls[wall, 1] - ray.y, walls[wall, 6]
         ex, ey = walls[wall, 4] * length, walls[wall, 5] * length
         across = ray.dx * ey - ray.dy * ex
@@ -123,17 +128,17 @@ def _meet_wall(ray: Ray, walls: Floats2, near: Ints, count: int) -> tuple[int, f
         across *= side
         depth = side * (ax * ey - ay * ex)
         along = side * (ax * ray.dy - ay * ray.dx)
-        apart = depth + (_BACK_MM * across if side > 0.0 else 0.0)
-        first = (depth > 0.0) & (apart < behind * across)
-        first &= (along >= -_EDGE * across) & (along <= (1.0 + _EDGE) * across)
-        if first:
-            met, nearest, behind = wall, depth / across, apart / across
-    return met, nearest
+        biased = depth + (_BACK_MM * across if side > 0.0 else 0.0)
+        is_nearest = (depth > 0.0) & (biased < nearest_biased * across)
+        is_nearest &= (along >= -_EDGE * across) & (along <= (1.0 + _EDGE) * across)
+        if is_nearest:
+            hit, nearest, nearest_biased = wall, depth / across, biased / across
+    return hit, nearest
 
 
 @inlined
 def _along(wall: int, walls: Floats2, eye: Eye, right: float) -> float:
-    """Return the place along a wall's line, in mm, where the ray that looks `right` to the right ends."""
+    """Return the distance along a wall's line, in mm, at which the ray of lateral slope `right` hits it."""
     dx, dy = right * eye.cosine - eye.sine, right * eye.sine + eye.cosine
     ax, ay = walls[wall, 0] - eye.x, walls[wall, 1] - eye.y
     along: float = (ax * dy - ay * dx) / (dx * walls[wall, 5] - dy * walls[wall, 4])
@@ -142,7 +147,7 @@ def _along(wall: int, walls: Floats2, eye: Eye, right: float) -> float:
 
 @inlined
 def _span(wall: int, along: float, walls: Floats2, eye: Eye, ray: Ray) -> tuple[float, float]:
-    """Return the range along a wall that is covered by a ray, which meets the wall at `along`."""
+    """Return the span along a wall that a ray covers; the ray hits the wall at `along`."""
     start, end = (
         _along(wall, walls, eye, ray.right - ray.half),
         _along(wall, walls, eye, ray.right + ray.half),
@@ -155,19 +160,19 @@ def _span(wall: int, along: float, walls: Floats2, eye: Eye, ray: Ray) -> tuple[
 
 @inlined
 def _paint_wall_picture(
-    column: Floats, place: Floats, left: float, right: float, depth: float, axis: float, lens: Lens,
+    column: Floats, wall_picture: Floats, left: float, right: float, depth: float, axis: float, lens: Lens,
     atlas: Atlas, gain: float,
 ) -> None:  # fmt: skip
-    """Paint a picture on a wall between `left` and `right`; `place` is a row of `Scene.wall_pictures`."""
+    """Paint a row of `Scene.wall_pictures`, a picture on a wall, between `left` and `right`."""
     step = depth / lens.focal
-    above = place[3] - lens.above_floor - (axis + 0.5) * step
-    clip = place[3] - place[2]
+    above = wall_picture[3] - lens.above_floor - (axis + 0.5) * step
+    clip = wall_picture[3] - wall_picture[2]
     first = int(min(max(math.floor(-above / step), 0.0), column.shape[0] + 0.0))
     last = int(min(max(math.ceil((clip - above) / step), 0.0), column.shape[0] + 0.0))
-    start, end = max(left, place[0]), min(right, place[1])
+    start, end = max(left, wall_picture[0]), min(right, wall_picture[1])
     if first < last and start < end:
         paint_picture(
-            column, atlas, int(place[4]), start - place[5], end - place[5], right - left,
+            column, atlas, int(wall_picture[4]), start - wall_picture[5], end - wall_picture[5], right - left,
             first, last, above, step, 0.0, clip, gain,
         )  # fmt: skip
 
@@ -176,7 +181,7 @@ def _paint_wall_picture(
 def _paint_wall(
     column: Floats, wall: int, depth: float, ray: Ray, eye: Eye, lens: Lens, scene: Scene
 ) -> None:
-    """Paint a wall and everything on it; a column has one distance, and so one brightness."""
+    """Paint a wall and everything on it; all of the column has the same distance and brightness."""
     rows = column.shape[0]
     x, y = ray.x + depth * ray.dx, ray.y + depth * ray.dy
     light = 1.0 - _SIDE_LIGHT * (1.0 - abs(scene.walls[wall, 4]))
@@ -188,16 +193,16 @@ def _paint_wall(
     ]
     left, right = _span(wall, along, scene.walls, eye, ray)
     paint(column, top, bottom, gain * scene.shades[wall])
-    cover = scene.covers[wall]
-    if cover != BARE:
+    material = scene.materials[wall]
+    if material != BARE:
         step = depth / lens.focal
         above = scene.ceiling - lens.above_floor - (eye.axis + 0.5) * step
-        shift = _COVER_SHIFT_MM * wall
+        shift = _MATERIAL_SHIFT_MM * wall
         paint_picture(
-            column, scene.atlas, cover, left + shift, right + shift, right - left,
+            column, scene.atlas, material, left + shift, right + shift, right - left,
             top, bottom, above, step, -MAX_DEPTH_MM, MAX_DEPTH_MM, gain,
         )  # fmt: skip
-    for panel in range(scene.first[wall], scene.first[wall + 1]):
+    for panel in range(scene.first_panel[wall], scene.first_panel[wall + 1]):
         if scene.panels[panel, 0] <= along and along < scene.panels[panel, 1]:
             start = row_below(min(scene.panels[panel, 3], scene.ceiling), depth, eye.axis, lens, rows)
             end = row_below(scene.panels[panel, 2], depth, eye.axis, lens, rows)
@@ -212,20 +217,20 @@ def _paint_wall(
 @called
 def draw_columns(
     poses: Floats2, robot: int, people: Floats2, velocity: float, turn: float, scene: Scene, lens: Lens,
-    middle: float, axis: float, canvas: Canvas,
+    cx: float, cy: float, canvas: Canvas,
 ) -> None:  # fmt: skip
     """Draw all columns of a canvas, each as the mean of its rays.
 
     Args:
         poses: (robots, 3), x and y in mm, heading in degrees.
-        robot: number of the robot with the camera.
-        people: (people, 2), the places of the people.
+        robot: index of the robot with the camera.
+        people: (people, 2), the positions of the people.
         velocity: speed of the robot, in mm/s.
         turn: turn rate of the robot, in degrees/s.
         scene: the scene.
         lens: the lens.
-        middle: the column, between two pixels, of the optical axis.
-        axis: its row.
+        cx: column of the optical axis; it lies between two pixels.
+        cy: row of the optical axis.
         canvas: receives the columns.
     """
     columns, rows = canvas.picture.shape
@@ -233,26 +238,28 @@ def draw_columns(
     heading = math.radians(poses[robot, 2])
     half = 0.5 / (rays * lens.focal)
     canvas.picture[:] = 0.0
-    for number in range(rays):
-        moment = (2 * number + 2) % (rays + 1) - 1  # of the exposure; not in the order of the rays
-        dt = lens.exposure * ((moment + 0.5) / rays - 0.5) if rays > 1 else 0.0
+    for ray_index in range(rays):
+        time_slot = (2 * ray_index + 2) % (
+            rays + 1
+        ) - 1  # rays are assigned to the exposure's time slots in a permuted order
+        dt = lens.exposure * ((time_slot + 0.5) / rays - 0.5) if rays > 1 else 0.0
         x = poses[robot, 0] - velocity * dt * math.sin(heading)
         y = poses[robot, 1] + velocity * dt * math.cos(heading)
-        looking = heading + math.radians(turn * dt) + lens.yaw
-        eye = Eye(x, y, math.sin(looking), math.cos(looking), axis)
-        count = _gather(eye, max(middle, columns - middle) / lens.focal, scene, canvas.near)
-        for place in range(columns):
-            right = (place + (number + 0.5) / rays - middle) / lens.focal
+        view_heading = heading + math.radians(turn * dt) + lens.yaw
+        eye = Eye(x, y, math.sin(view_heading), math.cos(view_heading), cy)
+        count = _gather(eye, max(cx, columns - cx) / lens.focal, scene, canvas.candidates)
+        for column_index in range(columns):
+            right = (column_index + (ray_index + 0.5) / rays - cx) / lens.focal
             dx, dy = right * eye.cosine - eye.sine, right * eye.sine + eye.cosine
             ray = Ray(x, y, dx, dy, math.sqrt(1.0 + right * right), right, half)
-            wall, depth = _meet_wall(ray, scene.walls, canvas.near, count)
-            top = row_below(scene.ceiling, depth, axis, lens, rows)
-            bottom = row_below(0.0, depth, axis, lens, rows)
-            _paint_planes(column, top, bottom, ray, axis, lens, scene)
+            wall, depth = _cast_ray(ray, scene.walls, canvas.candidates, count)
+            top = row_below(scene.ceiling, depth, cy, lens, rows)
+            bottom = row_below(0.0, depth, cy, lens, rows)
+            _paint_planes(column, top, bottom, ray, cy, lens, scene)
             if wall >= 0:
                 _paint_wall(column, wall, depth, ray, eye, lens, scene)
             else:
                 paint(column, top, bottom, 0.0)
-            paint_others(column, robot, poses, people, depth, ray, eye, lens, scene)
+            paint_bystanders(column, robot, poses, people, depth, ray, eye, lens, scene)
             for row in range(rows):
-                canvas.picture[place, row] += column[row] / rays
+                canvas.picture[column_index, row] += column[row] / rays

@@ -1,4 +1,4 @@
-"""Random places of posters and fire extinguishers: on walls, clear of plates and of each other."""
+"""Random positions of posters and fire extinguishers: on walls, clear of plates and of each other."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from colony.sim.cameras.silhouettes import EXTINGUISHER_MM
 from colony.sim.hazards.scenery import Extinguisher, Poster
 
 _CLEAR_MM = 120.0
-_POSTER_MIDDLE_MM = (1250.0, 1550.0)
-_ON_DOOR_MIDDLE_MM = (1300.0, 1450.0)
+_POSTER_CENTER_MM = (1250.0, 1550.0)
+_ON_DOOR_CENTER_MM = (1300.0, 1450.0)
 _TRIES = 8
 
 _PANE = re.compile(r"\b(glass|window)", re.IGNORECASE)  # nothing hangs on glass
@@ -40,12 +40,12 @@ class Spacings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Place:
-    """An edge for posters and extinguishers: its length, its occupied spans, and True if it is a door."""
+class _Edge:
+    """An edge on which posters and extinguishers may hang: its length and its occupied spans."""
 
-    edge: int
+    index: int
     length_mm: float
-    taken: tuple[_Span, ...]
+    occupied: tuple[_Span, ...]
     is_door: bool
 
 
@@ -53,70 +53,70 @@ def draw_furnishings(
     floor: Map, spacings: Spacings, stream: Callable[[int], np.random.Generator]
 ) -> tuple[tuple[Poster, ...], tuple[Extinguisher, ...]]:
     """Draw the posters and fire extinguishers of a floor; `stream` returns the generator of an edge."""
-    wall_pictures: list[Poster] = []
+    posters: list[Poster] = []
     extinguishers: list[Extinguisher] = []
-    for place in _places(floor):
-        rng = stream(place.edge)
-        if place.is_door:
-            wall_pictures += _on_door(place, spacings, rng)
+    for edge in _edges(floor):
+        rng = stream(edge.index)
+        if edge.is_door:
+            posters += _on_door(edge, spacings, rng)
             continue
-        taken = list(place.taken)
-        extinguishers += _extinguishers(place, spacings.extinguisher_mm, taken, rng)
+        occupied = list(edge.occupied)
+        extinguishers += _extinguishers(edge, spacings.extinguisher_mm, occupied, rng)
         for kinds, spacing in ((BLACK_KINDS, spacings.black_poster_mm), (OTHER_KINDS, spacings.poster_mm)):
-            for _ in range(rng.poisson(place.length_mm / spacing)):
-                kind, middle = int(rng.choice(kinds)), float(rng.uniform(*_POSTER_MIDDLE_MM))
-                start = _take_free_place(place.length_mm, POSTERS_MM[kind][0], taken, rng)
+            for _ in range(rng.poisson(edge.length_mm / spacing)):
+                kind, center = int(rng.choice(kinds)), float(rng.uniform(*_POSTER_CENTER_MM))
+                start = _reserve_span(edge.length_mm, POSTERS_MM[kind][0], occupied, rng)
                 if start is not None:
-                    wall_pictures.append(Poster(edge=place.edge, start_mm=start, middle_mm=middle, kind=kind))
-    return tuple(wall_pictures), tuple(extinguishers)
+                    posters.append(Poster(edge=edge.index, start_mm=start, center_mm=center, kind=kind))
+    return tuple(posters), tuple(extinguishers)
 
 
 @lru_cache(maxsize=16)
-def _places(floor: Map) -> tuple[_Place, ...]:
+def _edges(floor: Map) -> tuple[_Edge, ...]:
     walls, plates = walls_of(floor), plates_of(floor)
     lengths = np.hypot(*(walls.segments[:, 2:] - walls.segments[:, :2]).T).tolist()
     return tuple(
-        _Place(
-            edge=edge,
+        _Edge(
+            index=index,
             length_mm=length,
-            taken=tuple((plate.start_mm, plate.end_mm) for plate in plates if plate.edge == edge),
+            occupied=tuple((plate.start_mm, plate.end_mm) for plate in plates if plate.edge == index),
             is_door=kind is EdgeKind.DOOR,
         )
-        for edge, (kind, attribute, length) in enumerate(
+        for index, (kind, attribute, length) in enumerate(
             zip(walls.kinds, walls.attributes, lengths, strict=True)
         )
         if kind is not EdgeKind.ELEVATOR and not _PANE.search(attribute)
     )
 
 
-def _on_door(place: _Place, spacings: Spacings, rng: np.random.Generator) -> Iterator[Poster]:
-    drawn, middle = rng.random(), float(rng.uniform(*_ON_DOOR_MIDDLE_MM))
+def _on_door(edge: _Edge, spacings: Spacings, rng: np.random.Generator) -> Iterator[Poster]:
+    drawn, center = rng.random(), float(rng.uniform(*_ON_DOOR_CENTER_MM))
     kind = int(rng.choice(BLACK_KINDS))
-    room = place.length_mm - POSTERS_MM[kind][0]
-    if drawn < spacings.on_door and room > 2 * _CLEAR_MM:
-        yield Poster(edge=place.edge, start_mm=room / 2, middle_mm=middle, kind=kind)
+    free_mm = edge.length_mm - POSTERS_MM[kind][0]
+    if drawn < spacings.on_door and free_mm > 2 * _CLEAR_MM:
+        yield Poster(edge=edge.index, start_mm=free_mm / 2, center_mm=center, kind=kind)
 
 
 def _extinguishers(
-    place: _Place, spacing: float, taken: list[_Span], rng: np.random.Generator
+    edge: _Edge, spacing: float, occupied: list[_Span], rng: np.random.Generator
 ) -> Iterator[Extinguisher]:
     width = EXTINGUISHER_MM[0]
-    for _ in range(rng.poisson(place.length_mm / spacing)):
-        start = _take_free_place(place.length_mm, width, taken, rng)
+    for _ in range(rng.poisson(edge.length_mm / spacing)):
+        start = _reserve_span(edge.length_mm, width, occupied, rng)
         if start is not None:
-            yield Extinguisher(edge=place.edge, along_mm=start + width / 2)
+            yield Extinguisher(edge=edge.index, along_mm=start + width / 2)
 
 
-def _take_free_place(
-    length: float, width: float, taken: list[_Span], rng: np.random.Generator
+def _reserve_span(
+    length: float, width: float, occupied: list[_Span], rng: np.random.Generator
 ) -> float | None:
-    """Occupy a free place of this width and return its start; None if a few tries find none."""
-    room = length - width - 2 * _CLEAR_MM
-    if room <= 0.0:
+    """Reserve a free span of this width, and return its start; None if a few tries find none."""
+    free_mm = length - width - 2 * _CLEAR_MM
+    if free_mm <= 0.0:
         return None
-    for start in (_CLEAR_MM + room * rng.random(_TRIES)).tolist():
+    for start in (_CLEAR_MM + free_mm * rng.random(_TRIES)).tolist():
         end = start + width
-        if all(end + _CLEAR_MM <= low or high + _CLEAR_MM <= start for low, high in taken):
-            taken.append((start, end))
+        if all(end + _CLEAR_MM <= low or high + _CLEAR_MM <= start for low, high in occupied):
+            occupied.append((start, end))
             return float(start)
     return None

@@ -1,7 +1,7 @@
 """The noise of cameras: normal deviates from a table, because computing each one is too slow.
 
-`QUANTILES` is part of compiled functions in other files, whose cached code is renewed when those files
-change.
+`QUANTILES` is compiled into functions of other files. Their cached machine code is rebuilt when those files
+change, but not when this one does.
 """
 
 from __future__ import annotations

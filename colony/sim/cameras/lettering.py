@@ -23,14 +23,14 @@ from colony.nav.maps.signs import (
 from colony.sim.cameras.atlas import Picture
 from colony.sim.compiled import Floats2
 
-if TYPE_CHECKING:  # loaded only by processes that draw letters
+if TYPE_CHECKING:  # PIL is imported only by processes that draw letters
     from PIL.Image import Image
 
 TEXEL_MM = 2.0
 
 _BLACK, _WHITE = 0.05, 0.90
 _MARGIN_MM = 14.0  # on either side of a plate's characters, which are squeezed if there are many
-_FINE = 4  # letters are drawn larger by this factor, and reduced
+_SUPERSAMPLING = 4  # factor by which letters are drawn larger before they are reduced
 
 
 def font_file() -> Path:
@@ -39,10 +39,10 @@ def font_file() -> Path:
     Raises:
         FileNotFoundError: matplotlib is not installed, or has no such font.
     """
-    found = find_spec("matplotlib")
-    if found is None or found.origin is None:
+    spec = find_spec("matplotlib")
+    if spec is None or spec.origin is None:
         raise FileNotFoundError("matplotlib, which provides the font of door plates, is not installed")
-    path = Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans-Bold.ttf"
+    path = Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans-Bold.ttf"
     if not path.is_file():
         raise FileNotFoundError(f"{path}: font not found; expected it to be installed with matplotlib")
     return path
@@ -53,7 +53,7 @@ def plate(text: str) -> Picture:
     """Draw the plate of a door: white characters on black."""
     high, wide = round(PLATE_HEIGHT_MM / TEXEL_MM), round(PLATE_WIDTH_MM / TEXEL_MM)
     ink = np.zeros((high, wide))
-    _write(ink, text, height_mm=CHARACTER_HEIGHT_MM, middle=(wide / 2, high / 2), room=wide)
+    _write(ink, text, height_mm=CHARACTER_HEIGHT_MM, center=(wide / 2, high / 2), max_width=wide)
     return Picture(
         shades=_BLACK + (_WHITE - _BLACK) * ink, width_mm=PLATE_WIDTH_MM, height_mm=PLATE_HEIGHT_MM
     )
@@ -72,22 +72,22 @@ def write_lines(ink: Floats2, lines: tuple[str, ...], *, height_mm: float) -> No
     """Write lines of this character height, spread evenly over a picture with texels of `TEXEL_MM`."""
     high, wide = ink.shape
     for number, line in enumerate(lines):
-        middle = (wide / 2, high * (number + 0.5) / len(lines))
-        _write(ink, line, height_mm=height_mm, middle=middle, room=wide)
+        center = (wide / 2, high * (number + 0.5) / len(lines))
+        _write(ink, line, height_mm=height_mm, center=center, max_width=wide)
 
 
-def _write(ink: Floats2, text: str, *, height_mm: float, middle: tuple[float, float], room: int) -> None:
+def _write(ink: Floats2, text: str, *, height_mm: float, center: tuple[float, float], max_width: int) -> None:
     """Write a text with capitals `height_mm` high into `ink`, the covered fraction of each texel."""
     if not text:
         return
     from PIL.Image import Resampling
 
-    letters = _letters(text, round(_FINE * height_mm / TEXEL_MM))
-    high = round(height_mm / TEXEL_MM * letters.height / round(_FINE * height_mm / TEXEL_MM))
-    most = max(1, room - round(2 * _MARGIN_MM / TEXEL_MM))
-    wide = min(round(letters.width / _FINE), most)
+    letters = _letters(text, round(_SUPERSAMPLING * height_mm / TEXEL_MM))
+    high = round(height_mm / TEXEL_MM * letters.height / round(_SUPERSAMPLING * height_mm / TEXEL_MM))
+    max_texels = max(1, max_width - round(2 * _MARGIN_MM / TEXEL_MM))
+    wide = min(round(letters.width / _SUPERSAMPLING), max_texels)
     small = letters.resize((wide, max(high, 1)), Resampling.BOX)
-    top, left = round(middle[1] - small.height / 2), round(middle[0] - small.width / 2)
+    top, left = round(center[1] - small.height / 2), round(center[0] - small.width / 2)
     rows = slice(max(top, 0), min(top + small.height, ink.shape[0]))
     columns = slice(max(left, 0), min(left + small.width, ink.shape[1]))
     drawn = np.asarray(small, dtype=np.float64) / 255.0

@@ -17,21 +17,21 @@ _AROUND_MM = 3.0 * _REACH_MM
 
 
 def lighting_of(bounds: tuple[float, float, float, float], lights: Iterable[CeilingLight]) -> Lighting:
-    """Return the light levels within bounds (least x and y, greatest x and y, in mm)."""
+    """Return the light levels within bounds (minimum x and y, maximum x and y, in mm)."""
     x0, y0, x1, y1 = bounds
     columns, rows = (max(math.ceil(size / _CELL_MM) + 1, 1) for size in (x1 - x0, y1 - y0))
     levels = np.full((columns, rows), _AMBIENT)
     x, y = (np.arange(count, dtype=np.float64) for count in (columns, rows))
     x, y = x * _CELL_MM + x0, y * _CELL_MM + y0
     for light in lights:
-        across = _near(x, light.x_mm)
-        along = _near(y, light.y_mm)
+        across = _window(x, light.x_mm)
+        along = _window(y, light.y_mm)
         dx, dy = x[across] - light.x_mm, y[along] - light.y_mm
         squared = dx[:, None] ** 2 + dy[None, :] ** 2
         levels[across, along] += light.brightness * _POOL * np.exp(-squared / _REACH_MM**2)
     return Lighting(levels=np.minimum(levels, _MAX_LEVEL), x=x0, y=y0, cell=_CELL_MM)
 
 
-def _near(places: Floats, middle: float) -> slice:
-    first, last = np.searchsorted(places, (middle - _AROUND_MM, middle + _AROUND_MM)).tolist()
+def _window(coordinates: Floats, center: float) -> slice:
+    first, last = np.searchsorted(coordinates, (center - _AROUND_MM, center + _AROUND_MM)).tolist()
     return slice(first, last)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.sim.cameras.grain import QUANTILES, quantiles
-from colony.sim.chance import PIXELS, SEEDS, chance, random_bits
+from colony.sim.chance import PIXELS, SEED_MODULUS, random_bits, uniform
 from colony.sim.compiled import Bytes2, Floats, Floats2, inlined
 
 GAINS = PIXELS + 1
@@ -31,7 +31,7 @@ class Optics:
         blur: standard deviation of the lens's blur, as a fraction of the image's width.
         vignetting: fraction by which the corners are darker.
         exposure_s: exposure time, which causes motion blur.
-        gain: largest relative error of the camera's gain, which varies from place to place.
+        gain: maximum relative error of the camera's gain, which varies with the robot's position.
         noise: standard deviation of a pixel, in gray levels.
 
     Raises:
@@ -55,13 +55,13 @@ class Optics:
 
 
 PINHOLE = Optics(rays=1, blur=0.0, vignetting=0.0, exposure_s=0.0, gain=0.0, noise=0.0)
-"""A camera without errors: one ray through the middle of each column."""
+"""A camera without errors: one ray through the center of each column."""
 
 
 class Sensor(NamedTuple):
     """Optics in the renderer's form.
 
-    They have the weights of the blur from its middle on, and quantiles of the normal distribution.
+    It has the weights of the blur from its center outward, and quantiles of the normal distribution.
     """
 
     weights: Floats
@@ -83,36 +83,36 @@ def sensor_of(optics: Optics, *, width: int, seed: int) -> Sensor:
         vignetting=float(optics.vignetting),
         gain=float(optics.gain),
         noise=float(optics.noise),
-        seed=seed % SEEDS,
+        seed=seed % SEED_MODULUS,
     )
 
 
 @inlined
 def gain_at(x: float, y: float, sensor: Sensor) -> float:
-    """Return the camera's gain at a place: smooth noise around 1."""
+    """Return the camera's gain at a position: smooth noise around 1."""
     east, north = math.floor(x / _GAIN_MM), math.floor(y / _GAIN_MM)
     across, along = x / _GAIN_MM - east, y / _GAIN_MM - north
     across, along = across * across * (3.0 - 2.0 * across), along * along * (3.0 - 2.0 * along)
-    found = 0.0
+    noise = 0.0
     for column in range(2):
         for row in range(2):
-            share = (across if column else 1.0 - across) * (along if row else 1.0 - along)
-            place = (int(east) + column + 500_000) * 1_000_000 + int(north) + row + 500_000
-            found += share * (2.0 * chance(sensor.seed, GAINS, place, 0) - 1.0)
-    return 1.0 + sensor.gain * found
+            weight = (across if column else 1.0 - across) * (along if row else 1.0 - along)
+            cell = (int(east) + column + 500_000) * 1_000_000 + int(north) + row + 500_000
+            noise += weight * (2.0 * uniform(sensor.seed, GAINS, cell, 0) - 1.0)
+    return 1.0 + sensor.gain * noise
 
 
 @inlined
 def blur_columns(picture: Floats2, blurred: Floats2, sensor: Sensor) -> None:
     """Blur along the rows of the image, which are the columns of `picture`, (columns, rows).
 
-    Columns at either end, within the reach of the blur, are not set.
+    Columns within the radius of the blur at either end are not set.
     """
-    reach = sensor.weights.shape[0] - 1
-    for column in range(reach, picture.shape[0] - reach):
+    radius = sensor.weights.shape[0] - 1
+    for column in range(radius, picture.shape[0] - radius):
         for row in range(picture.shape[1]):
             blurred[column, row] = sensor.weights[0] * picture[column, row]
-        for step in range(1, reach + 1):
+        for step in range(1, radius + 1):
             weight = sensor.weights[step]
             for row in range(picture.shape[1]):
                 blurred[column, row] += weight * (picture[column - step, row] + picture[column + step, row])
@@ -122,30 +122,30 @@ def blur_columns(picture: Floats2, blurred: Floats2, sensor: Sensor) -> None:
 def expose(
     picture: Floats2, t_ns: int, first: int, height: int, gain: float, sensor: Sensor, image: Bytes2
 ) -> None:
-    """Convert a picture, (columns, rows), with a margin of the blur's reach on all sides, to an image.
+    """Convert a picture, (columns, rows), with a margin of the blur's radius on all sides, to an image.
 
     Args:
         picture: the picture, in gray levels.
         t_ns: time of the image, for the noise.
-        first: the number of the image's first row in the whole of `height` rows.
+        first: index of the first row in the whole image.
         height: number of rows of the whole image.
         gain: factor of the gray levels.
         sensor: the sensor.
         image: (rows, width), receives the rows.
     """
-    reach = sensor.weights.shape[0] - 1
-    middle, halfway = (image.shape[1] - 1) / 2.0, (height - 1) / 2.0
+    radius = sensor.weights.shape[0] - 1
+    center_column, center_row = (image.shape[1] - 1) / 2.0, (height - 1) / 2.0
     for row in range(image.shape[0]):
-        down = (first + row - halfway) / (halfway + 0.5)
+        down = (first + row - center_row) / (center_row + 0.5)
         bits = np.uint64(0)
         for column in range(image.shape[1]):
-            level = sensor.weights[0] * picture[column + reach, row + reach]
-            for step in range(1, reach + 1):
-                above, below = row + reach - step, row + reach + step
+            level = sensor.weights[0] * picture[column + radius, row + radius]
+            for step in range(1, radius + 1):
+                above, below = row + radius - step, row + radius + step
                 level += sensor.weights[step] * (
-                    picture[column + reach, above] + picture[column + reach, below]
+                    picture[column + radius, above] + picture[column + radius, below]
                 )
-            right = (column - middle) / (middle + 0.5)
+            right = (column - center_column) / (center_column + 0.5)
             level *= gain * (1.0 - sensor.vignetting * (right * right + down * down) / 2.0)
             if sensor.noise > 0.0:
                 if column % 4 == 0:  # sixteen bits for each of four pixels

@@ -28,7 +28,7 @@ class Lens(NamedTuple):
 
 
 class Eye(NamedTuple):
-    """A camera at one moment: its place, the sine and cosine of its heading, and the row of its optical axis.
+    """A camera at one moment: its position, its heading (sine and cosine), and the row of its optical axis.
 
     The row is relative to the first row drawn.
     """
@@ -43,7 +43,7 @@ class Eye(NamedTuple):
 class Ray(NamedTuple):
     """A ray: its start, and its direction in the world's frame per mm of depth.
 
-    `right` is its offset to the right of the optical axis. The ray represents everything up to `half` to
+    `right` is its slope to the right of the optical axis. The ray represents everything up to `half` to
     either side.
     """
 
@@ -73,13 +73,13 @@ def light_at(x: float, y: float, lighting: Lighting) -> float:
     across, along = across - column, along - row
     low: float = lighting.levels[column, row] * (1.0 - across) + lighting.levels[right, row] * across
     high: float = lighting.levels[column, above] * (1.0 - across) + lighting.levels[right, above] * across
-    found: float = low * (1.0 - along) + high * along
-    return found
+    level: float = low * (1.0 - along) + high * along
+    return level
 
 
 @inlined
 def row_below(height: float, depth: float, axis: float, lens: Lens, rows: int) -> int:
-    """Return the first row, from 0 to `rows`, that looks below a height at a depth."""
+    """Return the first row, clamped to 0 to `rows`, that sees below a height at a depth."""
     row = axis - lens.focal * (height - lens.above_floor) / depth
     return int(min(max(math.ceil(row), 0.0), rows + 0.0))
 

@@ -1,8 +1,8 @@
 """The rooms behind the doors of a map, as far as they are visible through an open door.
 
 A map ends at its doors. The simulator adds a room behind each, three meters deep and slightly wider than the
-door, or smaller if another wall of the map is in the way, so that rooms never overlap corridors. A wide door
-has two leaves.
+door, or smaller if another wall of the map leaves less space, so that rooms never overlap corridors. A wide
+door has two leaves.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ def room_behind(walls: NDArray[np.float64], door: int) -> Room | None:
     others = np.delete(walls, door, axis=0)
 
     def free(along: float, deep: float, ux: float, uy: float) -> float:
-        at = Point(x0 + along * ex + deep * nx, y0 + along * ey + deep * ny)
-        return free_distance(others, at, Point(ux, uy), 0.0) - _BRICK_MM
+        start = Point(x0 + along * ex + deep * nx, y0 + along * ey + deep * ny)
+        return free_distance(others, start, Point(ux, uy), 0.0) - _BRICK_MM
 
     columns = np.linspace(-_ASIDE_MM, width + _ASIDE_MM, 9).tolist()
     depth = min(DEPTH_MM, *(free(along, _BEHIND_MM, nx, ny) for along in columns))
@@ -76,20 +76,20 @@ def open_door_segments(
     width = math.hypot(room.x1_mm - room.x0_mm, room.y1_mm - room.y0_mm)
     ex, ey = (room.x1_mm - room.x0_mm) / width, (room.y1_mm - room.y0_mm) / width
 
-    def place(along: float, deep: float) -> tuple[float, float]:
+    def to_world(along: float, deep: float) -> tuple[float, float]:
         return room.x0_mm + along * ex - deep * ey, room.y0_mm + along * ey + deep * ex
 
     corners = [
         (0.0, 0.0), (-room.before_mm, 0.0), (-room.before_mm, room.depth_mm),
         (width + room.after_mm, room.depth_mm), (width + room.after_mm, 0.0), (width, 0.0),
     ]  # fmt: skip
-    segments = [(*place(*start), *place(*end)) for start, end in pairwise(corners) if start != end]
+    segments = [(*to_world(*start), *to_world(*end)) for start, end in pairwise(corners) if start != end]
     leaf = _leaf_mm(width)
     across, deep = leaf * math.cos(math.radians(angle_deg)), leaf * math.sin(math.radians(angle_deg))
     if leaf < width or hinge_first:
-        segments.append((*place(0.0, 0.0), *place(across, deep)))
+        segments.append((*to_world(0.0, 0.0), *to_world(across, deep)))
     if leaf < width or not hinge_first:
-        segments.append((*place(width - across, deep), *place(width, 0.0)))
+        segments.append((*to_world(width - across, deep), *to_world(width, 0.0)))
     return segments
 
 

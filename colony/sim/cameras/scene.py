@@ -33,14 +33,14 @@ _FRAME_MM, _FRAME_SHADE = 60.0, 0.30
 _DOOR_MM = 2100.0
 _LEAF_SHADES = {EdgeKind.DOOR: 0.48, EdgeKind.ELEVATOR: 0.62}
 _GAP_MM, _GAP_SHADE = 4.0, 0.12  # half the gap between the leaves of an elevator
-_CACHED_FLOORS = 4  # number of floors whose pictures are cached, 10 to 40 MB each
+_CACHED_FLOORS = 4  # maximum number of floors whose pictures are cached, 10 to 40 MB each
 _CYLINDER_BOTTOM_MM, _SIGN_BOTTOM_MM = 560.0, 1320.0
 
 _Painter = Callable[[float], Picture]
 
-_COVERS: tuple[tuple[re.Pattern[str], _Painter], ...] = tuple(
-    (re.compile(words, re.IGNORECASE), made)
-    for words, made in (
+_MATERIALS: tuple[tuple[re.Pattern[str], _Painter], ...] = tuple(
+    (re.compile(words, re.IGNORECASE), painter)
+    for words, painter in (
         (r"\bglass[ -]?(brick|block)s?\b", textures.glass_brick),
         (r"\bglass\b", textures.glass),
         (r"\bwindows?\b", textures.window),
@@ -51,23 +51,30 @@ _COVERS: tuple[tuple[re.Pattern[str], _Painter], ...] = tuple(
         (r"", textures.plaster),
     )
 )
-"""Patterns of the remarks on walls with their materials; the first match applies."""
+"""Patterns of the map's remarks on walls, with the painters of the materials; the first match applies."""
 
 
 class _PictureSet(NamedTuple):
-    """The pictures of a floor, and their numbers.
+    """The pictures of a floor, and their indices in the atlas.
 
-    They are the covers of the walls, plates by text, markers by code, the first poster, and others.
+    Attributes:
+        atlas: the pictures.
+        materials: the material of each wall.
+        plates: the plates by text.
+        markers: the markers by code.
+        first_poster: the first kind of poster; the others follow.
+        cylinder, sign: a fire extinguisher, and the sign above it.
+        room_material: the material of the walls of rooms.
     """
 
     atlas: Atlas
-    covers: tuple[int, ...]
+    materials: tuple[int, ...]
     plates: dict[str, int]
     markers: dict[int, int]
-    posters: int
+    first_poster: int
     cylinder: int
     sign: int
-    rooms: int
+    room_material: int
 
 
 def scene_of(floor: Map, scenery: Scenery | None = None) -> Scene:
@@ -78,10 +85,10 @@ def scene_of(floor: Map, scenery: Scenery | None = None) -> Scene:
     walls, picture_set = walls_of(floor), _picture_set(floor)
     lights = premises_of(floor).lights if scenery is None else scenery.lights
     kinds = walls.kinds
-    made = scene(
+    result = scene(
         walls.segments,
         _panels_of(walls),
-        covers=picture_set.covers,
+        materials=picture_set.materials,
         wall_pictures=[
             *_signs(floor, picture_set),
             *(_furnishings(scenery, picture_set) if scenery is not None else ()),
@@ -90,49 +97,51 @@ def scene_of(floor: Map, scenery: Scenery | None = None) -> Scene:
         lighting=lighting_of(walls.bounds, lights),
         doors=[edge for edge, kind in enumerate(kinds) if kind is EdgeKind.DOOR],
         elevators=[edge for edge, kind in enumerate(kinds) if kind is EdgeKind.ELEVATOR],
-        rooms=picture_set.rooms,
+        room_material=picture_set.room_material,
     )
     if scenery is None:
-        return made
+        return result
     lengths = np.hypot(*(scenery.walls[:, 2:] - scenery.walls[:, :2]).T)
-    return scene_with_walls(made, scenery.walls[lengths > 0.0])
+    return scene_with_walls(result, scenery.walls[lengths > 0.0])
 
 
 @lru_cache(maxsize=_CACHED_FLOORS)
 def _picture_set(floor: Map) -> _PictureSet:
-    """Return the pictures of a floor only, because covers are large (3 MB each).
+    """Return only the pictures that a floor needs, because materials are large (3 MB each).
 
     They are cached, because experiments use the same floors repeatedly.
     """
     walls = walls_of(floor)
     pictures: list[Picture] = []
 
-    def put(*more: Picture) -> int:
-        pictures.extend(more)
-        return PEOPLE + len(pictures) - len(more)
+    def add(*new: Picture) -> int:
+        pictures.extend(new)
+        return PEOPLE + len(pictures) - len(new)
 
-    materials = [_cover(walls, edge) for edge in range(len(walls.kinds))]
-    covers = {made: put(made(CEILING_MM)) for made in dict.fromkeys(materials)}
+    painters = [_painter(walls, edge) for edge in range(len(walls.kinds))]
+    materials = {painter: add(painter(CEILING_MM)) for painter in dict.fromkeys(painters)}
     texts = dict.fromkeys(sign.text for sign in plates_of(floor))
     codes = dict.fromkeys(sign.code for sign in markers_of(floor))
-    plates = {text: put(plate(text)) for text in texts}
-    markers = {code: put(marker(code)) for code in codes}
-    first, cylinder, sign = put(*posters()), put(extinguisher()), put(extinguisher_sign())
-    rooms = put(textures.shelves(CEILING_MM))
+    plates = {text: add(plate(text)) for text in texts}
+    markers = {code: add(marker(code)) for code in codes}
+    first_poster, cylinder, sign = add(*posters()), add(extinguisher()), add(extinguisher_sign())
+    room_material = add(textures.shelves(CEILING_MM))
     return _PictureSet(
-        atlas=atlas_with(pictures), covers=tuple(covers[made] for made in materials),
-        plates=plates, markers=markers, posters=first, cylinder=cylinder, sign=sign, rooms=rooms,
+        atlas=atlas_with(pictures), materials=tuple(materials[painter] for painter in painters),
+        plates=plates, markers=markers, first_poster=first_poster, cylinder=cylinder, sign=sign,
+        room_material=room_material,
     )  # fmt: skip
 
 
-def _cover(walls: Walls, edge: int) -> _Painter:
+def _painter(walls: Walls, edge: int) -> _Painter:
     """Return the painter of a wall's material.
 
-    The remark on a door describes its leaf, unless the door is of glass; other doors are in plain walls.
+    The remark on a door describes the door itself, so the wall around it is plaster; only the remark on a
+    glass door gives the material.
     """
-    is_leaf = walls.kinds[edge] is EdgeKind.DOOR and not walls.glass[edge]
-    attribute = "" if is_leaf else walls.attributes[edge]
-    return next(made for pattern, made in _COVERS if pattern.search(attribute))
+    is_solid_door = walls.kinds[edge] is EdgeKind.DOOR and not walls.glass[edge]
+    attribute = "" if is_solid_door else walls.attributes[edge]
+    return next(painter for pattern, painter in _MATERIALS if pattern.search(attribute))
 
 
 def _panels_of(walls: Walls) -> Iterator[Panel]:
@@ -152,8 +161,8 @@ def _panels(wall: int, kind: EdgeKind, is_glass: bool, length: float) -> Iterabl
     yield Panel(wall, 0.0, length, 0.0, _DOOR_MM, _FRAME_SHADE)
     yield Panel(wall, _FRAME_MM, length - _FRAME_MM, 0.0, _DOOR_MM - _FRAME_MM, _LEAF_SHADES[kind])
     if kind is EdgeKind.ELEVATOR:
-        middle = length / 2
-        yield Panel(wall, middle - _GAP_MM, middle + _GAP_MM, 0.0, _DOOR_MM - _FRAME_MM, _GAP_SHADE)
+        center = length / 2
+        yield Panel(wall, center - _GAP_MM, center + _GAP_MM, 0.0, _DOOR_MM - _FRAME_MM, _GAP_SHADE)
 
 
 def _signs(floor: Map, picture_set: _PictureSet) -> Iterator[WallPicture]:
@@ -182,15 +191,15 @@ def _furnishings(scenery: Scenery, picture_set: _PictureSet) -> Iterator[WallPic
 
 def _poster(poster: Poster, picture_set: _PictureSet) -> WallPicture:
     picture = posters()[poster.kind]
-    start, bottom = poster.start_mm, poster.middle_mm - picture.height_mm / 2
+    start, bottom = poster.start_mm, poster.center_mm - picture.height_mm / 2
     end, top = start + picture.width_mm, bottom + picture.height_mm
-    return WallPicture(poster.edge, start, end, bottom, top, picture_set.posters + poster.kind, start)
+    return WallPicture(poster.edge, start, end, bottom, top, picture_set.first_poster + poster.kind, start)
 
 
 def _extinguisher(item: Extinguisher, picture_set: _PictureSet) -> Iterator[WallPicture]:
-    for (wide, high), bottom, picture in (
+    for (width, height), bottom, picture in (
         (EXTINGUISHER_MM, _CYLINDER_BOTTOM_MM, picture_set.cylinder),
         (SIGN_MM, _SIGN_BOTTOM_MM, picture_set.sign),
     ):
-        start = item.along_mm - wide / 2
-        yield WallPicture(item.edge, start, start + wide, bottom, bottom + high, picture, start)
+        start = item.along_mm - width / 2
+        yield WallPicture(item.edge, start, start + width, bottom, bottom + height, picture, start)

@@ -51,11 +51,11 @@ def _person(style: _PersonStyle, stride: float) -> Picture:
     rows, columns = round(style.height_mm / _TEXEL_MM), round(PERSON_WIDTH_MM / _TEXEL_MM)
     aside = (np.arange(columns) + 0.5) * _TEXEL_MM - PERSON_WIDTH_MM / 2
     x, y = np.meshgrid(aside, (rows - 0.5 - np.arange(rows)) * _TEXEL_MM / style.height_mm)
-    shades, cover = np.zeros_like(x), np.zeros(x.shape, dtype=np.bool_)
+    shades, opacity = np.zeros_like(x), np.zeros(x.shape, dtype=np.bool_)
 
     def put(mask: _Mask, shade: float) -> None:
         shades[mask] = shade * (1.0 - 0.25 * np.minimum(np.abs(x[mask]) / 260.0, 1.0))
-        cover[mask] = True
+        opacity[mask] = True
 
     legs = (y < 0.50) & (np.abs(np.abs(x) - 75.0 - 90.0 * stride * (0.5 - y)) < 62.0 + 30.0 * y)
     put(legs & (y > 0.03), style.legs)
@@ -71,7 +71,7 @@ def _person(style: _PersonStyle, stride: float) -> Picture:
     put(head, style.skin)
     put(head & (y > 0.955 - 0.02 * np.abs(x) / 80.0), style.hair)
     return Picture(
-        shades=np.clip(shades, 0.02, 1.0), cover=cover.astype(np.float64),
+        shades=np.clip(shades, 0.02, 1.0), opacity=opacity.astype(np.float64),
         width_mm=PERSON_WIDTH_MM, height_mm=rows * _TEXEL_MM,
     )  # fmt: skip
 
@@ -97,6 +97,6 @@ def extinguisher() -> Picture:
     hose = (np.abs(x - 84.0) < 9.0) & (y > 120.0) & (y < 500.0) | (x > 20.0) & (np.abs(y - 495.0) < 9.0)
     dark = valve | hose
     return Picture(
-        shades=np.where(dark, 0.07, shades), cover=(body | dark).astype(np.float64),
+        shades=np.where(dark, 0.07, shades), opacity=(body | dark).astype(np.float64),
         width_mm=wide, height_mm=high,
     )  # fmt: skip

@@ -32,7 +32,7 @@ def snapshot(
         floor: the map.
         pose: pose of the robot.
         config: the camera.
-        scenery: the building in one run, with people at their initial places; without one all doors are shut,
+        scenery: the building in one run, with people at their initial places; without it all doors are shut,
             and there are no people.
         seed: seed of the noise.
         speed_mm_s: speed of the robot, which blurs near objects.
@@ -64,11 +64,11 @@ def snapshots(
         pose: pose of the robot.
         yaws: direction of each level camera, in degrees counterclockwise from ahead.
         size: width and height of the images.
-        hazards: the seed of the building's hazards; None for none.
+        hazards: the seed of the building's hazards; None for no hazards.
         speed_mm_s: speed of the robot.
 
     Raises:
-        ValueError: as `snapshot`.
+        ValueError: see `snapshot`.
     """
     scenery = draw(Hazards.none() if hazards is None else Hazards(), floor, hazards or 0)
     width, height = size
@@ -88,11 +88,11 @@ def png_of(image: Bytes2) -> bytes:
 
     from PIL import Image
 
-    written = BytesIO()
-    Image.fromarray(image).save(written, format="PNG")
-    return written.getvalue()
+    buffer = BytesIO()
+    Image.fromarray(image).save(buffer, format="PNG")
+    return buffer.getvalue()
 
 
 def _people(scenery: Scenery | None) -> Floats2:
-    people = [] if scenery is None else [p.track.at(p.along_mm, p.offset_mm) for p in scenery.people]
+    people = [] if scenery is None else [p.track.point_at(p.along_mm, p.offset_mm) for p in scenery.people]
     return np.array(people, dtype=np.float64).reshape(-1, 2)

@@ -1,8 +1,8 @@
 """The surfaces of a building: walls with everything on them, floor and ceiling, in shades of gray.
 
-A wall has a cover, such as painted blocks, or one shade. On it are panels, rectangles of another shade such
-as doors and skirting boards, and on top of them pictures: plates, markers, posters. `scene.py` puts them on
-the edges of a map, and `fitting.py` removes or moves them while doors are open.
+A wall has a material, such as painted blocks, or a uniform shade. On it are panels, rectangles of another
+shade such as doors and skirting boards, and on top of them pictures: plates, markers, posters. `scene.py`
+puts them on the edges of a map, and `fitting.py` removes or moves them while doors are open.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from colony.sim.sensors.sonar import wall_table
 CEILING_MM = 2700.0
 WALL_SHADE = 0.78
 BARE = -1
-"""Cover of a wall that has one shade only."""
+"""Material of a wall with a uniform shade."""
 
 
 class Panel(NamedTuple):
@@ -74,27 +74,27 @@ class Scene(NamedTuple):
 
     Attributes:
         walls: (n, 7), from `wall_table`.
-        standing: (n,), 1 if the wall is present, 0 if an open door has replaced it.
+        present: (n,), 1 if the wall is present, 0 if an open door has replaced it.
         shades: (n,), from 0 to 1.
-        covers: (n,), the number of the picture that covers a wall, or `BARE`.
-        panels: (m, 5), `Panel` without its wall, in the order of the walls; later ones cover earlier ones.
-        first: (n + 1,), start of the panels of each wall.
-        wall_pictures: (k, 6), `WallPicture` without its wall, likewise.
+        materials: (n,), the index in `atlas` of each wall's material, or `BARE`.
+        panels: (m, 5), `Panel` without its wall, in the order of the walls; later ones hide earlier ones.
+        first_panel: (n + 1,), start of the panels of each wall.
+        wall_pictures: (k, 6), `WallPicture` without its wall, in the order of the walls.
         first_wall_picture: (n + 1,), start of the pictures of each wall.
         atlas: the pictures; the first ones are people.
         lighting: the light levels.
         ceiling: height of the ceiling in mm.
-        doors, elevators: the numbers of the walls that are doors or elevators, which may open.
-        rooms: the cover of the walls of rooms behind open doors, or `BARE`.
-        own: number of walls of the map; the walls after them come from open doors.
+        doors, elevators: the indices of the walls that are doors or elevators, which may open.
+        room_material: the material of the walls of rooms behind open doors, or `BARE`.
+        map_wall_count: number of walls of the map; the walls after them come from open doors.
     """
 
     walls: Floats2
-    standing: Ints
+    present: Ints
     shades: Floats
-    covers: Ints
+    materials: Ints
     panels: Floats2
-    first: Ints
+    first_panel: Ints
     wall_pictures: Floats2
     first_wall_picture: Ints
     atlas: Atlas
@@ -102,8 +102,8 @@ class Scene(NamedTuple):
     ceiling: float
     doors: Ints
     elevators: Ints
-    rooms: int
-    own: int
+    room_material: int
+    map_wall_count: int
 
 
 def scene(
@@ -111,13 +111,13 @@ def scene(
     panels: Iterable[Panel] = (),
     *,
     ceiling_mm: float = CEILING_MM,
-    covers: Sequence[int] | None = None,
+    materials: Sequence[int] | None = None,
     wall_pictures: Iterable[WallPicture] = (),
     atlas: Atlas | None = None,
     lighting: Lighting = EVEN,
     doors: Sequence[int] = (),
     elevators: Sequence[int] = (),
-    rooms: int = BARE,
+    room_material: int = BARE,
 ) -> Scene:
     """Return a scene of wall segments, (n, 4) in mm, and everything on them; empty segments are invisible.
 
@@ -125,43 +125,48 @@ def scene(
         walls: the segments.
         panels: the panels on them.
         ceiling_mm: height of the ceiling.
-        covers: number of each wall's cover in `atlas`; by default all walls are bare.
+        materials: index of each wall's material in `atlas`; by default all walls are bare.
         wall_pictures: the pictures on the walls.
         atlas: the atlas, from `atlas_with`.
         lighting: the light levels.
-        doors: the numbers of the walls that are doors, which may open.
-        elevators: the numbers of the walls that are elevator doors, which may open.
-        rooms: the cover of the walls of rooms behind doors.
+        doors: the indices of the walls that are doors, which may open.
+        elevators: the indices of the walls that are elevator doors, which may open.
+        room_material: the material of the walls of rooms behind doors.
     """
     segments = np.array(walls, dtype=np.float64).reshape(-1, 4)
     visible = np.flatnonzero(np.hypot(*(segments[:, 2:] - segments[:, :2]).T) > 0.0)
-    places = {int(wall): place for place, wall in enumerate(visible)}
-    panel_rows, first = _by_wall(((places[p.wall], p[1:]) for p in panels if p.wall in places), len(visible))
-    picture_rows, first_wall_picture = _by_wall(
-        ((places[h.wall], h[1:]) for h in wall_pictures if h.wall in places), len(visible)
+    indices = {int(wall): index for index, wall in enumerate(visible)}
+    panel_rows, first_panel = _by_wall(
+        ((indices[panel.wall], panel[1:]) for panel in panels if panel.wall in indices), len(visible)
     )
-    covering = np.full(len(segments), BARE) if covers is None else np.array(covers, dtype=np.int64)
+    picture_rows, first_wall_picture = _by_wall(
+        ((indices[picture.wall], picture[1:]) for picture in wall_pictures if picture.wall in indices),
+        len(visible),
+    )
+    material_indices = (
+        np.full(len(segments), BARE) if materials is None else np.array(materials, dtype=np.int64)
+    )
     return Scene(
         walls=wall_table(segments[visible]),
-        standing=np.ones(len(visible), dtype=np.int64),
+        present=np.ones(len(visible), dtype=np.int64),
         shades=np.full(len(visible), WALL_SHADE),
-        covers=covering[visible],
+        materials=material_indices[visible],
         panels=panel_rows.reshape(-1, 5),
-        first=first,
+        first_panel=first_panel,
         wall_pictures=picture_rows.reshape(-1, 6),
         first_wall_picture=first_wall_picture,
         atlas=atlas_with(()) if atlas is None else atlas,
         lighting=lighting,
         ceiling=float(ceiling_mm),
-        doors=_numbers(places[door] for door in doors if door in places),
-        elevators=_numbers(places[elevator] for elevator in elevators if elevator in places),
-        rooms=rooms,
-        own=len(visible),
+        doors=_index_array(indices[door] for door in doors if door in indices),
+        elevators=_index_array(indices[elevator] for elevator in elevators if elevator in indices),
+        room_material=room_material,
+        map_wall_count=len(visible),
     )
 
 
 def atlas_with(pictures: Sequence[Picture]) -> Atlas:
-    """Return an atlas of people and of pictures, whose numbers begin at `PEOPLE`."""
+    """Return an atlas of people and of `pictures`, whose indices begin at `PEOPLE`."""
     return atlas_of((*people(), *pictures))
 
 
@@ -169,13 +174,13 @@ PEOPLE = len(people())
 """Number of pictures of people with which an atlas begins."""
 
 
-def _numbers(found: Iterable[int]) -> Ints:
-    return np.array(list(found), dtype=np.int64)
+def _index_array(indices: Iterable[int]) -> Ints:
+    return np.array(list(indices), dtype=np.int64)
 
 
-def _by_wall(things: Iterable[tuple[int, tuple[float, ...]]], walls: int) -> tuple[Floats2, Ints]:
-    """Return things sorted by the number of their wall, and the start of each wall's things."""
-    ordered = sorted(things, key=lambda thing: thing[0])
+def _by_wall(rows: Iterable[tuple[int, tuple[float, ...]]], walls: int) -> tuple[Floats2, Ints]:
+    """Return rows sorted by the index of their wall, and the start of each wall's rows."""
+    ordered = sorted(rows, key=lambda row: row[0])
     counts = np.bincount(np.array([wall for wall, _ in ordered], dtype=np.int64), minlength=walls)
     first = np.concatenate([[0], counts.cumsum()]).astype(np.int64)
-    return np.array([thing for _, thing in ordered], dtype=np.float64), first
+    return np.array([row for _, row in ordered], dtype=np.float64), first

@@ -1,4 +1,4 @@
-"""The materials of walls, as pictures that repeat to the sides and are as high as the wall.
+"""The materials of walls, as pictures that repeat horizontally and are as high as the wall.
 
 Shades are from 0 (black) to 1. The materials are painted blocks with joints, bare bricks, glass bricks with
 light behind them, plaster, tile, steel, glass and windows. Each is drawn from a fixed seed.
@@ -20,15 +20,15 @@ _HEIGHTS = 2  # number of wall heights for which pictures are cached, 3 MB each;
 
 
 def _grid(width_mm: float, height_mm: float) -> tuple[Floats2, Floats2]:
-    """Return the middles of all texels, from the left and from the floor, in mm."""
+    """Return the centers of all texels, from the left and from the floor, in mm."""
     across = (np.arange(round(width_mm / TEXEL_MM)) + 0.5) * TEXEL_MM
     up = height_mm - (np.arange(round(height_mm / TEXEL_MM)) + 0.5) * TEXEL_MM
-    made_across, made_up = np.meshgrid(across, up)
-    return made_across, made_up
+    columns, rows = np.meshgrid(across, up)
+    return columns, rows
 
 
 def _pattern(shades: Floats2, height_mm: float, darkest: float = 0.0) -> Picture:
-    """Return the picture of a stretch of wall that repeats sideward."""
+    """Return the picture of a wall section that repeats horizontally."""
     shades = np.clip(shades, darkest, 1.0)
     return Picture(shades=shades, width_mm=shades.shape[1] * TEXEL_MM, height_mm=height_mm, wraps=True)
 
@@ -39,9 +39,9 @@ def _cloud(shape: tuple[int, int], cells: tuple[int, int], rng: np.random.Genera
     down, across = np.fft.fftfreq(shape[0]) * shape[0], np.fft.rfftfreq(shape[1]) * shape[1]
     spectrum *= np.exp(-((down[:, None] / cells[0]) ** 2) - (across[None, :] / cells[1]) ** 2)
     spectrum[0, 0] = 0.0
-    found: Floats2 = np.fft.irfft2(spectrum, s=shape)
-    found /= found.std()
-    return found
+    noise: Floats2 = np.fft.irfft2(spectrum, s=shape)
+    noise /= noise.std()
+    return noise
 
 
 def _blocks(
@@ -98,7 +98,7 @@ def glass_brick(height_mm: float) -> Picture:
     """Draw glass blocks of 200 by 200 mm in dark joints.
 
     The light behind them is uneven: groups are bright, others dark, and each block has a pale rim and a
-    darker middle or the other way around.
+    darker center, or vice versa.
     """
     rng = np.random.default_rng(13)
     size, columns = 200.0, 20
@@ -108,7 +108,9 @@ def glass_brick(height_mm: float) -> Picture:
     block_rows = int(course.max()) + 1
     behind = 0.50 + 0.20 * _cloud((block_rows, columns), (3, 4), rng)
     behind += 0.10 * rng.standard_normal((block_rows, columns))
-    behind = np.where(rng.random(behind.shape) < 0.14, 0.10, behind)  # what stands behind it is dark
+    behind = np.where(
+        rng.random(behind.shape) < 0.14, 0.10, behind
+    )  # something dark stands behind these blocks
     rim = 0.10 * rng.standard_normal((block_rows, columns))
     inside = np.clip(np.minimum(aside, above) / (size / 2), 0.0, 1.0)
     shades = behind[rows, cols] + rim[rows, cols] * (0.5 - inside)
@@ -149,7 +151,7 @@ def steel(height_mm: float) -> Picture:
 
 @lru_cache(maxsize=_HEIGHTS)
 def window(height_mm: float) -> Picture:
-    """Draw panes of 900 mm from 900 mm above the floor on, in dark frames; it is day behind them."""
+    """Draw panes of 900 mm from 900 mm above the floor on, in dark frames, with daylight behind them."""
     across, up = _grid(3600.0, height_mm)
     rng = np.random.default_rng(17)
     pane = (up > 900.0) & (up < 2400.0)
@@ -163,19 +165,19 @@ def window(height_mm: float) -> Picture:
 
 @lru_cache(maxsize=_HEIGHTS)
 def glass(height_mm: float) -> Picture:
-    """Draw panes of clear glass in steel frames: what is behind them is dim, with soft reflections."""
+    """Draw panes of clear glass in steel frames: the room behind them is dim, with soft reflections."""
     across, up = _grid(3600.0, height_mm)
     rng = np.random.default_rng(18)
     aside = across % 900.0
     frame = (np.minimum(aside, 900.0 - aside) < 35.0) | (np.abs(up - 1000.0) < 40.0)
     frame |= (up < 120.0) | (up > 2040.0)
-    seen = 0.36 + 0.10 * _cloud(across.shape, (5, 7), rng)
-    return _pattern(np.where(frame, 0.55, seen), height_mm, 0.05)
+    behind = 0.36 + 0.10 * _cloud(across.shape, (5, 7), rng)
+    return _pattern(np.where(frame, 0.55, behind), height_mm, 0.05)
 
 
 @lru_cache(maxsize=_HEIGHTS)
 def shelves(height_mm: float) -> Picture:
-    """Draw the wall of a room: shelves full of books up to 1.9 m, 1.6 m wide, then as much plain wall."""
+    """Draw the wall of a room: shelves full of books up to 1.9 m, 1.6 m wide, then 1.6 m of plain wall."""
     rng = np.random.default_rng(19)
     across, up = _grid(3200.0, height_mm)
     shades = 0.66 + 0.012 * _cloud(across.shape, (10, 12), rng)

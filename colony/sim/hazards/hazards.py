@@ -38,7 +38,7 @@ from colony.sim.hazards.scenery import (
     Track,
 )
 
-_OFFSET_PART = 0.6  # largest preferred offset of people, as a fraction of the half width
+_OFFSET_FRACTION = 0.6  # maximum preferred offset of people, as a fraction of the half width
 _SUN_LEVEL = 45.0  # excess of the ceiling of a sunlit corridor, in gray levels
 _BAND_LEVEL = 60.0  # additional excess before a window
 _BAND_SPACING_MM = (4000.0, 8000.0)
@@ -77,10 +77,10 @@ class Hazards:
 
     Attributes:
         on: the hazards that are switched on.
-        slip: the probability that wheels slip when a robot's middle crosses a metal joint.
+        slip: the probability that wheels slip when a robot's center crosses a metal joint.
         slip_turn_deg: the standard deviation of the robot's turn in a slip.
         slip_loss_mm: the range of the length by which wheels spin.
-        joint_spacing_mm: length of corridor per joint, besides those between the wings.
+        joint_spacing_mm: length of corridor per joint, in addition to the joints between wings.
         glass: the probability that sonar and infrared do not detect a glass door in this run.
         light_out, light_dim: the probabilities that a light is out or dim.
         dim_brightness: the brightness of a dim light.
@@ -91,7 +91,7 @@ class Hazards:
         door_deg: the range of the angle of an open door.
         cross_talk: the probability that a sonar reading is false.
         encoder_scale: the standard deviation of a scale factor common to both wheels.
-        compass_deg: the largest error of the compass.
+        compass_deg: the maximum error of the compass.
         black_poster_spacing_mm, poster_spacing_mm, extinguisher_spacing_mm: mean length of wall per black
             poster, other poster, and fire extinguisher.
         poster_on_door: the probability that a black poster hangs on a door.
@@ -130,18 +130,22 @@ class Hazards:
                 continue
             pair = isinstance(field.default, tuple)
             numbers = tuple(value) if pair else (value,)
-            most = _UPPER_LIMITS.get(field.name, math.inf)
-            sound = len(numbers) == 1 + pair and all(0.0 <= n <= most and math.isfinite(n) for n in numbers)
-            if not sound or list(numbers) != sorted(numbers):
-                expected = "of at least 0" if most == math.inf else f"from 0 to {most:g}"
+            upper = _UPPER_LIMITS.get(field.name, math.inf)
+            is_valid = len(numbers) == 1 + pair and all(
+                0.0 <= n <= upper and math.isfinite(n) for n in numbers
+            )
+            if not is_valid or list(numbers) != sorted(numbers):
+                expected = "of at least 0" if upper == math.inf else f"from 0 to {upper:g}"
                 number = "two finite numbers, the lower one first," if pair else "a finite number"
                 raise ValueError(f"Hazards.{field.name} is {value!r}; expected {number} {expected}")
         if self.light_out + self.light_dim > 1.0:
             found = f"light_out and light_dim are {self.light_out} and {self.light_dim}"
-            raise ValueError(f"{found}; expected 1 at most in all")
+            raise ValueError(f"{found}; expected a sum of at most 1")
         spacings = [field.name for field in fields(self) if field.name.endswith("_spacing_mm")]
         if min(getattr(self, name) for name in spacings) <= 0.0:
-            raise ValueError(f"{', '.join(spacings)}: expected more than 0; see Hazards.without")
+            raise ValueError(
+                f"{', '.join(spacings)}: expected more than 0; use Hazards.without to switch a hazard off"
+            )
 
     @staticmethod
     def none() -> Hazards:
@@ -149,7 +153,7 @@ class Hazards:
         return Hazards(on=frozenset())
 
     def without(self, *hazards: Hazard) -> Hazards:
-        """Return these hazards with some switched off."""
+        """Return these hazards with the given ones switched off."""
         return replace(self, on=self.on - frozenset(hazards))
 
     def only(self, *hazards: Hazard) -> Hazards:
@@ -197,8 +201,10 @@ def _stream(seed: int, hazard: Hazard, item: int = 0) -> np.random.Generator:
 
 def _glass(hazards: Hazards, premises: Premises, seed: int) -> tuple[int, ...]:
     drawn = _stream(seed, Hazard.GLASS).random(len(premises.walls))
-    unseen = drawn < hazards.glass if Hazard.GLASS in hazards.on else np.zeros(len(drawn), dtype=np.bool_)
-    return tuple(edge for edge in premises.glass if unseen[edge])
+    is_undetected = (
+        drawn < hazards.glass if Hazard.GLASS in hazards.on else np.zeros(len(drawn), dtype=np.bool_)
+    )
+    return tuple(edge for edge in premises.glass if is_undetected[edge])
 
 
 def _doors(hazards: Hazards, premises: Premises, seed: int) -> list[tuple[OpenDoor, bool]]:
@@ -216,20 +222,20 @@ def _walls(
     premises: Premises, glass: tuple[int, ...], doors: list[tuple[OpenDoor, bool]]
 ) -> tuple[Floats2, NDArray[np.bool_]]:
     """Return the solid segments, edge by edge, and a mask of the silent ones."""
-    standing_open = {door.edge: (door.angle_deg, hinge_first) for door, hinge_first in doors}
+    open_doors = {door.edge: (door.angle_deg, hinge_first) for door, hinge_first in doors}
     rows: list[tuple[float, ...]] = []
     silent: list[bool] = []
     for edge, wall in enumerate(premises.walls.tolist()):
-        parts = (
-            open_door_segments(premises.rooms[edge], *standing_open[edge])
-            if edge in standing_open
+        segments = (
+            open_door_segments(premises.rooms[edge], *open_doors[edge])
+            if edge in open_doors
             else [tuple(wall)]
         )
-        rows += parts
-        silent += [edge in glass] * len(parts)
-    walls, quiet = np.array(rows, dtype=np.float64).reshape(-1, 4), np.array(silent, dtype=np.bool_)
-    walls.flags.writeable = quiet.flags.writeable = False
-    return walls, quiet
+        rows += segments
+        silent += [edge in glass] * len(segments)
+    walls, mask = np.array(rows, dtype=np.float64).reshape(-1, 4), np.array(silent, dtype=np.bool_)
+    walls.flags.writeable = mask.flags.writeable = False
+    return walls, mask
 
 
 def _lights(hazards: Hazards, premises: Premises, seed: int) -> tuple[CeilingLight, ...]:
@@ -247,15 +253,15 @@ def _sun(hazards: Hazards, premises: Premises, seed: int) -> Iterator[SunBand]:
         if rng.random() >= hazards.sunlit or Hazard.SUN not in hazards.on:
             continue
         yield _band(track, 0.0, track.length_mm, _SUN_LEVEL)
-        at = rng.uniform(*_BAND_SPACING_MM) / 2
-        while at < track.length_mm:
+        position = rng.uniform(*_BAND_SPACING_MM) / 2
+        while position < track.length_mm:
             length = rng.uniform(*_BAND_MM)
-            yield _band(track, at, min(at + length, track.length_mm), _BAND_LEVEL)
-            at += rng.uniform(*_BAND_SPACING_MM)
+            yield _band(track, position, min(position + length, track.length_mm), _BAND_LEVEL)
+            position += rng.uniform(*_BAND_SPACING_MM)
 
 
 def _band(track: Track, start: float, end: float, level: float) -> SunBand:
-    x, y = track.at((start + end) / 2)
+    x, y = track.point_at((start + end) / 2)
     return SunBand(
         x_mm=x, y_mm=y, heading_deg=track.heading_deg,
         length_mm=end - start, width_mm=2 * track.half_width_mm, level=level,
@@ -273,7 +279,7 @@ def _people(hazards: Hazards, premises: Premises, seed: int) -> Iterator[Person]
             yield Person(
                 track=track,
                 along_mm=along * track.length_mm,
-                offset_mm=(2.0 * aside - 1.0) * _OFFSET_PART * track.half_width_mm,
+                offset_mm=(2.0 * aside - 1.0) * _OFFSET_FRACTION * track.half_width_mm,
                 forward=forward < 0.5,
                 speed_mm_s=slowest + speed * (fastest - slowest),
             )
@@ -285,20 +291,20 @@ def _joints(hazards: Hazards, premises: Premises, seed: int) -> tuple[Joint, ...
     if Hazard.SLIP not in hazards.on:
         return ()
     joints = list(premises.wing_joints)
-    at = phase * hazards.joint_spacing_mm
+    position = phase * hazards.joint_spacing_mm
     for track in premises.tracks:
-        while at < track.length_mm:
-            joints.append(track.joint(at))
-            at += hazards.joint_spacing_mm
-        at -= track.length_mm
+        while position < track.length_mm:
+            joints.append(track.joint(position))
+            position += hazards.joint_spacing_mm
+        position -= track.length_mm
     return tuple(joints)
 
 
 def _slip(hazards: Hazards) -> Slip:
     if Hazard.SLIP not in hazards.on:
         return NO_SLIP
-    least, most = hazards.slip_loss_mm
-    return Slip(probability=hazards.slip, turn_deg=hazards.slip_turn_deg, least_mm=least, most_mm=most)
+    low, high = hazards.slip_loss_mm
+    return Slip(probability=hazards.slip, turn_deg=hazards.slip_turn_deg, min_mm=low, max_mm=high)
 
 
 def _encoder_scale(hazards: Hazards, seed: int) -> float:

@@ -20,10 +20,10 @@ from colony.nav.maps.walls import lights_of, walls_of
 from colony.sim.cameras.rooms import Room, room_behind
 from colony.sim.hazards.scenery import PERSON_RADIUS_MM, CeilingLight, Joint, Track
 
-_WING_MM = 300.0  # largest difference of corridor widths within a wing
+_WING_MM = 300.0  # maximum difference of corridor widths within a wing
 _TURN_MM = 800.0  # distance from the end of a corridor at which people turn around
-_LEAST_WALK_MM = 3000.0
-_LEAST_MOUTH_MM = 1000.0  # least distance of a joint from the end of a corridor
+_MIN_WALK_MM = 3000.0
+_MIN_MOUTH_MM = 1000.0  # minimum distance of a joint from the end of a corridor
 _SHOULDER_MM = 60.0
 
 
@@ -82,7 +82,7 @@ def _track(corridor: Corridor) -> Track:
 
 
 def _light(x: float, y: float, tracks: tuple[Track, ...]) -> CeilingLight:
-    """Return a light, along the corridor whose middle line is nearest."""
+    """Return a light, along the corridor whose centerline is nearest."""
     nearest = min(tracks, key=lambda track: round(_distance(track, x, y)), default=None)
     return CeilingLight(x_mm=x, y_mm=y, heading_deg=0.0 if nearest is None else nearest.heading_deg)
 
@@ -95,9 +95,9 @@ def _distance(track: Track, x: float, y: float) -> float:
 def _walk(track: Track, walls: NDArray[np.float64]) -> Track | None:
     """Return the part of a corridor where people walk: without its ends, as wide as the walls allow."""
     length = track.length_mm - 2 * _TURN_MM
-    if length < _LEAST_WALK_MM:
+    if length < _MIN_WALK_MM:
         return None
-    start = track.at(_TURN_MM)
+    start = track.point_at(_TURN_MM)
     walk = Track(
         x_mm=start.x, y_mm=start.y, heading_deg=track.heading_deg, length_mm=length, half_width_mm=0.0
     )
@@ -110,8 +110,8 @@ def _walk(track: Track, walls: NDArray[np.float64]) -> Track | None:
 
 
 def _clearance(track: Track, walls: NDArray[np.float64]) -> float:
-    """Return the least distance of a wall from a track, along it and a shoulder beyond its ends."""
-    least = math.inf
+    """Return the minimum lateral distance of a wall from a track that is longer by a person at both ends."""
+    clearance = math.inf
     low, high = -PERSON_RADIUS_MM, track.length_mm + PERSON_RADIUS_MM
     for x0, y0, x1, y1 in walls.tolist():
         (s0, v0), (s1, v1) = track.coordinates(x0, y0), track.coordinates(x1, y1)
@@ -120,19 +120,19 @@ def _clearance(track: Track, walls: NDArray[np.float64]) -> float:
         if s0 != s1:
             slope, ends = (v1 - v0) / (s1 - s0), [min(max(s, low), high) for s in (s0, s1)]
             v0, v1 = (v0 + (s - s0) * slope for s in ends)
-        least = min(least, 0.0 if v0 * v1 <= 0.0 else min(abs(v0), abs(v1)))
-    return least
+        clearance = min(clearance, 0.0 if v0 * v1 <= 0.0 else min(abs(v0), abs(v1)))
+    return clearance
 
 
 def _wing_joints(corridors: tuple[Corridor, ...], tracks: tuple[Track, ...]) -> list[Joint]:
     """Return a joint across the narrower of two corridors of different wings, at each of its mouths."""
     joints: list[Joint] = []
     for space in turning_spaces_of(corridors):
-        one, other = sorted(space.corridors, key=lambda c: corridors[c].width_mm)
-        narrow, wide = corridors[one], corridors[other]
+        narrow_index, wide_index = sorted(space.corridors, key=lambda c: corridors[c].width_mm)
+        narrow, wide = corridors[narrow_index], corridors[wide_index]
         if wide.width_mm - narrow.width_mm > _WING_MM:
-            middle = narrow.along(*space.middle)
-            low, high = _LEAST_MOUTH_MM, narrow.length_mm - _LEAST_MOUTH_MM
-            mouths = (middle - wide.width_mm / 2, middle + wide.width_mm / 2)
-            joints += [tracks[one].joint(mouth) for mouth in mouths if low < mouth < high]
+            center = narrow.along(*space.center)
+            low, high = _MIN_MOUTH_MM, narrow.length_mm - _MIN_MOUTH_MM
+            mouths = (center - wide.width_mm / 2, center + wide.width_mm / 2)
+            joints += [tracks[narrow_index].joint(mouth) for mouth in mouths if low < mouth < high]
     return joints

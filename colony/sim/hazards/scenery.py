@@ -18,7 +18,7 @@ PERSON_RADIUS_MM = 250.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Track:
-    """The middle line of a corridor: from (x_mm, y_mm), `length_mm` long, toward `heading_deg`.
+    """The centerline of a corridor: from (x_mm, y_mm), `length_mm` long, toward `heading_deg`.
 
     The corridor is free for `half_width_mm` to either side.
     """
@@ -29,21 +29,24 @@ class Track:
     length_mm: float
     half_width_mm: float
 
-    def at(self, along_mm: float, aside_mm: float = 0.0) -> Point:
-        """Return the place at this distance along the line, and this far to its left."""
+    def point_at(self, along_mm: float, aside_mm: float = 0.0) -> Point:
+        """Return the point `along_mm` along the line and `aside_mm` to its left."""
         unit = direction(self.heading_deg)
         x = self.x_mm + along_mm * unit.x - aside_mm * unit.y
         return Point(x, self.y_mm + along_mm * unit.y + aside_mm * unit.x)
 
     def coordinates(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        """Return the distance of a place along the line, and its distance to the left of it."""
+        """Return the distance of a point along the line, and to the left of it."""
         unit = direction(self.heading_deg)
         dx, dy = x_mm - self.x_mm, y_mm - self.y_mm
         return dx * unit.x + dy * unit.y, dy * unit.x - dx * unit.y
 
     def joint(self, along_mm: float) -> Joint:
         """Return a joint across the corridor."""
-        left, right = self.at(along_mm, self.half_width_mm), self.at(along_mm, -self.half_width_mm)
+        left, right = (
+            self.point_at(along_mm, self.half_width_mm),
+            self.point_at(along_mm, -self.half_width_mm),
+        )
         return Joint(x0_mm=left.x, y0_mm=left.y, x1_mm=right.x, y1_mm=right.y)
 
 
@@ -61,8 +64,8 @@ class Person:
 
     Attributes:
         track: the corridor.
-        along_mm: initial place along the track.
-        offset_mm: preferred offset to the left of the middle line, in the direction of the track.
+        along_mm: initial position along the track.
+        offset_mm: preferred offset to the left of the centerline, in the direction of the track.
         forward: True if the person first walks along the track, False against it.
         speed_mm_s: walking speed.
     """
@@ -94,19 +97,19 @@ class Slip:
 
     probability: float
     turn_deg: float
-    least_mm: float
-    most_mm: float
+    min_mm: float
+    max_mm: float
 
 
-NO_SLIP = Slip(probability=0.0, turn_deg=0.0, least_mm=0.0, most_mm=0.0)
+NO_SLIP = Slip(probability=0.0, turn_deg=0.0, min_mm=0.0, max_mm=0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CeilingLight:
     """A ceiling light, 0.6 m long along its corridor and 1.2 m wide across it.
 
-    `heading_deg` is the direction of the corridor; `brightness` is 1, less for a dim light, 0 for one that is
-    out.
+    `heading_deg` is the direction of the corridor; `brightness` is 1, less for a dim light, and 0 for a
+    light that is out.
     """
 
     x_mm: float
@@ -119,7 +122,7 @@ class CeilingLight:
 class SunBand:
     """A sunlit rectangle of the ceiling.
 
-    It has its middle, the heading of its length, and its excess brightness in gray levels.
+    It has its center, the heading of its length, and its excess brightness in gray levels.
     """
 
     x_mm: float
@@ -134,13 +137,13 @@ class SunBand:
 class Poster:
     """A poster on edge number `edge` of the map.
 
-    It begins `start_mm` along the edge, and its middle is `middle_mm` above the floor. `kind` is its number
+    It begins `start_mm` along the edge, and its center is `center_mm` above the floor. `kind` is its index
     in `colony.sim.cameras.posters`.
     """
 
     edge: int
     start_mm: float
-    middle_mm: float
+    center_mm: float
     kind: int
 
 

@@ -36,8 +36,8 @@ ViewDirection = float | Literal["up"]
 class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
     """The specification of a plant: one robot in the building of a map, with the direction of each camera.
 
-    `folder` is the robot's folder. `start` is the initial pose, x and y in mm and the heading in degrees,
-    None for that of the map; `hazards` is the seed of the hazards (docs/hazards.md), None for none;
+    `folder` is the robot's folder. `start` is the initial pose, x and y in mm and the heading in degrees, or
+    None for that of the map. `hazards` is the seed of the hazards (docs/hazards.md), or None for no hazards.
     `logical_ns` is as in `colony.sim.plant.process.PlantOptions`.
     """
 
@@ -62,7 +62,7 @@ def plant_socket(folder: Path) -> Path:
 
 
 class NoRoomError(Exception):
-    """The robot cannot start at its place on the map; the message is one line that begins with the file."""
+    """The robot does not fit at its start on the map; the message is one line that begins with the file."""
 
 
 def serve(
@@ -79,7 +79,7 @@ def serve(
     Raises:
         LiveError: a plant of the robot is already running, or the folder cannot be used.
         DiagnosticError: the map is invalid.
-        NoRoomError: the robot has no room at its start.
+        NoRoomError: the robot does not fit at its start.
     """
     with RobotDirectory(Path(spec.folder), spec.robot).claim(SIMULATOR):
         from colony.nav.maps.stickrep.reader import load_map

@@ -28,7 +28,9 @@ class PlantControl:
 
     `began_ns` is the start time of the plant, which distinguishes it from a restarted one.
 
-    Raises, here and in each method:
+    The constructor and each method raise these exceptions:
+
+    Raises:
         OSError: the plant does not answer within `timeout_s`.
         PlantProtocolError: the answer is invalid.
         ValueError: the plant refuses; the message is its reason.
@@ -54,7 +56,7 @@ class PlantControl:
         return answer
 
     def place(self, robot: str, x: float, y: float, heading: float) -> None:
-        """Move a robot to another place, unnoticed by its odometry."""
+        """Move a robot to another pose, unnoticed by its odometry."""
         self._ask(Place(robot=robot, x=x, y=y, heading=heading))
 
     def advance(self, dt_ns: int) -> None:

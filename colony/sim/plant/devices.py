@@ -25,31 +25,31 @@ STEP_NS = 20_000_000
 WATCHDOG_NS = 500_000_000
 
 MAX_LAG_NS = 1_000_000_000
-"""Largest lag in nanoseconds that the plant makes up for.
+"""Maximum lag in nanoseconds that the plant makes up for.
 
-Beyond it (for example, after the process was stopped) the time is skipped, and nothing moves in it.
+After a longer lag (for example, because the process was stopped) the time is skipped: nothing moves.
 """
 
 
 RobotCamera = Camera | CeilingCamera
-"""A camera of a robot: level, or toward the ceiling."""
+"""A camera of a robot: level, or pointing at the ceiling."""
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class _Command:
-    """The time `at_ns` of a base's last command; None while it stands."""
+    """The time `at_ns` of a base's last command; None after a halt."""
 
     at_ns: int | None = None
 
 
 class Devices:
-    """The devices of all robots of a world, in steps of one length. Mutable: the time reached.
+    """The devices of all robots of a world. Stateful: `time_ns` advances in steps of equal length.
 
     Args:
         world: the robots.
         names: names of the robots, in the order of their numbers.
         cameras: cameras of each robot, by name.
-        now_ns: the present.
+        now_ns: current time.
         step_ns: step of the simulation.
         watchdog_ns: time without a command after which a base stops; None for never.
 
@@ -78,7 +78,7 @@ class Devices:
         self.step_ns = step_ns
         self._watchdog_ns = watchdog_ns
         self._skipped_ns = 0
-        self.reached_ns = now_ns
+        self.time_ns = now_ns
 
     def number(self, robot: str) -> int:
         """Return the number of a robot.
@@ -89,8 +89,8 @@ class Devices:
         try:
             return self._robots[robot]
         except KeyError:
-            known = ", ".join(self._robots)
-            raise ValueError(f"no robot `{robot}`; the robots are {known}") from None
+            names = ", ".join(self._robots)
+            raise ValueError(f"no robot `{robot}`; the robots are {names}") from None
 
     def check_camera(self, camera: str) -> None:
         """Check that the robots have a camera of this name.
@@ -99,22 +99,22 @@ class Devices:
             ValueError: they do not.
         """
         if camera not in self._cameras:
-            known = ", ".join(self._cameras) or "none"
-            raise ValueError(f"the robots have no camera `{camera}`; they have {known}")
+            names = ", ".join(self._cameras) or "none"
+            raise ValueError(f"the robots have no camera `{camera}`; they have {names}")
 
     # --- time ----------------------------------------------------------------------------------------
 
     def advance(self, now_ns: int) -> None:
-        """Simulate whole steps up to the present."""
-        behind = now_ns - self.reached_ns
-        if behind > MAX_LAG_NS:
-            skipped = behind // self.step_ns * self.step_ns
+        """Simulate whole steps up to `now_ns`."""
+        lag_ns = now_ns - self.time_ns
+        if lag_ns > MAX_LAG_NS:
+            skipped = lag_ns // self.step_ns * self.step_ns
             self._skipped_ns += skipped
-            self.reached_ns += skipped
-        while self.reached_ns + self.step_ns <= now_ns:
+            self.time_ns += skipped
+        while self.time_ns + self.step_ns <= now_ns:
             self._stop_expired()
             self._world.advance(self.step_ns / 1e9)
-            self.reached_ns += self.step_ns
+            self.time_ns += self.step_ns
 
     def pass_time(self, dt_ns: int) -> None:
         """Simulate `dt_ns` of logical time.
@@ -125,7 +125,7 @@ class Devices:
         if not 0 < dt_ns <= MAX_STEP_S * 1e9:
             raise ValueError(f"cannot advance by {dt_ns} ns; expected above 0, up to {MAX_STEP_S:g} s")
         self._world.advance(dt_ns / 1e9)
-        self.reached_ns += dt_ns
+        self.time_ns += dt_ns
 
     def _stop_expired(self) -> None:
         """Stop the bases whose watchdogs have expired."""
@@ -134,7 +134,7 @@ class Devices:
                 self.halt(robot)
 
     def _in_time(self, commanded_ns: int) -> bool:
-        return self._watchdog_ns is None or self.reached_ns - commanded_ns < self._watchdog_ns
+        return self._watchdog_ns is None or self.time_ns - commanded_ns < self._watchdog_ns
 
     # --- commands ------------------------------------------------------------------------------------
 
@@ -145,7 +145,7 @@ class Devices:
             ValueError: a speed is not finite.
         """
         self._world.command(robot, velocity, turn)
-        self._commands[robot].at_ns = self.reached_ns
+        self._commands[robot].at_ns = self.time_ns
 
     def halt(self, robot: int) -> None:
         """Stop a base as fast as it can brake."""
@@ -158,33 +158,33 @@ class Devices:
         return at_ns is not None and self._in_time(at_ns)
 
     def place(self, robot: int, x: float, y: float, heading: float) -> None:
-        """Move a robot; raise `ValueError` if it has no room there, or a number is not finite."""
+        """Move a robot; raise `ValueError` if it does not fit there, or a number is not finite."""
         self._world.place(robot, (x, y, heading))
 
     # --- readings ------------------------------------------------------------------------------------
 
     def base(self, robot: int) -> BaseState:
         """Return the reading of a base."""
-        return base_state(self._world, robot, self.reached_ns)
+        return base_state(self._world, robot, self.time_ns)
 
     def proximity(self, robot: int) -> Rings:
         """Return the reading of a robot's rings."""
         return Rings(
-            t_ns=self.reached_ns,
+            t_ns=self.time_ns,
             sonar=tuple(self._world.sonar(robot).tolist()),
             infrared=tuple(self._world.infrared(robot).tolist()),
         )
 
     def image(self, robot: int, camera: str) -> Image:
         """Return the image of a robot's camera."""
-        return image_of(self._pixels(robot, self._cameras[camera]), self.reached_ns)
+        return image_of(self._pixels(robot, self._cameras[camera]), self.time_ns)
 
     def _pixels(self, robot: int, camera: RobotCamera) -> Bytes2:
         match camera:
             case Camera():
-                return camera.see(self._world, robot, self.reached_ns)
+                return camera.see(self._world, robot, self.time_ns)
             case CeilingCamera():
-                return camera.image(self._world.true_pose(robot), self.reached_ns)
+                return camera.image(self._world.true_pose(robot), self.time_ns)
             case _:
                 assert_never(camera)
 
@@ -192,7 +192,7 @@ class Devices:
         """Return the true state of a robot."""
         pose, speed = self._world.true_pose(robot), self._world.speed(robot)
         return Truth(
-            t_ns=self.reached_ns,
+            t_ns=self.time_ns,
             x=pose.x_mm,
             y=pose.y_mm,
             heading=pose.heading_deg,

@@ -49,10 +49,10 @@ from colony.sim.plant.protocol import (
 )
 
 MAX_READING_AGE_NS = 500_000_000
-"""Largest age of a reading or an image in nanoseconds."""
+"""Maximum age of a reading or an image in nanoseconds."""
 
-_SHORTEST_PAUSE_S = 0.02
-_LONGEST_PAUSE_S = 0.1
+_MIN_RETRY_DELAY_S = 0.02
+_MAX_RETRY_DELAY_S = 0.1
 _REPLY_TIMEOUT_S = 1.0
 _CHUNK = 262144
 
@@ -60,19 +60,19 @@ R = TypeVar("R", bound=Reading)
 
 
 class _DeviceConnection(Generic[R]):
-    """A connection to the plant, and the latest reading. Mutable: both; used by two threads.
+    """A connection to the plant, and the latest reading. Mutable; shared by two threads.
 
     Args:
         path: path of the plant's socket.
         attach: the request that attaches it to a device.
-        kind: the class of the device's readings.
+        reading_type: the class of the device's readings.
     """
 
-    def __init__(self, path: Path, attach: Attach, kind: type[R]) -> None:
+    def __init__(self, path: Path, attach: Attach, reading_type: type[R]) -> None:
         self._path = path
         self._attach = attach
-        self._kind = kind
-        self._guard = threading.Condition()
+        self._reading_type = reading_type
+        self._condition = threading.Condition()
         self._sock: socket.socket | None = None
         self._attached = False
         self._logical = False
@@ -94,7 +94,7 @@ class _DeviceConnection(Generic[R]):
 
     def send(self, message: ToPlant) -> bool:
         """Send a message without blocking; return False if there is no connection."""
-        with self._guard:
+        with self._condition:
             sock = self._sock
             if sock is None or not self._attached:
                 return False
@@ -104,18 +104,18 @@ class _DeviceConnection(Generic[R]):
                     return True
             except OSError:
                 pass
-            _hang_up(sock)  # the device is stuck, or the message was sent only in part
+            _shut_down(sock)  # the device is stuck, or the message was sent only in part
             return False
 
     def ask(self, question: Callable[[int], ToPlant]) -> R | None:
         """Send a numbered message and wait for the reading that answers it; return None without an answer."""
-        with self._guard:
+        with self._condition:
             self._number += 1
             number = self._number
         if not self.send(question(number)):
             return None
-        with self._guard:
-            self._guard.wait_for(
+        with self._condition:
+            self._condition.wait_for(
                 lambda: not self._attached or (self._newest is not None and self._newest.number == number),
                 _REPLY_TIMEOUT_S,
             )
@@ -130,15 +130,15 @@ class _DeviceConnection(Generic[R]):
     def close(self) -> None:
         """Close the connection. Idempotent."""
         self._closed.set()
-        with self._guard:
+        with self._condition:
             if self._sock is not None:
-                _hang_up(self._sock)
+                _shut_down(self._sock)
         self._thread.join()
 
     # --- the thread ----------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        pause_s = _SHORTEST_PAUSE_S
+        delay_s = _MIN_RETRY_DELAY_S
         while not self._closed.is_set():
             try:
                 with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as sock:
@@ -150,15 +150,15 @@ class _DeviceConnection(Generic[R]):
                         self._receive(sock)
             except (OSError, PlantProtocolError) as problem:
                 self._problem = str(problem)
-            with self._guard:
-                pause_s = _SHORTEST_PAUSE_S if self._attached else min(2.0 * pause_s, _LONGEST_PAUSE_S)
+            with self._condition:
+                delay_s = _MIN_RETRY_DELAY_S if self._attached else min(2.0 * delay_s, _MAX_RETRY_DELAY_S)
                 self._sock, self._attached = None, False
-                self._guard.notify_all()
-            self._closed.wait(pause_s)
+                self._condition.notify_all()
+            self._closed.wait(delay_s)
 
     def _adopt(self, sock: socket.socket) -> bool:
-        """Register a connection for `close`; return False if that was called already."""
-        with self._guard:
+        """Register a socket for `close`; return False if the connection is closed already."""
+        with self._condition:
             self._sock = None if self._closed.is_set() else sock
             return self._sock is not None
 
@@ -167,37 +167,37 @@ class _DeviceConnection(Generic[R]):
         unpacker = Unpacker(LARGEST_FROM_PLANT)
         while data := sock.recv(_CHUNK):
             for payload in unpacker.feed(data):
-                self._take(read_from_plant(payload))
+                self._handle(read_from_plant(payload))
         if self._attached:
             self._problem = "the plant ended the connection"
 
-    def _take(self, message: FromPlant) -> None:
-        with self._guard:
+    def _handle(self, message: FromPlant) -> None:
+        with self._condition:
             if isinstance(message, Attached):
                 self._logical, self._attached = message.logical, True
             elif isinstance(message, Refusal):
                 self._problem = message.message
-            elif isinstance(message, self._kind):
+            elif isinstance(message, self._reading_type):
                 self._newest = message
-            self._guard.notify_all()
+            self._condition.notify_all()
 
 
-def _hang_up(sock: socket.socket) -> None:
+def _shut_down(sock: socket.socket) -> None:
     """Shut a connection down; the other thread, which may be waiting on it, closes the socket."""
     with contextlib.suppress(OSError):
         sock.shutdown(socket.SHUT_RDWR)
 
 
 class _Remote(Generic[R]):
-    """The common part of all remote drivers."""
+    """The base class of all remote drivers."""
 
     def __init__(
-        self, path: Path, attach: Attach, kind: type[R], base_ns: int, clock: Callable[[], int]
+        self, path: Path, attach: Attach, reading_type: type[R], base_ns: int, clock: Callable[[], int]
     ) -> None:
-        self._connection = _DeviceConnection(path, attach, kind)
+        self._connection = _DeviceConnection(path, attach, reading_type)
         self._base_ns = base_ns
         self._clock = clock
-        self._ahead_ns: int | None = None
+        self._offset_ns: int | None = None
 
     @property
     def problem(self) -> str | None:
@@ -209,11 +209,11 @@ class _Remote(Generic[R]):
         self._connection.close()
 
     def _newest(self) -> tuple[R, int] | None:
-        """Return the latest reading, if it is fresh, and its time in the robot's time."""
+        """Return the latest reading and its time, in the robot's time; None if there is no fresh reading."""
         reading = self._connection.newest()
         if reading is None:
             return None
-        now_ns, t_ns = self._clock(), reading.taken.t_ns
+        now_ns, t_ns = self._clock(), reading.value.t_ns
         if self._connection.logical:
             return reading, self._logical_ns(t_ns, now_ns) - self._base_ns
         return None if now_ns - t_ns > MAX_READING_AGE_NS else (reading, t_ns - self._base_ns)
@@ -221,12 +221,12 @@ class _Remote(Generic[R]):
     def _logical_ns(self, t_ns: int, now_ns: int) -> int:
         """Return the time of a reading in logical time.
 
-        It advances with the plant's time, frame by frame, and is never behind the clock. It is therefore not
-        behind the Clock's ticks either, which start with the clock and advance by frames.
+        It advances with the plant's time, frame by frame, and is never behind the clock. It is therefore
+        never behind the Clock's ticks, which start with the clock and also advance by frames.
         """
-        ahead_ns = now_ns - t_ns if self._ahead_ns is None else max(self._ahead_ns, now_ns - t_ns)
-        self._ahead_ns = ahead_ns
-        return t_ns + ahead_ns
+        offset_ns = now_ns - t_ns if self._offset_ns is None else max(self._offset_ns, now_ns - t_ns)
+        self._offset_ns = offset_ns
+        return t_ns + offset_ns
 
 
 class RemoteBase(_Remote[BaseReading]):
@@ -236,8 +236,8 @@ class RemoteBase(_Remote[BaseReading]):
         path: path of the plant's socket.
         robot: name of the robot.
         base_ns: start of the robot's time, on the plant's clock.
-        clock: the plant's clock, which is the machine's monotonic one.
-        config: the parameters of the robot; they are not requested from the plant.
+        clock: the plant's clock, by default the machine's monotonic clock.
+        config: the parameters of the robot, which the plant does not report.
     """
 
     register_bits: int | None = None
@@ -267,12 +267,12 @@ class RemoteBase(_Remote[BaseReading]):
 
     def state(self) -> BaseState | None:
         """Return the latest state of the base, or None if there is none."""
-        found = self._newest()
-        return None if found is None else replace(found[0].taken, t_ns=found[1])
+        newest = self._newest()
+        return None if newest is None else replace(newest[0].value, t_ns=newest[1])
 
 
 class RemoteProximity(_Remote[ProximityReading]):
-    """The sonars and infrared detectors of a robot in the plant; arguments as of `RemoteBase`."""
+    """The sonars and infrared detectors of a robot in the plant; the arguments are those of `RemoteBase`."""
 
     def __init__(
         self, path: Path, robot: str, *, base_ns: int, clock: Callable[[], int] = time.monotonic_ns
@@ -281,17 +281,17 @@ class RemoteProximity(_Remote[ProximityReading]):
 
     def sonar(self) -> Sample | None:
         """Return the latest sonar readings, or None if there are none."""
-        found = self._newest()
-        return None if found is None else Sample(found[0].taken.sonar, found[1])
+        newest = self._newest()
+        return None if newest is None else Sample(newest[0].value.sonar, newest[1])
 
     def infrared(self) -> Sample | None:
         """Return the latest infrared readings, or None if there are none."""
-        found = self._newest()
-        return None if found is None else Sample(found[0].taken.infrared, found[1])
+        newest = self._newest()
+        return None if newest is None else Sample(newest[0].value.infrared, newest[1])
 
 
 class RemoteCamera(_Remote[CameraReading]):
-    """Camera `camera` of a robot in the plant; other arguments as of `RemoteBase`."""
+    """Camera `camera` of a robot in the plant; the other arguments are those of `RemoteBase`."""
 
     def __init__(
         self,
@@ -306,5 +306,5 @@ class RemoteCamera(_Remote[CameraReading]):
 
     def grab(self) -> Image | None:
         """Return the latest image, or None if there is none."""
-        found = self._newest()
-        return None if found is None else msgspec.structs.replace(found[0].taken, t_ns=found[1])
+        newest = self._newest()
+        return None if newest is None else msgspec.structs.replace(newest[0].value, t_ns=newest[1])

@@ -45,7 +45,7 @@ def checked_attachment(message: ToPlant, devices: Devices) -> Attach:
         case AttachControl():
             pass
         case _:
-            raise _misplaced(message)
+            raise _not_allowed(message)
     return message
 
 
@@ -53,18 +53,18 @@ def reading(port: Device, devices: Devices, number: int = 0) -> Reading:
     """Return the reading of the device at this port, with the number of the request."""
     match port:
         case AttachBase():
-            return BaseReading(taken=devices.base(devices.number(port.robot)), number=number)
+            return BaseReading(value=devices.base(devices.number(port.robot)), number=number)
         case AttachProximity():
-            return ProximityReading(taken=devices.proximity(devices.number(port.robot)), number=number)
+            return ProximityReading(value=devices.proximity(devices.number(port.robot)), number=number)
         case AttachCamera():
             image = devices.image(devices.number(port.robot), port.camera)
-            return CameraReading(taken=image, number=number)
+            return CameraReading(value=image, number=number)
 
 
 def answer(port: Attach, message: ToPlant, devices: Devices, logical_ns: int | None) -> FromPlant | None:
     """Handle a message, and return the answer if there is one.
 
-    An error on a control connection is reported, and the connection stays open.
+    An error on a control connection is answered by a refusal, and the connection stays open.
 
     Args:
         port: the port to which the connection is attached.
@@ -80,7 +80,7 @@ def answer(port: Attach, message: ToPlant, devices: Devices, logical_ns: int | N
     if isinstance(message, Sense):
         return reading(port, devices, message.number)
     if not isinstance(port, AttachBase):
-        raise _misplaced(message)
+        raise _not_allowed(message)
     robot = devices.number(port.robot)
     match message:
         case Halt():
@@ -91,7 +91,7 @@ def answer(port: Attach, message: ToPlant, devices: Devices, logical_ns: int | N
                 devices.pass_time(logical_ns)
                 return reading(port, devices, message.number)
         case _:
-            raise _misplaced(message)
+            raise _not_allowed(message)
     return None
 
 
@@ -104,9 +104,9 @@ def _control(message: ToPlant, devices: Devices, logical_ns: int | None) -> From
         case Advance() if logical_ns is not None:
             devices.pass_time(message.dt_ns)
         case _:
-            raise _misplaced(message)
+            raise _not_allowed(message)
     return Done()
 
 
-def _misplaced(message: ToPlant) -> ValueError:
+def _not_allowed(message: ToPlant) -> ValueError:
     return ValueError(f"{type(message).__name__} is not allowed on this connection")

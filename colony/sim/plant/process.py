@@ -2,10 +2,10 @@
 
     serve_plant(options, stop=stopped.is_set, ready=started.set)
 
-It is a building with robots, which runs in real time behind a unix socket, with or without clients. A single
-thread simulates small steps, sends sensor readings to the attached drivers, and takes commands. A slow reader
-misses readings but never delays others. An invalid message is answered by a refusal, which ends its
-connection.
+The process simulates a building with robots in real time behind a unix socket, whether or not clients are
+connected. A single thread simulates small steps, sends sensor readings to the attached drivers, and takes
+commands. A slow reader misses readings but never delays others. An invalid message is answered by a refusal,
+which ends its connection.
 
 In logical time there is one robot, whose time advances by one frame with each command to its base. Without
 commands, as with `idle hold`, time stands still.
@@ -54,11 +54,11 @@ REPORT_NS = 20_000_000
 IMAGE_NS = 100_000_000
 """Nanoseconds between two images of a camera."""
 
-_CONNECTIONS = 1000
+_MAX_CONNECTIONS = 1000
 _IDLE_S = 0.1
 _CHUNK = 65536
-_UNREAD = 65536
-"""Number of unread bytes at which the plant stops reading from a client until it receives them."""
+_MAX_UNREAD = 65536
+"""Number of unsent bytes at which the plant stops reading from a client until the client receives them."""
 
 
 class PlantInUseError(Exception):
@@ -80,7 +80,7 @@ class PlantOptions:
         seed: seed of the simulated errors.
         step_ns: step of the simulation.
         watchdog_ns: time without a command after which a base stops.
-        logical_ns: logical time that passes with each command; None for real time.
+        logical_ns: logical time by which each command advances; None for real time.
     """
 
     path: Path
@@ -108,7 +108,7 @@ def serve_plant(
     `stop` is polled.
 
     Raises:
-        ValueError: a robot has no room, or there are several robots in logical time.
+        ValueError: a robot does not fit, or there are several robots in logical time.
         PlantInUseError: another process is serving this socket.
         OSError: the socket cannot be created.
     """
@@ -158,8 +158,8 @@ def _devices(options: PlantOptions, clock: Callable[[], int]) -> Devices:
 def _listening(path: Path) -> Iterator[socket.socket]:
     """Listen at `path`, replacing the socket of a killed process."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    found = path.parent.stat()
-    if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
+    status = path.parent.stat()
+    if status.st_uid != os.getuid() or stat.S_IMODE(status.st_mode) & 0o077:
         raise PermissionError(f"{path.parent} is open to other users, who could drive the robots")
     lock = os.open(path.with_name(path.name + ".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
@@ -188,7 +188,7 @@ class _Connection:
 
 
 class _Server:
-    """The server of the devices. Mutable: the connections."""
+    """The server of the devices. Mutable."""
 
     def __init__(
         self,
@@ -214,7 +214,7 @@ class _Server:
         if self._logical_ns is None:
             self._devices.advance(self._clock())
             self._report()
-            wait_s = (self._devices.reached_ns + self._devices.step_ns - self._clock()) / 1e9
+            wait_s = (self._devices.time_ns + self._devices.step_ns - self._clock()) / 1e9
         for key, events in self._selector.select(max(wait_s, 0.0)):
             if key.data is None:
                 self._accept()
@@ -230,9 +230,9 @@ class _Server:
     def _accept(self) -> None:
         try:
             sock, _ = self._listener.accept()
-        except OSError:  # the client has gone, or this process has no more descriptors
+        except OSError:  # the client has disconnected, or this process has no more descriptors
             return
-        if len(self._connections) >= _CONNECTIONS:
+        if len(self._connections) >= _MAX_CONNECTIONS:
             sock.close()
             return
         sock.setblocking(False)
@@ -266,19 +266,19 @@ class _Server:
             return
         try:
             for payload in connection.unpacker.feed(data):
-                self._take(connection, payload)
+                self._handle(connection, payload)
         except (PlantProtocolError, ValueError) as problem:
             self._send(connection, pack(Refusal(message=str(problem))))
             self._drop(connection)
 
-    def _take(self, connection: _Connection, payload: bytes) -> None:
+    def _handle(self, connection: _Connection, payload: bytes) -> None:
         message = read_to_plant(payload)
         reply: FromPlant | None
         if connection.port is None:
             port = checked_attachment(message, self._devices)
             if isinstance(port, AttachBase):
                 self._displace_idle_driver(port)
-            connection.port, connection.due_ns = port, self._devices.reached_ns
+            connection.port, connection.due_ns = port, self._devices.time_ns
             reply = Attached(logical=self._logical_ns is not None, began_ns=self._began_ns)
         else:
             reply = answer(connection.port, message, self._devices, self._logical_ns)
@@ -286,7 +286,7 @@ class _Server:
             self._send(connection, pack(reply))
 
     def _displace_idle_driver(self, port: AttachBase) -> None:
-        """Displace the idle driver of a base for a new one; refuse if the present driver is in command."""
+        """Disconnect the idle driver of a base for a new one; refuse if the driver is in command."""
         for other in tuple(self._connections):
             if other.port == port:
                 if self._devices.driven(self._devices.number(port.robot)):
@@ -297,7 +297,7 @@ class _Server:
 
     def _report(self) -> None:
         """Send the readings that are due, unless the previous one is still being sent."""
-        now_ns = self._devices.reached_ns
+        now_ns = self._devices.time_ns
         for connection in tuple(self._connections):
             port = connection.port
             if port is None or isinstance(port, AttachControl) or now_ns < connection.due_ns:
@@ -323,6 +323,6 @@ class _Server:
         except OSError:
             self._drop(connection)
             return
-        events = selectors.EVENT_READ if len(connection.outbox) < _UNREAD else 0
+        events = selectors.EVENT_READ if len(connection.outbox) < _MAX_UNREAD else 0
         events |= selectors.EVENT_WRITE if connection.outbox else 0
         self._selector.modify(connection.sock, events, connection)

@@ -7,7 +7,7 @@ sends commands. On a control connection the plant only answers requests.
     driver   -> plant    AttachBase, AttachProximity, AttachCamera
     plant    -> driver   Attached, then BaseReading, ProximityReading, CameraReading periodically
     driver   -> plant    DriveBase, Halt; Sense, in logical time
-    anyone   -> plant    AttachControl, then AskTruth, Place, Advance, each answered by Truth, Done or Refusal
+    control  -> plant    AttachControl, then AskTruth, Place, Advance, each answered by Truth, Done or Refusal
 
 Times are those of the machine's monotonic clock in nanoseconds. Logical time advances only by commands, and
 the plant sends nothing by itself: `DriveBase` advances time by a frame, and `DriveBase` and `Sense` are
@@ -34,7 +34,7 @@ LARGEST_FROM_PLANT = 8 * 1024 * 1024
 _LENGTH = 4
 
 M = TypeVar("M")
-Taken = TypeVar("Taken")
+Value = TypeVar("Value")
 
 
 class _Message(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=True):
@@ -45,7 +45,7 @@ class _Message(msgspec.Struct, frozen=True, kw_only=True, tag=True, array_like=T
 
 
 class AttachBase(_Message, frozen=True, kw_only=True):
-    """A request to attach to a robot's base, which a driver in command keeps and an idle one loses."""
+    """A request to attach to a robot's base; it displaces an idle driver, but not one in command."""
 
     robot: str
 
@@ -64,7 +64,7 @@ class AttachCamera(_Message, frozen=True, kw_only=True):
 
 
 class AttachControl(_Message, frozen=True, kw_only=True):
-    """A request for a control connection, which is not a part of a robot."""
+    """A request for a control connection, which belongs to no robot."""
 
 
 class DriveBase(_Message, frozen=True, kw_only=True):
@@ -92,7 +92,7 @@ class AskTruth(_Message, frozen=True, kw_only=True):
 
 
 class Place(_Message, frozen=True, kw_only=True):
-    """A request to move a robot to another place, unnoticed by its odometry."""
+    """A request to move a robot to another pose, unnoticed by its odometry."""
 
     robot: str
     x: float
@@ -139,10 +139,10 @@ class Rings:
     infrared: tuple[bool, ...]
 
 
-class _Reading(_Message, Generic[Taken], frozen=True, kw_only=True):
+class _Reading(_Message, Generic[Value], frozen=True, kw_only=True):
     """A reading of a device; `number` is that of the request."""
 
-    taken: Taken
+    value: Value
     number: int = 0
 
 
@@ -201,7 +201,7 @@ def pack(message: ToPlant | FromPlant) -> bytes:
 
 
 def read_to_plant(payload: bytes) -> ToPlant:
-    """Read the message in a payload.
+    """Read the message to the plant in a payload.
 
     Raises:
         PlantProtocolError: the payload is not a message.
@@ -210,7 +210,11 @@ def read_to_plant(payload: bytes) -> ToPlant:
 
 
 def read_from_plant(payload: bytes) -> FromPlant:
-    """Read the message in a payload, for the other direction."""
+    """Read the message from the plant in a payload.
+
+    Raises:
+        PlantProtocolError: the payload is not a message.
+    """
     return _read(payload, _from_plant)
 
 
@@ -224,7 +228,7 @@ def _read(payload: bytes, decoder: msgspec.msgpack.Decoder[M]) -> M:
 
 
 class Unpacker:
-    """A splitter of a byte stream into payloads. Mutable: the incomplete payload."""
+    """A splitter of a byte stream into payloads. Stateful: keeps the incomplete payload."""
 
     def __init__(self, largest: int) -> None:
         self._largest = largest

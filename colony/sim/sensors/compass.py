@@ -14,7 +14,7 @@ _MASK = 2**64 - 1
 
 
 def disturbance_deg(field: CompassDisturbance, x_mm: float, y_mm: float) -> float:
-    """Return the error of a compass at a place, in degrees, at most `field.max_deg`."""
+    """Return the error of a compass at a position, in degrees, at most `field.max_deg`."""
     if field.max_deg == 0.0:
         return 0.0
     column, row = (

@@ -1,7 +1,7 @@
 """The 24 sonars and infrared detectors of each robot.
 
-The beam of a transducer is a cone of evenly spaced rays, two of them on its edges. Each ray ends at the first
-obstacle. The obstacle may return an echo or not:
+The beam of a transducer is a cone of evenly spaced rays, two of them on its edges. Each ray stops at the
+first obstacle that it hits. The obstacle may return an echo or not:
 
 - A wall is a mirror for ultrasound. Within the critical angle to its normal it returns an echo; beyond, it
   reflects the sound away, but still hides everything behind it.
@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from colony.sim.chance import CROSS_TALK, chance
+from colony.sim.chance import CROSS_TALK, uniform
 from colony.sim.compiled import Bools2, Floats, Floats2, Ints2, compiled, inlined
 from colony.sim.config import AHEAD, CHANNELS, SPACING_DEG, RobotConfig
 from colony.sim.world.people import Crowd
@@ -33,7 +33,7 @@ RAY_STEP_DEG = 3.0
 _RETRO_COSINE = math.sin(math.radians(10.0))  # tolerance of right angles: ten degrees
 _NOTHING = -1
 _HULL = -2  # of a robot or a person
-_LEAST_FALSE_MM = 300.0
+_MIN_FALSE_MM = 300.0
 _EDGE = 1e-9  # fraction by which walls extend beyond their ends, so that rays do not leak between them
 
 
@@ -42,9 +42,9 @@ class Fan(NamedTuple):
 
     Attributes:
         origin_u, origin_v: (24,), the transducers in mm.
-        ray_u, ray_v: (24, rays), unit vectors; the middle one is the axis.
+        ray_u, ray_v: (24, rays), unit vectors; the ray in the middle is the axis of the cone.
         depth: (24, rays), the length of each ray in mm.
-        target: (24, rays), the obstacle of each ray: the number of a wall, a hull, or nothing.
+        target: (24, rays), the obstacle that each ray hits: the index of a wall, a hull, or nothing.
         deepest: (24,), the greatest depth of each cone.
     """
 
@@ -62,12 +62,12 @@ class ProximityModel(NamedTuple):
 
     radius: float
     full_range: float
-    least: float
+    min_range: float
     half_beam_rad: float
     cos_critical: float
     tan_half_step: float
     noise_mm: float
-    noise_part: float
+    noise_fraction: float
     infrared_range: float
 
 
@@ -80,15 +80,15 @@ class CrossTalk(NamedTuple):
 
 def _rays_of(config: RobotConfig) -> tuple[int, float]:
     """Return the number of rays on either side of a cone's axis, and the angle between them in degrees."""
-    on_a_side = math.ceil(config.sonar_half_beam_deg / RAY_STEP_DEG - 1e-9)
-    return on_a_side, config.sonar_half_beam_deg / on_a_side if on_a_side else RAY_STEP_DEG
+    rays_per_side = math.ceil(config.sonar_half_beam_deg / RAY_STEP_DEG - 1e-9)
+    return rays_per_side, config.sonar_half_beam_deg / rays_per_side if rays_per_side else RAY_STEP_DEG
 
 
 def fan_of(config: RobotConfig) -> Fan:
     """Return the rays of a robot."""
-    on_a_side, step_deg = _rays_of(config)
+    rays_per_side, step_deg = _rays_of(config)
     axes = np.radians((np.arange(CHANNELS) - AHEAD) * SPACING_DEG)
-    offsets = np.radians(np.arange(-on_a_side, on_a_side + 1) * step_deg)
+    offsets = np.radians(np.arange(-rays_per_side, rays_per_side + 1) * step_deg)
     angles = axes[:, None] + offsets[None, :]
     return Fan(
         origin_u=config.sonar_ring_mm * np.cos(axes),
@@ -106,12 +106,12 @@ def proximity_model(config: RobotConfig) -> ProximityModel:
     return ProximityModel(
         radius=config.radius_mm,
         full_range=config.sonar_range_mm,
-        least=config.sonar_least_mm,
+        min_range=config.sonar_min_mm,
         half_beam_rad=math.radians(config.sonar_half_beam_deg),
         cos_critical=math.cos(math.radians(config.sonar_critical_deg)),
         tan_half_step=math.tan(math.radians(_rays_of(config)[1] / 2)),
         noise_mm=config.sonar_noise_mm,
-        noise_part=config.sonar_noise,
+        noise_fraction=config.sonar_noise,
         infrared_range=config.infrared_range_mm,
     )
 
@@ -141,11 +141,11 @@ def corner_reflectors(walls: Floats2) -> Bools2:
         the right.
     """
     reflectors = np.zeros((len(walls), 4), dtype=np.bool_)
-    meeting: dict[tuple[int, int], list[tuple[int, int, float, float]]] = {}
+    ends_at: dict[tuple[int, int], list[tuple[int, int, float, float]]] = {}
     for i, (x0, y0, x1, y1, u, v, _) in enumerate(walls.tolist()):
-        meeting.setdefault((round(x0), round(y0)), []).append((i, 0, u, v))
-        meeting.setdefault((round(x1), round(y1)), []).append((i, 1, -u, -v))
-    for ends in meeting.values():
+        ends_at.setdefault((round(x0), round(y0)), []).append((i, 0, u, v))
+        ends_at.setdefault((round(x1), round(y1)), []).append((i, 1, -u, -v))
+    for ends in ends_at.values():
         for wall, end, u, v in ends:
             for other, _, other_u, other_v in ends:
                 if other != wall and abs(u * other_u + v * other_v) <= _RETRO_COSINE:
@@ -156,7 +156,7 @@ def corner_reflectors(walls: Floats2) -> Bools2:
 
 @inlined
 def _cones(low: float, high: float, half_beam: float) -> tuple[int, int]:
-    """Return the first transducer whose cone covers bearings from low to high (rad), and the number of these.
+    """Return the first transducer whose cone overlaps the bearings low to high (rad), and how many do.
 
     An object in the cone of a transducer is even closer to its axis as seen from the robot's center.
     """
@@ -178,7 +178,7 @@ def _cast_at_wall(
     half_beam: float,
     fan: Fan,
 ) -> None:
-    """Shorten the rays that meet a wall, given by its ends and their bearings in the robot's frame."""
+    """Shorten the rays that hit a wall, given by its ends and their bearings in the robot's frame."""
     low, high = min(start, end), max(start, end)
     if high - low > math.pi:
         low, high = high, low + 2.0 * math.pi
@@ -195,16 +195,16 @@ def _cast_at_wall(
             across = du * sev - dv * seu
             along = sau * dv - sav * du
             before = fan.depth[channel, ray]
-            first = (across > 0.0) & (height < before * across)
-            first &= (along >= -_EDGE * across) & (along <= (1.0 + _EDGE) * across)
-            fan.depth[channel, ray] = height / across if first else before
-            fan.target[channel, ray] = wall if first else fan.target[channel, ray]
+            is_nearer = (across > 0.0) & (height < before * across)
+            is_nearer &= (along >= -_EDGE * across) & (along <= (1.0 + _EDGE) * across)
+            fan.depth[channel, ray] = height / across if is_nearer else before
+            fan.target[channel, ray] = wall if is_nearer else fan.target[channel, ray]
         channel = 0 if channel == CHANNELS - 1 else channel + 1
 
 
 @inlined
 def _cast_at_hull(u: float, v: float, radius: float, half_beam: float, fan: Fan) -> None:
-    """Shorten the rays that meet a robot or a person at (u, v)."""
+    """Shorten the rays that hit a robot or a person at (u, v)."""
     # The arc sine of up to one half (hulls do not overlap) is less than pi / 3 times as much.
     bearing, half_width = math.atan2(v, u), math.pi / 3.0 * radius / math.sqrt(u * u + v * v)
     channel, count = _cones(bearing - half_width, bearing + half_width, half_beam)
@@ -215,19 +215,19 @@ def _cast_at_hull(u: float, v: float, radius: float, half_beam: float, fan: Fan)
             for ray in range(fan.ray_u.shape[1]):  # without branches, as above
                 ahead = cu * fan.ray_u[channel, ray] + cv * fan.ray_v[channel, ray]
                 under_root = ahead * ahead - distance_squared + radius * radius
-                reach = max(ahead - math.sqrt(max(under_root, 0.0)), 0.0)
+                distance = max(ahead - math.sqrt(max(under_root, 0.0)), 0.0)
                 before = fan.depth[channel, ray]
-                first = (ahead > 0.0) & (under_root > 0.0) & (reach < before)
-                fan.depth[channel, ray] = reach if first else before
-                fan.target[channel, ray] = _HULL if first else fan.target[channel, ray]
+                is_nearer = (ahead > 0.0) & (under_root > 0.0) & (distance < before)
+                fan.depth[channel, ray] = distance if is_nearer else before
+                fan.target[channel, ray] = _HULL if is_nearer else fan.target[channel, ray]
         channel = 0 if channel == CHANNELS - 1 else channel + 1
 
 
 @inlined
-def _meet_walls(
+def _cast_at_all_walls(
     x: float, y: float, sine: float, cosine: float, walls: Floats2, model: ProximityModel, fan: Fan
 ) -> None:
-    """Set the depths of a robot's rays, at most the full range, and the walls that they meet."""
+    """Set the depths of a robot's rays, at most the full range, and the walls that they hit."""
     for channel in range(CHANNELS):
         for ray in range(fan.ray_u.shape[1]):
             fan.depth[channel, ray] = model.full_range
@@ -248,15 +248,15 @@ def _meet_walls(
 
 
 @inlined
-def _meet_hulls(
+def _cast_at_all_hulls(
     robot: int, poses: Floats2, sine: float, cosine: float, crowd: Crowd, model: ProximityModel, fan: Fan
 ) -> None:
-    """Shorten the rays of a robot that meet another robot or a person."""
+    """Shorten the rays of a robot that hit another robot or a person."""
     for channel in range(CHANNELS):
         fan.deepest[channel] = fan.depth[channel].max()
     robots = poses.shape[0]
-    for other in range(robots + crowd.places.shape[0]):
-        hull = poses[other] if other < robots else crowd.places[other - robots]
+    for other in range(robots + crowd.people.shape[0]):
+        hull = poses[other] if other < robots else crowd.people[other - robots]
         radius = model.radius if other < robots else crowd.radius
         dx, dy = hull[0] - poses[robot, 0], hull[1] - poses[robot, 1]
         if other != robot and dx * dx + dy * dy < (model.full_range + fan.origin_u[AHEAD] + radius) ** 2:
@@ -266,10 +266,10 @@ def _meet_hulls(
 
 @inlined
 def _wall_echo(
-    x: float, y: float, dx: float, dy: float, reach: float, wall: int, walls: Floats2, reflectors: Bools2,
+    x: float, y: float, dx: float, dy: float, distance: float, wall: int, walls: Floats2, reflectors: Bools2,
     model: ProximityModel,
 ) -> float:  # fmt: skip
-    """Return the distance of a wall's echo on a ray from (x, y) that meets it after `reach`, or infinity.
+    """Return the distance of a wall's echo on a ray from (x, y) that hits it after `distance`, or infinity.
 
     Coordinates are in the world's frame; (dx, dy) is the ray's direction.
     """
@@ -277,15 +277,15 @@ def _wall_echo(
     cosine = abs(dx * wy - dy * wx)
     echo = math.inf
     if cosine >= model.cos_critical:
-        echo = reach
+        echo = distance
     else:  # only the ray closest to a corner, less than half a step away, gets its echo
-        near = reach * model.tan_half_step
+        tolerance = distance * model.tan_half_step
         sx, sy = x - walls[wall, 0], y - walls[wall, 1]
-        from_start = sx * wx + sy * wy + reach * (dx * wx + dy * wy)
+        from_start = sx * wx + sy * wy + distance * (dx * wx + dy * wy)
         seen_from = 0 if wx * sy - wy * sx > 0.0 else 2
-        if from_start * cosine <= near and reflectors[wall, seen_from]:
+        if from_start * cosine <= tolerance and reflectors[wall, seen_from]:
             echo = math.hypot(sx, sy)
-        elif (walls[wall, 6] - from_start) * cosine <= near and reflectors[wall, seen_from + 1]:
+        elif (walls[wall, 6] - from_start) * cosine <= tolerance and reflectors[wall, seen_from + 1]:
             echo = math.hypot(walls[wall, 2] - x, walls[wall, 3] - y)
     return echo
 
@@ -300,25 +300,27 @@ def _nearest_echo(
     from_x, from_y = x - u * sine - v * cosine, y + u * cosine - v * sine
     nearest = model.full_range
     for ray in range(fan.ray_u.shape[1]):
-        reach, met = fan.depth[channel, ray], fan.target[channel, ray]
-        if reach < nearest and met == _HULL:
-            nearest = reach
-        elif reach < nearest:
+        distance, target = fan.depth[channel, ray], fan.target[channel, ray]
+        if distance < nearest and target == _HULL:
+            nearest = distance
+        elif distance < nearest:
             u, v = fan.ray_u[channel, ray], fan.ray_v[channel, ray]
             dx, dy = -u * sine - v * cosine, u * cosine - v * sine
-            nearest = min(nearest, _wall_echo(from_x, from_y, dx, dy, reach, met, walls, reflectors, model))
+            nearest = min(
+                nearest, _wall_echo(from_x, from_y, dx, dy, distance, target, walls, reflectors, model)
+            )
     return nearest
 
 
 @inlined
 def _with_cross_talk(cross_talk: CrossTalk, step: int, channel: int, reading: float) -> float:
-    """Return a reading, or instead a false one from another transducer."""
+    """Return the reading, or a false one caused by another transducer."""
     if (
-        chance(cross_talk.seed, CROSS_TALK, step, channel) < cross_talk.probability
-        and reading > _LEAST_FALSE_MM
+        uniform(cross_talk.seed, CROSS_TALK, step, channel) < cross_talk.probability
+        and reading > _MIN_FALSE_MM
     ):
-        part = chance(cross_talk.seed, CROSS_TALK, step, channel + CHANNELS)
-        reading = _LEAST_FALSE_MM + part * (reading - _LEAST_FALSE_MM)
+        fraction = uniform(cross_talk.seed, CROSS_TALK, step, channel + CHANNELS)
+        reading = _MIN_FALSE_MM + fraction * (reading - _MIN_FALSE_MM)
     return reading
 
 
@@ -326,35 +328,37 @@ def _with_cross_talk(cross_talk: CrossTalk, step: int, channel: int, reading: fl
 def sense(
     poses: Floats2, walls: Floats2, reflectors: Bools2, crowd: Crowd, model: ProximityModel, cross_talk:
         CrossTalk, step: int,
-    fan: Fan, noise: Floats2, at: int, sonar: Floats2, infrared: Bools2,
+    fan: Fan, noise: Floats2, noise_column: int, sonar: Floats2, infrared: Bools2,
 ) -> None:  # fmt: skip
     """Cast the rays of all robots, and compute their readings.
 
     Args:
         poses: (robots, 3), x and y in mm, heading in degrees.
         walls: the walls from `wall_table`, without silent ones.
-        reflectors: the mask from `corner_reflectors`, likewise.
+        reflectors: the mask from `corner_reflectors`, without silent walls.
         crowd: the people.
         model: the model of the sonars and infrared detectors.
         cross_talk: the cross-talk.
-        step: the number of steps so far; the cross-talk of each is independent.
+        step: the number of steps so far; cross-talk is independent in each step.
         fan: the rays, and work space.
-        noise: (robots, k), standard normal numbers, for the transducers from column `at` on.
-        at: the first column for the transducers.
+        noise: (robots, k), standard normal numbers.
+        noise_column: the first column of `noise` for the transducers.
         sonar: (robots, 24), receives the readings in mm.
         infrared: (robots, 24), receives True if there is an obstacle on the axis, with an echo or not.
     """
     for robot in range(poses.shape[0]):
         x, y, heading = poses[robot, 0], poses[robot, 1], math.radians(poses[robot, 2])
         sine, cosine = math.sin(heading), math.cos(heading)
-        _meet_walls(x, y, sine, cosine, walls, model, fan)
-        if poses.shape[0] + crowd.places.shape[0] > 1:
-            _meet_hulls(robot, poses, sine, cosine, crowd, model, fan)
+        _cast_at_all_walls(x, y, sine, cosine, walls, model, fan)
+        if poses.shape[0] + crowd.people.shape[0] > 1:
+            _cast_at_all_hulls(robot, poses, sine, cosine, crowd, model, fan)
         for channel in range(CHANNELS):
             reading = _nearest_echo(channel, x, y, sine, cosine, walls, reflectors, model, fan)
             if reading < model.full_range:
-                reading += noise[robot, at + channel] * (model.noise_mm + model.noise_part * reading)
-                reading = min(max(reading, model.least), model.full_range)
+                reading += noise[robot, noise_column + channel] * (
+                    model.noise_mm + model.noise_fraction * reading
+                )
+                reading = min(max(reading, model.min_range), model.full_range)
             if cross_talk.probability > 0.0:
                 reading = _with_cross_talk(cross_talk, step, channel + 2 * CHANNELS * robot, reading)
             sonar[robot, channel] = reading

@@ -40,7 +40,7 @@ class Bases(NamedTuple):
         contacts: (robots, 2), front and rear bumper.
         bumps: (robots,), number of collisions so far.
         impacts: (robots,), largest speed in a collision so far.
-        wall_buffer, robot_buffer, person_buffer: (walls,), (robots,), (people,), numbers of what is near.
+        wall_buffer, robot_buffer, person_buffer: (walls,), (robots,), (people,), indices of nearby objects.
     """
 
     poses: Floats2
@@ -77,7 +77,7 @@ def bases_at(poses: Floats2, scales: Floats2) -> Bases:
 
 
 class NearCounts(NamedTuple):
-    """The numbers of nearby walls, robots and people in the work space of `Bases`."""
+    """The counts of nearby walls, robots and people in the work space of `Bases`."""
 
     walls: int
     robots: int
@@ -85,7 +85,7 @@ class NearCounts(NamedTuple):
 
 
 class Drivetrain(NamedTuple):
-    """The parameters of a drive, as in `RobotConfig`; `slip` is in mm per square root of a millimeter."""
+    """The parameters of a drivetrain, as in `RobotConfig`; `slip` is in mm per square root of a mm."""
 
     radius: float
     wheel_base: float
@@ -117,7 +117,7 @@ def _approach(speed: float, wanted: float, limit: float) -> float:
 
 @inlined
 def _arc(heading: float, distance: float, turn: float) -> tuple[float, float]:
-    """Return the displacement of a drive over `distance` while the heading changes by `turn` degrees."""
+    """Return the displacement along an arc of length `distance` that turns by `turn` degrees."""
     half = math.radians(turn) / 2.0
     chord = distance * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
     along = math.radians(heading) + half
@@ -147,15 +147,15 @@ def _free_of_wall(
 
 
 @inlined
-def _free_of_hull(ox: float, oy: float, dx: float, dy: float, apart: float) -> float:
-    """Return the fraction of the displacement (dx, dy) free of another hull at the offset (ox, oy)."""
+def _free_of_hull(ox: float, oy: float, dx: float, dy: float, min_distance: float) -> float:
+    """Return the fraction of (dx, dy) that a hull can move before it touches another at (ox, oy)."""
     before, after = math.hypot(ox, oy), math.hypot(ox - dx, oy - dy)
     free = 1.0
-    if after < apart and after < before:
+    if after < min_distance and after < before:
         free, high = 0.0, 1.0
-        for _ in range(_BISECTIONS if before > apart else 0):
+        for _ in range(_BISECTIONS if before > min_distance else 0):
             middle = (free + high) / 2.0
-            if math.hypot(ox - middle * dx, oy - middle * dy) < apart:
+            if math.hypot(ox - middle * dx, oy - middle * dy) < min_distance:
                 high = middle
             else:
                 free = middle
@@ -164,28 +164,28 @@ def _free_of_hull(ox: float, oy: float, dx: float, dy: float, apart: float) -> f
 
 @inlined
 def _gather(
-    robot: int, bases: Bases, walls: Floats2, crowd: Crowd, reach: float, radius: float
+    robot: int, bases: Bases, walls: Floats2, crowd: Crowd, distance: float, radius: float
 ) -> NearCounts:
-    """Collect everything that a robot may touch within `reach` in the work space; return the counts."""
+    """Collect everything that a robot may touch within `distance` in the work space; return the counts."""
     x, y = bases.poses[robot, 0], bases.poses[robot, 1]
-    limit = (radius + reach + _SKIN_MM) ** 2
+    limit = (radius + distance + _SKIN_MM) ** 2
     wall_count = 0
     for wall in range(walls.shape[0]):
         dx, dy = _wall_vector(walls, wall, x, y)
         if dx * dx + dy * dy < limit:
             bases.wall_buffer[wall_count] = wall
             wall_count += 1
-    limit = (2.0 * radius + reach + _SKIN_MM) ** 2
+    limit = (2.0 * radius + distance + _SKIN_MM) ** 2
     robot_count = 0
     for other in range(bases.poses.shape[0]):
         dx, dy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
         if dx * dx + dy * dy < limit and other != robot:
             bases.robot_buffer[robot_count] = other
             robot_count += 1
-    limit = (radius + crowd.radius + reach + _SKIN_MM) ** 2
+    limit = (radius + crowd.radius + distance + _SKIN_MM) ** 2
     person_count = 0
-    for person in range(crowd.places.shape[0]):
-        dx, dy = crowd.places[person, 0] - x, crowd.places[person, 1] - y
+    for person in range(crowd.people.shape[0]):
+        dx, dy = crowd.people[person, 0] - x, crowd.people[person, 1] - y
         if dx * dx + dy * dy < limit:
             bases.person_buffer[person_count] = person
             person_count += 1
@@ -201,25 +201,25 @@ def _hull_half(heading: float, dx: float, dy: float) -> int:
 
 @inlined
 def _update_bumpers(
-    robot: int, bases: Bases, walls: Floats2, crowd: Crowd, near: NearCounts, radius: float
+    robot: int, bases: Bases, walls: Floats2, crowd: Crowd, counts: NearCounts, radius: float
 ) -> None:
     """Set the front and rear bumper of a robot; a contact presses the bumper of its half of the hull.
 
-    A first contact counts as a bump.
+    A contact counts as a bump if there was none before.
     """
     before = bases.contacts[robot, 0] or bases.contacts[robot, 1]
     bases.contacts[robot, 0] = bases.contacts[robot, 1] = False
     x, y, heading = bases.poses[robot, 0], bases.poses[robot, 1], bases.poses[robot, 2]
-    for wall in bases.wall_buffer[: near.walls]:
+    for wall in bases.wall_buffer[: counts.walls]:
         dx, dy = _wall_vector(walls, wall, x, y)
         if math.hypot(dx, dy) < radius + _SKIN_MM:
             bases.contacts[robot, _hull_half(heading, dx, dy)] = True
-    for other in bases.robot_buffer[: near.robots]:
+    for other in bases.robot_buffer[: counts.robots]:
         dx, dy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
         if math.hypot(dx, dy) < 2.0 * radius + _SKIN_MM:
             bases.contacts[robot, _hull_half(heading, dx, dy)] = True
-    for person in bases.person_buffer[: near.people]:
-        dx, dy = crowd.places[person, 0] - x, crowd.places[person, 1] - y
+    for person in bases.person_buffer[: counts.people]:
+        dx, dy = crowd.people[person, 0] - x, crowd.people[person, 1] - y
         if math.hypot(dx, dy) < radius + crowd.radius + _SKIN_MM:
             bases.contacts[robot, _hull_half(heading, dx, dy)] = True
     if (bases.contacts[robot, 0] or bases.contacts[robot, 1]) and not before:
@@ -242,78 +242,79 @@ def _update_odometry(
     left, right = distance - half_difference, distance + half_difference
     left = left * bases.scales[robot, 0] + drive.slip * math.sqrt(abs(left)) * left_noise
     right = right * bases.scales[robot, 1] + drive.slip * math.sqrt(abs(right)) * right_noise
-    counted = math.degrees((right - left) / drive.wheel_base)
-    dx, dy = _arc(bases.odometry[robot, 2], (left + right) / 2.0, counted)
+    odometry_turn = math.degrees((right - left) / drive.wheel_base)
+    dx, dy = _arc(bases.odometry[robot, 2], (left + right) / 2.0, odometry_turn)
     bases.odometry[robot, 0] += dx
     bases.odometry[robot, 1] += dy
-    bases.odometry[robot, 2] = (bases.odometry[robot, 2] + counted) % 360.0
+    bases.odometry[robot, 2] = (bases.odometry[robot, 2] + odometry_turn) % 360.0
 
 
 @inlined
-def _free(robot: int, bases: Bases, radius: float, walls: Floats2, crowd: Crowd, near: NearCounts,
+def _free_fraction(robot: int, bases: Bases, radius: float, walls: Floats2, crowd: Crowd, counts: NearCounts,
           dx: float, dy: float) -> float:  # fmt: skip
     """Return the fraction of the displacement (dx, dy) that a robot can move before it touches anything."""
     x, y = bases.poses[robot, 0], bases.poses[robot, 1]
     free = 1.0
-    for wall in bases.wall_buffer[: near.walls]:
+    for wall in bases.wall_buffer[: counts.walls]:
         free = min(free, _free_of_wall(x, y, dx, dy, walls, wall, radius))
-    for other in bases.robot_buffer[: near.robots]:
+    for other in bases.robot_buffer[: counts.robots]:
         ox, oy = bases.poses[other, 0] - x, bases.poses[other, 1] - y
         free = min(free, _free_of_hull(ox, oy, dx, dy, 2.0 * radius))
-    for person in bases.person_buffer[: near.people]:
-        ox, oy = crowd.places[person, 0] - x, crowd.places[person, 1] - y
+    for person in bases.person_buffer[: counts.people]:
+        ox, oy = crowd.people[person, 0] - x, crowd.people[person, 1] - y
         free = min(free, _free_of_hull(ox, oy, dx, dy, radius + crowd.radius))
     return free
 
 
 @inlined
-def _slice(
-    robot: int, bases: Bases, drive: Drivetrain, walls: Floats2, crowd: Crowd, near: NearCounts, dt: float,
+def _move_slice(
+    robot: int, bases: Bases, drive: Drivetrain, walls: Floats2, crowd: Crowd, counts: NearCounts, dt: float,
     left_noise: float, right_noise: float,
 ) -> None:  # fmt: skip
     """Move one robot for `dt` seconds."""
     speeds, commands, poses = bases.speeds, bases.commands, bases.poses
     speeds[robot, 0] = _approach(speeds[robot, 0], commands[robot, 0], drive.acceleration * dt)
     speeds[robot, 1] = _approach(speeds[robot, 1], commands[robot, 1], drive.turn_acceleration * dt)
-    way, turn = speeds[robot, 0] * dt, speeds[robot, 1] * dt
+    distance, turn = speeds[robot, 0] * dt, speeds[robot, 1] * dt
     x, y, heading = poses[robot, 0], poses[robot, 1], poses[robot, 2]
-    dx, dy = _arc(heading, way, turn)
-    free = _free(robot, bases, drive.radius, walls, crowd, near, dx, dy)
+    dx, dy = _arc(heading, distance, turn)
+    free = _free_fraction(robot, bases, drive.radius, walls, crowd, counts, dx, dy)
     if free < 1.0:
         bases.impacts[robot] = max(bases.impacts[robot], abs(speeds[robot, 0]))
         speeds[robot, 0] = 0.0
-        way *= free
+        distance *= free
     poses[robot, 0], poses[robot, 1] = x + free * dx, y + free * dy
     poses[robot, 2] = (heading + turn) % 360.0
-    bases.distances[robot] += abs(way)
-    _update_odometry(robot, bases, drive, way, turn, left_noise, right_noise)
-    if near.walls + near.robots + near.people > 0:
-        _update_bumpers(robot, bases, walls, crowd, near, drive.radius)
+    bases.distances[robot] += abs(distance)
+    _update_odometry(robot, bases, drive, distance, turn, left_noise, right_noise)
+    if counts.walls + counts.robots + counts.people > 0:
+        _update_bumpers(robot, bases, walls, crowd, counts, drive.radius)
 
 
 @compiled
 def move(
-    bases: Bases, drive: Drivetrain, walls: Floats2, crowd: Crowd, noise: Floats2, at: int, slices: int,
+    bases: Bases, drive: Drivetrain, walls: Floats2, crowd: Crowd, noise: Floats2, noise_column: int, slices:
+        int,
     time_s: float,
 ) -> None:  # fmt: skip
     """Move all robots for `time_s` seconds, one after the other, in slices of equal length.
 
     Args:
         bases: the bases; changed.
-        drive: the parameters of their drive.
+        drive: the parameters of their drivetrain.
         walls: the walls, from `wall_table`.
-        crowd: the people, who stand still meanwhile.
-        noise: (robots, k), standard normal numbers, for the wheels from column `at` on, two per slice.
-        at: the first column for the wheels.
+        crowd: the people, which stand still meanwhile.
+        noise: (robots, k), standard normal numbers, two per slice for the wheels.
+        noise_column: the first column of `noise` for the wheels.
         slices: number of slices.
         time_s: the time in seconds.
     """
     for robot in range(bases.poses.shape[0]):
         fastest = max(abs(bases.speeds[robot, 0]), abs(bases.commands[robot, 0]))
-        near = _gather(robot, bases, walls, crowd, fastest * time_s, drive.radius)
-        for part in range(slices):
-            left, right = noise[robot, at + 2 * part], noise[robot, at + 2 * part + 1]
-            _slice(robot, bases, drive, walls, crowd, near, time_s / slices, left, right)
+        counts = _gather(robot, bases, walls, crowd, fastest * time_s, drive.radius)
+        for index in range(slices):
+            left, right = noise[robot, noise_column + 2 * index], noise[robot, noise_column + 2 * index + 1]
+            _move_slice(robot, bases, drive, walls, crowd, counts, time_s / slices, left, right)
     for robot in range(bases.poses.shape[0]):  # robots that moved later may touch robots that moved before
-        near = _gather(robot, bases, walls, crowd, 0.0, drive.radius)
-        _update_bumpers(robot, bases, walls, crowd, near, drive.radius)
+        counts = _gather(robot, bases, walls, crowd, 0.0, drive.radius)
+        _update_bumpers(robot, bases, walls, crowd, counts, drive.radius)

@@ -53,14 +53,14 @@ class Cabin:
         """The direction into the cabin, in degrees."""
         return math.degrees(math.atan2(self.y1_mm - self.y0_mm, self.x1_mm - self.x0_mm)) % 360.0
 
-    def inside(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        """Return the distance of a place from the middle of the doors, along them and into the cabin."""
+    def coordinates(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        """Return the distances of a point from the center of the doors, along them and into the cabin."""
         ex, ey = self._along
         dx, dy = x_mm - (self.x0_mm + self.x1_mm) / 2, y_mm - (self.y0_mm + self.y1_mm) / 2
         return dx * ex + dy * ey, dy * ex - dx * ey
 
-    def at(self, along_mm: float, deep_mm: float) -> tuple[float, float]:
-        """Return the place at these distances from the middle of the doors; the inverse of `inside`."""
+    def point_at(self, along_mm: float, deep_mm: float) -> tuple[float, float]:
+        """Return the point at these distances from the center of the doors; the inverse of `coordinates`."""
         ex, ey = self._along
         x, y = (self.x0_mm + self.x1_mm) / 2, (self.y0_mm + self.y1_mm) / 2
         return x + along_mm * ex - deep_mm * ey, y + along_mm * ey + deep_mm * ex
@@ -70,8 +70,8 @@ class Cabin:
         return (self.x1_mm - self.x0_mm) / self.width_mm, (self.y1_mm - self.y0_mm) / self.width_mm
 
     def contains(self, x_mm: float, y_mm: float, radius_mm: float) -> bool:
-        """Return True if a round object at this place is completely inside the cabin."""
-        along, deep = self.inside(x_mm, y_mm)
+        """Return True if a round object at this point is completely inside the cabin."""
+        along, deep = self.coordinates(x_mm, y_mm)
         aside = abs(along) <= CABIN_WIDTH_MM / 2 - radius_mm
         return aside and radius_mm <= deep <= CABIN_DEPTH_MM - radius_mm
 
@@ -83,7 +83,7 @@ class Cabin:
         gap = half * opening
         leaves = [((-half, 0.0), (-gap, 0.0)), ((gap, 0.0), (half, 0.0))]
         lines = [*pairwise(corners), *leaves]
-        return [(*self.at(*start), *self.at(*end)) for start, end in lines if start != end]
+        return [(*self.point_at(*start), *self.point_at(*end)) for start, end in lines if start != end]
 
 
 def cabin_of(floor: Map, node: str) -> Cabin:
@@ -103,7 +103,7 @@ def cabin_of(floor: Map, node: str) -> Cabin:
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class _Doors:
-    """The doors of a cabin. Mutable: their opening, from 0 to 1, and its target."""
+    """The doors of a cabin. Mutable: `opening` is from 0 (shut) to 1."""
 
     cabin: Cabin
     opening: float = 0.0
@@ -115,7 +115,7 @@ class _Doors:
 
 
 class Elevators:
-    """The elevators of the floor with a world's robots. Mutable: the doors, the floor, and the world.
+    """The elevators of the floor on which a world's robots are. Mutable; it also changes the world.
 
     Args:
         world: the robots, on `floor`.
@@ -146,11 +146,11 @@ class Elevators:
         Raises:
             ValueError: no elevator begins there.
         """
-        self._at(node).should_open = True
+        self._doors_at(node).should_open = True
 
     def close(self, node: str) -> None:
         """Close the doors of the elevator at a node of this floor."""
-        self._at(node).should_open = False
+        self._doors_at(node).should_open = False
 
     def cabin(self, node: str) -> Cabin:
         """Return the elevator at a node of this floor.
@@ -158,7 +158,7 @@ class Elevators:
         Raises:
             ValueError: no elevator begins there.
         """
-        return self._at(node).cabin
+        return self._doors_at(node).cabin
 
     def opening(self, node: str) -> float:
         """Return the opening of the doors, from 0 (shut) to 1."""
@@ -178,21 +178,21 @@ class Elevators:
             self._world.rebuild(*self._walls())
 
     def ride(self, node: str, floor: str) -> str:
-        """Take the robots in a cabin to another floor, by its map's name; return the node of the doors.
+        """Take the robots in a cabin to the floor of the map `floor`; return the node of the doors there.
 
-        The doors there are shut as well.
+        These doors are shut, too.
 
         Raises:
             ValueError: the elevator does not lead there, its doors are not shut, or a robot is not inside.
         """
-        doors = self._at(node)
+        doors = self._doors_at(node)
         landing = self._landing(node, floor)
         if doors.opening > 0.0:
             raise ValueError(f"the doors at `{node}` are open; close them before the ride")
-        other = cabin_of(self._building.map_named(floor), landing)
-        poses = [self._pose_after_ride(doors.cabin, other, robot) for robot in range(len(self._world))]
+        new_cabin = cabin_of(self._building.map_named(floor), landing)
+        poses = [self._pose_after_ride(doors.cabin, new_cabin, robot) for robot in range(len(self._world))]
         before = self.floor, self._doors
-        self.floor, self._doors = floor, {landing: _Doors(cabin=other)}
+        self.floor, self._doors = floor, {landing: _Doors(cabin=new_cabin)}
         try:
             walls, silent = self._walls()
             scenery = replace(self._sceneries[floor], walls=walls, silent=silent)
@@ -202,7 +202,7 @@ class Elevators:
             raise
         return landing
 
-    def _at(self, node: str) -> _Doors:
+    def _doors_at(self, node: str) -> _Doors:
         if node not in self._doors:
             self._doors[node] = _Doors(cabin=cabin_of(self._building.map_named(self.floor), node))
         return self._doors[node]
@@ -210,28 +210,28 @@ class Elevators:
     def _landing(self, node: str, floor: str) -> str:
         here = Landing(self.floor, node)
         for ride in self._building.rides:
-            for one, other in ((ride.first, ride.second), (ride.second, ride.first)):
-                if one == here and other.map == floor:
-                    return other.node
+            for start, end in ((ride.first, ride.second), (ride.second, ride.first)):
+                if start == here and end.map == floor:
+                    return end.node
         raise ValueError(f"the elevator at `{node}` of `{self.floor}` does not lead to `{floor}`")
 
     def _stands_between(self, cabin: Cabin) -> bool:
-        reach = self._world.config.radius_mm + _BARRIER_MM
+        clearance = self._world.config.radius_mm + _BARRIER_MM
         for x, y, _ in self._world.true_poses.tolist():
-            along, deep = cabin.inside(x, y)
+            along, deep = cabin.coordinates(x, y)
             aside = max(abs(along) - cabin.width_mm / 2, 0.0)
-            if math.hypot(aside, deep) < reach:
+            if math.hypot(aside, deep) < clearance:
                 return True
         return False
 
-    def _pose_after_ride(self, here: Cabin, there: Cabin, robot: int) -> tuple[float, float, float]:
-        """Return the pose of a robot after the ride, at the same place in the cabin."""
+    def _pose_after_ride(self, cabin: Cabin, new_cabin: Cabin, robot: int) -> tuple[float, float, float]:
+        """Return the pose of a robot after the ride, at the same position in the cabin."""
         pose, radius = self._world.true_pose(robot), self._world.config.radius_mm
-        along, deep = here.inside(pose.x_mm, pose.y_mm)
-        if not here.contains(pose.x_mm, pose.y_mm, radius):
-            place = f"{deep:.0f} mm behind its doors and {along:.0f} mm aside"
-            raise ValueError(f"robot {robot} is not in the cabin: {place}")
-        return *there.at(along, deep), pose.heading_deg + there.heading_deg - here.heading_deg
+        along, deep = cabin.coordinates(pose.x_mm, pose.y_mm)
+        if not cabin.contains(pose.x_mm, pose.y_mm, radius):
+            position = f"{deep:.0f} mm behind its doors and {along:.0f} mm aside"
+            raise ValueError(f"robot {robot} is not in the cabin: {position}")
+        return *new_cabin.point_at(along, deep), pose.heading_deg + new_cabin.heading_deg - cabin.heading_deg
 
     def _walls(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return the walls of this floor, with cabins in place of the edges of used doors."""
@@ -240,7 +240,7 @@ class Elevators:
         for doors in self._doors.values():
             cabin = doors.cabin
             edge = (walls == (cabin.x0_mm, cabin.y0_mm, cabin.x1_mm, cabin.y1_mm)).all(axis=1)
-            fitted = np.array(cabin.walls(doors.opening))
-            walls, silent = np.vstack([walls[~edge], fitted]), silent[~edge]
-            silent = np.append(silent, np.zeros(len(fitted), dtype=np.bool_))
+            cabin_walls = np.array(cabin.walls(doors.opening))
+            walls, silent = np.vstack([walls[~edge], cabin_walls]), silent[~edge]
+            silent = np.append(silent, np.zeros(len(cabin_walls), dtype=np.bool_))
         return walls, silent

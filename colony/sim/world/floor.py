@@ -1,6 +1,6 @@
 """Metal joints in the floor, on which wheels slip.
 
-When the middle of a robot crosses a joint its wheels may slip. They spin for a few centimeters, which the
+When the center of a robot crosses a joint, its wheels may slip. They spin for a few centimeters, which the
 odometry counts although the robot does not move, and the robot turns, unnoticed by the odometry. Each
 crossing has its own random numbers: the third crossing of a run is the same whenever it happens.
 """
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from colony.sim.chance import SLIPS, chance, deviate
+from colony.sim.chance import SLIPS, deviate, uniform
 from colony.sim.compiled import Floats2, Ints, compiled, inlined
 from colony.sim.hazards.scenery import Joint, Slip
 
@@ -24,7 +24,7 @@ class Floor(NamedTuple):
     Attributes:
         joints: (n, 4), x0, y0, x1, y1 in mm.
         crossings: (robots,), number of joints crossed by each robot so far, on all floors.
-        probability, turn_deg, least_mm, most_mm: as in `Slip`.
+        probability, turn_deg, min_mm, max_mm: as in `Slip`.
         seed: seed of the slips.
     """
 
@@ -32,21 +32,21 @@ class Floor(NamedTuple):
     crossings: Ints
     probability: float
     turn_deg: float
-    least_mm: float
-    most_mm: float
+    min_mm: float
+    max_mm: float
     seed: int
 
 
 def floor_of(joints: Sequence[Joint], slip: Slip, *, crossings: Ints, seed: int) -> Floor:
-    """Return a floor, which continues to count `crossings`, (robots,)."""
+    """Return a floor that continues the counts `crossings`, (robots,)."""
     ends = [(j.x0_mm, j.y0_mm, j.x1_mm, j.y1_mm) for j in joints]
     return Floor(
         joints=np.array(ends, dtype=np.float64).reshape(-1, 4),
         crossings=crossings,
         probability=float(slip.probability),
         turn_deg=float(slip.turn_deg),
-        least_mm=float(slip.least_mm),
-        most_mm=float(slip.most_mm),
+        min_mm=float(slip.min_mm),
+        max_mm=float(slip.max_mm),
         seed=seed,
     )
 
@@ -54,7 +54,7 @@ def floor_of(joints: Sequence[Joint], slip: Slip, *, crossings: Ints, seed: int)
 @inlined
 def _crosses(floor: Floor, x0: float, y0: float, x1: float, y1: float) -> bool:
     """Return True if the segment from (x0, y0) to (x1, y1) crosses a joint."""
-    found = False
+    crossed = False
     for joint in range(floor.joints.shape[0]):
         jx, jy = floor.joints[joint, 0], floor.joints[joint, 1]
         ex, ey = floor.joints[joint, 2] - jx, floor.joints[joint, 3] - jy
@@ -62,34 +62,34 @@ def _crosses(floor: Floor, x0: float, y0: float, x1: float, y1: float) -> bool:
         if (before < 0.0) != (after < 0.0):
             part = before / (before - after)
             along = (x0 + part * (x1 - x0) - jx) * ex + (y0 + part * (y1 - y0) - jy) * ey
-            found |= (along >= 0.0) & (along <= ex * ex + ey * ey)
-    return found
+            crossed |= (along >= 0.0) & (along <= ex * ex + ey * ey)
+    return crossed
 
 
 @inlined
-def _slip(robot: int, floor: Floor, poses: Floats2, odometry: Floats2, ahead: float) -> None:
-    """Draw and apply the slip of a robot on a joint, driving forward (`ahead` is 1) or backward (-1)."""
+def _slip(robot: int, floor: Floor, poses: Floats2, odometry: Floats2, direction: float) -> None:
+    """Draw and apply the slip of a robot on a joint, driving forward (`direction` is 1) or backward (-1)."""
     event = floor.crossings[robot] + 1_000_000 * robot
     floor.crossings[robot] += 1
-    if chance(floor.seed, SLIPS, event, 0) < floor.probability:
+    if uniform(floor.seed, SLIPS, event, 0) < floor.probability:
         turn = floor.turn_deg * deviate(floor.seed, SLIPS, event, 1)
         poses[robot, 2] = (poses[robot, 2] + turn) % 360.0
-        spun = floor.least_mm + (floor.most_mm - floor.least_mm) * chance(floor.seed, SLIPS, event, 3)
+        spun = floor.min_mm + (floor.max_mm - floor.min_mm) * uniform(floor.seed, SLIPS, event, 3)
         heading = math.radians(odometry[robot, 2])
-        odometry[robot, 0] -= ahead * spun * math.sin(heading)
-        odometry[robot, 1] += ahead * spun * math.cos(heading)
+        odometry[robot, 0] -= direction * spun * math.sin(heading)
+        odometry[robot, 1] += direction * spun * math.cos(heading)
 
 
 @compiled
 def slip(floor: Floor, before: Floats2, poses: Floats2, speeds: Floats2, odometry: Floats2) -> None:
-    """Apply wheel slip to robots that moved from `before` to `poses`, both (robots, 3), in a short time.
+    """Apply wheel slip to robots that moved from `before` to `poses`, both (robots, 3), in a substep.
 
     Args:
         floor: the floor; changed.
         before: the poses before.
         poses: the poses now; changed.
         speeds: (robots, 2), ahead and turning.
-        odometry: the poses by odometry; changed.
+        odometry: the poses according to odometry; changed.
     """
     for robot in range(poses.shape[0]):
         if _crosses(floor, before[robot, 0], before[robot, 1], poses[robot, 0], poses[robot, 1]):

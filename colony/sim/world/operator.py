@@ -36,7 +36,7 @@ STANDSTILL_S = 1.5
 """Seconds of standstill after which a robot is considered waiting."""
 
 _BEFORE_MM, _ASIDE_MM = 3000.0, 1200.0
-"""Largest distances of a waiting robot, from the doors and sideways from their middle."""
+"""Largest distances of a waiting robot, from the doors and sideways from their center."""
 
 _TURNED_DEG = 20.0
 _STILL_MM_S, _STILL_DEG_S = 1.0, 0.5
@@ -44,7 +44,7 @@ _STILL_MM_S, _STILL_DEG_S = 1.0, 0.5
 
 def waits_before(cabin: Cabin, pose: tuple[float, float, float]) -> bool:
     """Return True if a robot at a pose is in front of the doors and faces them."""
-    along, deep = cabin.inside(pose[0], pose[1])
+    along, deep = cabin.coordinates(pose[0], pose[1])
     near = -_BEFORE_MM < deep < 0.0 and abs(along) < _ASIDE_MM
     return near and _difference_deg(pose[2], cabin.heading_deg) < _TURNED_DEG
 
@@ -64,13 +64,13 @@ def operator(elevators: Elevators, world: World, *, seed: int, robot: int = 0) -
         seed: seed of the delays.
         robot: number of the robot in the world.
     """
-    chance = random.Random(seed)
+    rng = random.Random(seed)
     while True:
         yield from do("DServer", data.set(FLOOR_REACHED, 0))
         while (call := (yield from current_call())) is None:
             yield from sleep(POLL_INTERVAL_S)
-        delay_s, ride_s = chance.uniform(*DELAY_S), chance.uniform(*RIDE_S)
-        # A robot that is wrong about its floor waits in vain.
+        delay_s, ride_s = rng.uniform(*DELAY_S), rng.uniform(*RIDE_S)
+        # Nobody serves a robot that is wrong about its floor.
         ride = _Ride(elevators, world, robot, call) if call.floor == elevators.floor else None
         if ride is not None:
             yield from ride.serve(delay_s, ride_s)
@@ -81,7 +81,7 @@ def operator(elevators: Elevators, world: World, *, seed: int, robot: int = 0) -
 
 
 class _Ride:
-    """A ride that a robot called. Mutable: `node`, the node of the present doors.
+    """A ride that a robot called. Stateful: `node` is that of the doors on the robot's current floor.
 
     The ride is abandoned if the robot cancels the call, or calls another elevator.
     """
@@ -106,7 +106,7 @@ class _Ride:
             yield from sleep(ride_s)
             if has_turned(cabin, self._pose, radius_mm):
                 break
-            self._elevators.open(self.node)  # the robot has left its place, and must come in again
+            self._elevators.open(self.node)  # the robot has moved, and must come in again
         self.node = self._elevators.ride(self.node, self._call.destination)
         self._elevators.open(self.node)
         while self._elevators.opening(self.node) < 1.0:
@@ -117,7 +117,7 @@ class _Ride:
     def _pose(self) -> tuple[float, float, float]:
         return self._world.true_pose(self._robot)
 
-    def _wait_for_standstill(self, is_in_place: Callable[[], bool]) -> Generator[Step, Any, bool]:
+    def _wait_for_standstill(self, is_waiting: Callable[[], bool]) -> Generator[Step, Any, bool]:
         """Wait until the robot has stood in place for a while; return False if the call is canceled."""
         stood_s = 0.0
         while stood_s < STANDSTILL_S:
@@ -126,7 +126,7 @@ class _Ride:
                 return False
             velocity, turn = self._world.speed(self._robot)
             still = abs(velocity) < _STILL_MM_S and abs(turn) < _STILL_DEG_S
-            stood_s = stood_s + POLL_INTERVAL_S if still and is_in_place() else 0.0
+            stood_s = stood_s + POLL_INTERVAL_S if still and is_waiting() else 0.0
         return True
 
     def _close_doors(self) -> Generator[Step, Any, bool]:

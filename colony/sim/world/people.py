@@ -1,9 +1,9 @@
 """People who walk up and down the corridors.
 
-A person walks along a line beside the middle of a corridor and turns around at its end. If a robot is in the
-way, the person at random either steps aside and passes, or stops and watches it for up to fifteen seconds
-before stepping aside. Without room to pass, a person always stops, and then turns around. A person that has
-stopped for a robot does not stop again for a minute.
+A person walks along a line beside the centerline of a corridor and turns around at its end. If a robot is on
+the path, the person either steps aside and passes, or (at random) stops and watches it for up to fifteen
+seconds before stepping aside. Without room to pass, a person always stops, and then turns around. A person
+that has stopped for a robot does not stop again for a minute.
 
 People never walk into a robot: they take no step that brings them nearer than `_BERTH_MM` to a hull. So a
 collision with a person is always caused by the robot. People ignore each other.
@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.sim.chance import PEOPLE, chance
+from colony.sim.chance import PEOPLE, uniform
 from colony.sim.compiled import Floats, Floats2, compiled, inlined
 from colony.sim.hazards.scenery import PERSON_RADIUS_MM, Person
 
@@ -30,8 +30,8 @@ _STOPPING = 0.4  # fraction of encounters in which the person stops
 _NOTICE_MM = 2600.0  # distance at which a person notices a robot ahead, center to center
 _HALT_MM = 1100.0  # distance from a robot at which a person stops
 _BERTH_MM = 60.0
-_PASSING_MM = 850.0  # preferred lateral distance for passing a robot, center to center; the least is below
-_TIGHT_MM = 740.0
+_PASSING_MM = 850.0  # preferred lateral distance for passing a robot, center to center
+_TIGHT_MM = 740.0  # minimum lateral distance for passing a robot
 _WIDE_MM = 1600.0  # lateral distance beyond which a passing person ignores a robot
 _SIDE_MM_S = 500.0
 _COOLDOWN_S = 60.0
@@ -42,7 +42,7 @@ _START_MM = 2000.0
 X, Y, S, V, FORWARD, SPEED, PREFERRED_V, X0, Y0, U, W, LENGTH, LIMIT, ACTION, WAIT, ENCOUNTERS, COOLDOWN = (
     range(17)
 )
-"""Columns of a person: place in the world and on the track, direction (1 or -1), walking speed, preferred
+"""Columns of a person: position in the world and on the track, direction (1 or -1), walking speed, preferred
 offset; start, unit vector, length and largest offset of the track; action, its remaining seconds, number of
 encounters with robots, and seconds until the person may stop for a robot again."""
 
@@ -52,15 +52,15 @@ _WALKS, _STANDS, _PASSES = 0.0, 1.0, 2.0
 class Crowd(NamedTuple):
     """All people, one row each, with their radius; `seed` determines their decisions."""
 
-    places: Floats2
+    people: Floats2
     radius: float
     seed: int
 
 
 def crowd_of(people: Sequence[Person], *, seed: int) -> Crowd:
-    """Return people at their initial places."""
-    places = np.zeros((len(people), 17))
-    for row, person in zip(places, people, strict=True):
+    """Return people at their initial positions."""
+    rows = np.zeros((len(people), 17))
+    for row, person in zip(rows, people, strict=True):
         track = person.track
         angle = math.radians(track.heading_deg)
         limit = max(track.half_width_mm - PERSON_RADIUS_MM - _WALL_MM, 0.0)
@@ -69,39 +69,40 @@ def crowd_of(people: Sequence[Person], *, seed: int) -> Crowd:
         )  # fmt: skip
         row[[S, SPEED, FORWARD]] = person.along_mm, person.speed_mm_s, 1.0 if person.forward else -1.0
         row[V] = row[PREFERRED_V] = min(max(person.offset_mm, -limit), limit)
-        _put(row)
-    return Crowd(places=places, radius=PERSON_RADIUS_MM, seed=seed)
+        _update_position(row)
+    return Crowd(people=rows, radius=PERSON_RADIUS_MM, seed=seed)
 
 
-def make_way(crowd: Crowd, poses: NDArray[np.float64], *, of: int | None = None) -> None:
+def make_way(crowd: Crowd, poses: NDArray[np.float64], *, robot: int | None = None) -> None:
     """Move people away from robots that are placed on their tracks.
 
-    A person moves to the first place on the track that is far enough from all robots, else to the farthest.
+    A person moves to the first position on the track that is far enough from all robots, or else to the
+    farthest one.
 
     Args:
         crowd: the people; changed.
         poses: (robots, 3), the poses of all robots.
-        of: the robot that is placed; None for all.
+        robot: the robot that is placed; None for all.
     """
-    put_down = poses if of is None else poses[of : of + 1]
-    for row in crowd.places:
-        if _nearest(row, put_down) < _START_MM:
+    placed = poses if robot is None else poses[robot : robot + 1]
+    for row in crowd.people:
+        if _nearest(row, placed) < _START_MM:
             start = row[S]
-            tried = []
+            candidates = []
             for step in range(max(1, int(row[LENGTH] / 500.0))):
                 row[S] = (start + 500.0 * step) % max(row[LENGTH], 1.0)
-                _put(row)
-                tried.append((min(_nearest(row, poses), _START_MM), -step, row[S]))
-            row[S] = max(tried)[2]
-            _put(row)
+                _update_position(row)
+                candidates.append((min(_nearest(row, poses), _START_MM), -step, row[S]))
+            row[S] = max(candidates)[2]
+            _update_position(row)
 
 
 def _nearest(row: Floats, poses: NDArray[np.float64]) -> float:
     return float(np.hypot(poses[:, 0] - row[X], poses[:, 1] - row[Y]).min())
 
 
-def _put(row: Floats) -> None:
-    """Set the place of a person from the coordinates on the track."""
+def _update_position(row: Floats) -> None:
+    """Set the position of a person from the coordinates on the track."""
     row[X] = row[X0] + row[S] * row[U] - row[V] * row[W]
     row[Y] = row[Y0] + row[S] * row[W] + row[V] * row[U]
 
@@ -128,8 +129,8 @@ def _decide(row: Floats, person: int, seed: int, aside: float) -> None:
     event = int(row[ENCOUNTERS]) + 1_000_000 * person
     row[ENCOUNTERS] += 1.0
     no_room = math.isnan(aside)
-    if row[COOLDOWN] <= 0.0 and (no_room or chance(seed, PEOPLE, event, 0) < _STOPPING):
-        row[ACTION], row[WAIT] = _STANDS, 1.0 + (LONGEST_STOP_S - 1.0) * chance(seed, PEOPLE, event, 1)
+    if row[COOLDOWN] <= 0.0 and (no_room or uniform(seed, PEOPLE, event, 0) < _STOPPING):
+        row[ACTION], row[WAIT] = _STANDS, 1.0 + (LONGEST_STOP_S - 1.0) * uniform(seed, PEOPLE, event, 1)
         row[COOLDOWN] = _COOLDOWN_S
     elif no_room:
         _turn_around(row)
@@ -139,16 +140,16 @@ def _decide(row: Floats, person: int, seed: int, aside: float) -> None:
 
 @inlined
 def _ahead(row: Floats, poses: Floats2) -> tuple[float, float]:
-    """Return the distance ahead of the nearest robot in a person's way (infinity for none), and its v."""
-    nearest, its_v = math.inf, 0.0
+    """Return the distance to the nearest robot on a person's path (infinity for none), and the robot's v."""
+    nearest, robot_v = math.inf, 0.0
     wide = _PASSING_MM if row[ACTION] == _WALKS else _WIDE_MM
     for robot in range(poses.shape[0]):
         dx, dy = poses[robot, 0] - row[X0], poses[robot, 1] - row[Y0]
         ahead = (dx * row[U] + dy * row[W] - row[S]) * row[FORWARD]
         v = dy * row[U] - dx * row[W]
         if ahead > -200.0 and ahead < min(_NOTICE_MM, nearest) and abs(v - row[V]) < wide:
-            nearest, its_v = max(ahead, 0.0), v
-    return nearest, its_v
+            nearest, robot_v = max(ahead, 0.0), v
+    return nearest, robot_v
 
 
 @inlined
@@ -185,8 +186,8 @@ def _step(row: Floats, poses: Floats2, berth: float, wanted_v: float, speed: flo
 def walk(crowd: Crowd, poses: Floats2, hull: float, dt: float) -> None:
     """Let all people walk for `dt` seconds among robots of radius `hull` at `poses`."""
     berth = hull + crowd.radius + _BERTH_MM
-    for person in range(crowd.places.shape[0]):
-        row = crowd.places[person]
+    for person in range(crowd.people.shape[0]):
+        row = crowd.people[person]
         ahead, robot_v = _ahead(row, poses)
         aside = _passing_v(row, robot_v)
         wanted_v, speed = row[PREFERRED_V], row[SPEED]

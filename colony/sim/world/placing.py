@@ -11,7 +11,7 @@ MAX_ROBOTS = 10_000
 
 
 def check_room(poses: NDArray[np.float64], walls: NDArray[np.float64], radius: float) -> None:
-    """Refuse robots that overlap a wall or another robot."""
+    """Raise ValueError if a robot overlaps a wall or another robot."""
     for i, (x, y, _) in enumerate(poses):
         start, along = walls[:, :2] - (x, y), walls[:, 4:6]
         part = np.clip(-(start * along).sum(axis=1), 0.0, walls[:, 6])
@@ -19,9 +19,9 @@ def check_room(poses: NDArray[np.float64], walls: NDArray[np.float64], radius: f
         if (distances < radius).any():
             found = f"robot {i} at ({x:.0f}, {y:.0f}) is {distances.min():.0f} mm from a wall"
             raise ValueError(f"{found}; expected at least {radius:.0f} mm")
-        apart = np.hypot(*(poses[:i, :2] - (x, y)).T)
-        if (apart < 2 * radius).any():
-            raise ValueError(f"robot {i} at ({x:.0f}, {y:.0f}) overlaps robot {int(apart.argmin())}")
+        gaps = np.hypot(*(poses[:i, :2] - (x, y)).T)
+        if (gaps < 2 * radius).any():
+            raise ValueError(f"robot {i} at ({x:.0f}, {y:.0f}) overlaps robot {int(gaps.argmin())}")
 
 
 def checked_walls(walls: ArrayLike) -> NDArray[np.float64]:

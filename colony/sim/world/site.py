@@ -28,9 +28,9 @@ _Camera = TypeVar("_Camera")
 
 
 class Site:
-    """The floors of a plan, with the robot at its start. Mutable: the world, the elevators.
+    """The floors of a plan, with the robot at its start. Mutable: the world and the elevators.
 
-    `building` has only the floors of the plan, the first one first.
+    The attribute `building` has only the floors of the plan, in the order of the plan.
 
     Args:
         building: the building; the seed of each floor is `seed` plus its number.
@@ -71,18 +71,18 @@ class Site:
         """The name of the map of the floor with the robot."""
         return self.elevators.floor
 
-    def camera_per_floor(self, made: Callable[[Map, Scenery], _Camera]) -> Callable[[], _Camera]:
-        """Return a function that returns the camera of the robot's present floor, created on first use."""
-        kept: dict[str, _Camera] = {}
+    def camera_per_floor(self, build: Callable[[Map, Scenery], _Camera]) -> Callable[[], _Camera]:
+        """Return a function that returns the camera of the robot's current floor, created on first use."""
+        cameras: dict[str, _Camera] = {}
 
-        def present_camera() -> _Camera:
-            if self.floor not in kept:
-                kept[self.floor] = made(self.maps[self.floor], self.sceneries[self.floor])
-            return kept[self.floor]
+        def current_camera() -> _Camera:
+            if self.floor not in cameras:
+                cameras[self.floor] = build(self.maps[self.floor], self.sceneries[self.floor])
+            return cameras[self.floor]
 
-        return present_camera
+        return current_camera
 
     @cached_property
     def ceiling(self) -> Callable[[], CeilingCamera]:
-        """A function that returns the camera that looks up on the robot's present floor."""
+        """A function that returns the camera that looks up on the robot's current floor."""
         return self.camera_per_floor(lambda _, scenery: CeilingCamera(scenery))

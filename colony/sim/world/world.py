@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from colony.nav.maps.stickrep.model import Pose
-from colony.sim.chance import SEEDS
+from colony.sim.chance import SEED_MODULUS
 from colony.sim.config import CHANNELS, RobotConfig
 from colony.sim.hazards.scenery import Scenery, bare_scenery
 from colony.sim.noise import Noise
@@ -76,7 +76,7 @@ class World:
             walls: (n, 4), segments x0, y0, x1, y1 in mm; x is east and y north. Or a scenery, with its
                 people, joints and other hazards.
             poses: one (x, y, heading) per robot, in mm and degrees counterclockwise from north. People at
-                these places are moved.
+                these positions are moved.
             config: the parameters of the robots; RoME by default.
             seed: seed of the robots' own errors.
 
@@ -85,13 +85,15 @@ class World:
         """
         self.config = config or RobotConfig()
         scenery = walls if isinstance(walls, Scenery) else bare_scenery(checked_walls(walls))
-        places = checked_poses(poses)
-        self._noise = Noise(len(places), seed)
+        initial_poses = checked_poses(poses)
+        self._noise = Noise(len(initial_poses), seed)
         errors = self._noise.peek(2)
-        self._bases = bases_at(places, scenery.encoder_scale * (1.0 + self.config.wheel_scale * errors))
-        self._crossings = np.zeros(len(places), dtype=np.int64)
+        self._bases = bases_at(
+            initial_poses, scenery.encoder_scale * (1.0 + self.config.wheel_scale * errors)
+        )
+        self._crossings = np.zeros(len(initial_poses), dtype=np.int64)
         self._build(scenery.walls, scenery.silent)
-        check_room(places, self._walls, self.config.radius_mm)
+        check_room(initial_poses, self._walls, self.config.radius_mm)
         self._set_scenery(scenery)
         self._steps = 0
         self._drive = Drivetrain(
@@ -103,9 +105,9 @@ class World:
         )
         self._proximity_model, self._fan = proximity_model(self.config), fan_of(self.config)
         self._unwired = np.setdiff1d(np.arange(CHANNELS), self.config.infrared_wired)
-        self._sonar = np.empty((len(places), CHANNELS))
-        self._infrared = np.empty((len(places), CHANNELS), dtype=np.bool_)
-        self._sonar_noise_at = self._noise.take(CHANNELS)
+        self._sonar = np.empty((len(initial_poses), CHANNELS))
+        self._infrared = np.empty((len(initial_poses), CHANNELS), dtype=np.bool_)
+        self._sonar_noise_column = self._noise.take(CHANNELS)
         self._sensed = False
         self._snapshot: _Snapshot | None = None
 
@@ -117,8 +119,8 @@ class World:
         self._bases = self._bases._replace(wall_buffer=np.empty(len(self._walls), dtype=np.int64))
 
     def _set_scenery(self, scenery: Scenery) -> None:
-        """Set everything in a scenery besides its walls."""
-        events = scenery.seed % SEEDS
+        """Set everything in a scenery except its walls."""
+        events = scenery.seed % SEED_MODULUS
         self._floor = floor_of(scenery.joints, scenery.slip, crossings=self._crossings, seed=events)
         self._crowd = crowd_of(scenery.people, seed=events)
         make_way(self._crowd, self._bases.poses)
@@ -154,21 +156,21 @@ class World:
             raise ValueError(f"cannot advance by {dt_s} s; expected a time above 0, up to {MAX_STEP_S:g} s")
         substeps = math.ceil(dt_s / SUBSTEP_S - 1e-9) if self._has_events else 1
         slices = math.ceil(dt_s / substeps / SLICE_S - 1e-9)
-        at = self._noise.take(CHANNELS + 2 * substeps * slices)
-        self._sonar_noise_at = at
-        for turn in range(substeps):
-            self._substep(dt_s / substeps, slices, at + CHANNELS + 2 * turn * slices)
+        noise_column = self._noise.take(CHANNELS + 2 * substeps * slices)
+        self._sonar_noise_column = noise_column
+        for substep in range(substeps):
+            self._substep(dt_s / substeps, slices, noise_column + CHANNELS + 2 * substep * slices)
         self._steps += 1
         self._sensed = False
         self._snapshot = None
 
-    def _substep(self, dt_s: float, slices: int, noise_at: int) -> None:
+    def _substep(self, dt_s: float, slices: int, noise_column: int) -> None:
         """Move people, then robots, and then apply wheel slip."""
         bases, before = self._bases, None
         if self._has_events:
             before = bases.poses.copy()
             walk(self._crowd, bases.poses, self._drive.radius, dt_s)
-        move(bases, self._drive, self._walls, self._crowd, self._noise.table, noise_at, slices, dt_s)
+        move(bases, self._drive, self._walls, self._crowd, self._noise.table, noise_column, slices, dt_s)
         if before is not None:
             slip(self._floor, before, bases.poses, bases.speeds, bases.odometry)
 
@@ -181,8 +183,8 @@ class World:
     def infrared(self, robot: int) -> NDArray[np.bool_]:
         """Return the infrared readings, (24,) bool, numbered like the sonars."""
         self._sense()
-        seen: NDArray[np.bool_] = self._infrared[self._index(robot)].copy()
-        return seen
+        readings: NDArray[np.bool_] = self._infrared[self._index(robot)].copy()
+        return readings
 
     def bumper(self, robot: int) -> Bumper:
         """Return the bumpers of a robot, pressed by walls, people or other robots."""
@@ -209,7 +211,7 @@ class World:
 
     @property
     def walls(self) -> NDArray[np.float64]:
-        """The present solid segments, (n, 7), from `wall_table`.
+        """The current solid segments, (n, 7), from `wall_table`.
 
         Each change creates a new array, which must not be modified.
         """
@@ -217,15 +219,15 @@ class World:
 
     @property
     def people(self) -> NDArray[np.float64]:
-        """The places of the people: a copy, (people, 2), x and y in mm of their centers."""
-        return self._crowd.places[:, [X, Y]]
+        """The positions of the people: a copy, (people, 2), x and y in mm of their centers."""
+        return self._crowd.people[:, [X, Y]]
 
     def distance(self, robot: int) -> float:
         """Return the distance that a robot has driven so far, forward and backward, in mm."""
         return float(self._bases.distances[self._index(robot)])
 
     def speed(self, robot: int) -> Speed:
-        """Return the present speed of a robot."""
+        """Return the current speed of a robot."""
         return Speed(*self._current_state().speeds[self._index(robot)])
 
     def wheel_speed(self, robot: int) -> float:
@@ -239,7 +241,7 @@ class World:
         return Pose(*self._current_state().poses[self._index(robot)])
 
     def odometry(self, robot: int) -> Pose:
-        """Return the pose of a robot by odometry, which is initially the true pose."""
+        """Return the pose of a robot according to its odometry, initially the true pose."""
         return Pose(*self._current_state().odometry[self._index(robot)])
 
     def set_odometry(self, robot: int, pose: tuple[float, float, float]) -> None:
@@ -259,7 +261,7 @@ class World:
     def place(self, robot: int, pose: tuple[float, float, float]) -> None:
         """Move a robot to `pose`, where it stands still, unnoticed by its odometry.
 
-        People at that place are moved.
+        People at that position are moved.
 
         Raises:
             ValueError: a number is not finite, or the robot would overlap a wall or another robot.
@@ -268,7 +270,7 @@ class World:
         poses = self._bases.poses.copy()
         poses[robot] = checked_poses([pose])[0]
         check_room(poses, self._walls, self.config.radius_mm)
-        make_way(self._crowd, poses, of=robot)
+        make_way(self._crowd, poses, robot=robot)
         self._bases.poses[robot] = poses[robot]
         self._bases.speeds[robot] = 0.0
         self._sensed = False
@@ -290,12 +292,12 @@ class World:
         Raises:
             ValueError: there is not one pose per robot, or a robot has no room; then nothing has changed.
         """
-        places = checked_poses(poses)
-        if len(places) != len(self):
-            raise ValueError(f"found {len(places)} poses; expected one for each robot, {len(self)}")
+        new_poses = checked_poses(poses)
+        if len(new_poses) != len(self):
+            raise ValueError(f"found {len(new_poses)} poses; expected one for each robot, {len(self)}")
         solid = scenery.walls[np.hypot(*(scenery.walls[:, 2:] - scenery.walls[:, :2]).T) > 0.0]
-        check_room(places, wall_table(solid), self.config.radius_mm)
-        self._bases.poses[:] = places
+        check_room(new_poses, wall_table(solid), self.config.radius_mm)
+        self._bases.poses[:] = new_poses
         self._bases.speeds[:] = 0.0
         self._build(scenery.walls, scenery.silent)
         self._set_scenery(scenery)
@@ -308,7 +310,7 @@ class World:
         return robot
 
     def _current_state(self) -> _Snapshot:
-        """Return the present state as plain Python numbers, converted once per step."""
+        """Return the current state as plain Python numbers, converted once per step."""
         if self._snapshot is None:
             arrays = (self._bases.poses, self._bases.odometry, self._bases.speeds, self._bases.contacts)
             self._snapshot = _Snapshot(*(array.tolist() for array in arrays))
@@ -326,7 +328,7 @@ class World:
                 self._steps,
                 self._fan,
                 self._noise.table,
-                self._sonar_noise_at,
+                self._sonar_noise_column,
                 self._sonar,
                 self._infrared,
             )

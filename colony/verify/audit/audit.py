@@ -1,14 +1,14 @@
 """Comparison of a recorded run with its program: the reference interpreter evaluates every frame again.
 
-In each frame an actuator must have been sent what the interpreter decides, bit for bit. Where a client was
-late, lost or refused it may also have been sent its idle command, and with `on_loss degrade` the command that
-the network gives without the lost clients. Where a client outside the network commanded, or the emergency
-stop or a lock kept the network from deciding, a frame is counted and not compared. At a restart the
-interpreter restarts from the initial memory, as the program did. From a frame that could not be observed to
-the next restart the memory is unknown, and nothing is compared.
+In each frame, the command sent to an actuator must be what the interpreter decides, bit for bit. If a client
+was late, lost or refused, it may also be the idle command and, with `on_loss degrade`, the command that the
+network decides without the lost clients. If a client outside the network commanded, or the emergency stop or
+a lock kept the network from deciding, the frame is counted but not compared. At a restart the interpreter
+restarts from the initial memory, as the program did. From a frame that could not be observed to the next
+restart, the memory is unknown, and nothing is compared.
 
-Modules in Python are not run: their answers are recorded, and the interpreter takes them as they are. Where
-an answer is missing, memory is unknown from there to the next restart.
+Modules in Python are not run: the interpreter uses their recorded answers. If an answer is missing, the
+memory is unknown from there to the next restart.
 
 Damaged parts of a recording are never compared. After them the interpreter continues from the memory in the
 next keyframe of the recording.
@@ -46,7 +46,7 @@ class RecordedTick(Protocol):
 
     @property
     def start(self) -> int:
-        """The number of the frame in which all memory was initial."""
+        """The number of the first frame of the epoch, in which all memory was initial."""
         ...
 
     @property
@@ -60,22 +60,17 @@ class RecordedMemory(Protocol):
 
     @property
     def memory(self) -> ProgramMemory | None:
-        """The memory, None where it is not known."""
+        """The memory, or None if it is not known."""
         ...
 
     @property
     def degraded(self) -> bool:
-        """True if a client has been lost since the memory was initial."""
+        """True if a client has been lost since the beginning of the epoch."""
         ...
 
 
 class Recorded(Protocol):
-    """One frame of a run, from a recording or from a run that is observed.
-
-    `skipped` frames before it could not be observed, so that memory may be unknown. `breaches` are the
-    contracts that were found broken, None where that was not recorded. `damaged`: what was recorded between
-    the frame before it and this one is damaged.
-    """
+    """One frame of a run, from a recording or from an observed run."""
 
     @property
     def tick(self) -> RecordedTick:
@@ -109,17 +104,17 @@ class Recorded(Protocol):
 
     @property
     def breaches(self) -> tuple[str, ...] | None:
-        """The contracts found broken, None if not recorded."""
+        """The contracts found broken, or None if that was not recorded."""
         ...
 
     @property
     def keyframe(self) -> RecordedMemory | None:
-        """The memory before this frame, None if not recorded."""
+        """The memory before this frame, or None if it was not recorded."""
         ...
 
     @property
     def damaged(self) -> bool:
-        """True if the recording is damaged between the frame before and this one."""
+        """True if the recording is damaged between the previous frame and this one."""
         ...
 
     @property
@@ -177,7 +172,7 @@ _COUNTERS = (
 
 
 class Auditor:
-    """An audit in progress, frame by frame. Mutable: interpreters, and what was counted."""
+    """An audit in progress, frame by frame. Stateful: holds the interpreters, and counters."""
 
     def __init__(self, program: Program) -> None:
         self._program = program
@@ -219,19 +214,19 @@ class Auditor:
 
     def take(self, recorded: Recorded) -> None:
         """Compare one frame, and count it."""
-        tick, before = recorded.tick, self._previous
-        begins = recorded.restart or tick.k == tick.start
+        tick, previous = recorded.tick, self._previous
+        is_epoch_start = recorded.restart or tick.k == tick.start
         if recorded.damaged:
-            after_ns = None if before is None else before.frame.t_ns
+            after_ns = None if previous is None else previous.frame.t_ns
             self._damaged.append(DamagedSpan(after_ns=after_ns, before_ns=recorded.frame.t_ns))
             self._memory_unknown = True
-        if before is None:
+        if previous is None:
             self._first_ns = recorded.frame.t_ns
-        if begins and (before is not None or recorded.damaged):
+        if is_epoch_start and (previous is not None or recorded.damaged):
             self._begin()
         elif self._memory_unknown and recorded.keyframe is not None:
             self._resume(recorded.keyframe)
-        differences = [*self._sequence(recorded, begins)]
+        differences = [*self._sequence_faults(recorded, is_epoch_start)]
         answered = self._python <= recorded.answers.keys()
         self._memory_unknown = self._memory_unknown or not answered
         if recorded.memory_unknown or not answered:
@@ -246,13 +241,13 @@ class Auditor:
         self._counts["violations"] += any(v.violation for v in recorded.verdicts.values())
         self._counts["outside"] += any(v.outside is not None for v in recorded.verdicts.values())
         self._counts["holds"] += any(v.hold is not None for v in recorded.verdicts.values())
-        self._counts["restarts"] += begins and before is not None
+        self._counts["restarts"] += is_epoch_start and previous is not None
         self._counts["differing"] += bool(differences)
         self._counts["frames"] += 1
         self._previous = recorded
 
     def end_damaged(self) -> None:
-        """Note that the recording is damaged after its last frame."""
+        """Record that the recording is damaged after its last frame."""
         after_ns = None if self._previous is None else self._previous.frame.t_ns
         self._damaged.append(DamagedSpan(after_ns=after_ns, before_ns=None))
 
@@ -269,53 +264,55 @@ class Auditor:
             damaged=tuple(self._damaged),
         )
 
-    def _sequence(self, recorded: Recorded, begins: bool) -> Iterator[Difference]:
+    def _sequence_faults(self, recorded: Recorded, is_epoch_start: bool) -> Iterator[Difference]:
         """Yield faults in the sequence of frames: memory needs every frame since the epoch began."""
-        tick, before = recorded.tick, self._previous
-        if before is None:
-            if not begins and not recorded.memory_unknown and not recorded.damaged:
+        tick, previous = recorded.tick, self._previous
+        if previous is None:
+            if not is_epoch_start and not recorded.memory_unknown and not recorded.damaged:
                 message = f"the recording begins with frame {tick.k}, but its epoch with frame {tick.start}"
                 yield self._difference(recorded, message)
             return
-        gap = tick.k - before.tick.k - 1
-        if gap < 0 or (gap != recorded.skipped and not begins and not recorded.damaged):
+        gap = tick.k - previous.tick.k - 1
+        if gap < 0 or (gap != recorded.skipped and not is_epoch_start and not recorded.damaged):
             missing = f": {gap} between them are not in the recording" if gap > 0 else ""
-            message = f"frame {tick.k} follows frame {before.tick.k}{missing}"
+            message = f"frame {tick.k} follows frame {previous.tick.k}{missing}"
             yield self._difference(recorded, message)
-        if tick.start != before.tick.start and not (begins or recorded.memory_unknown or recorded.damaged):
+        if tick.start != previous.tick.start and not (
+            is_epoch_start or recorded.memory_unknown or recorded.damaged
+        ):
             yield self._difference(recorded, f"a new epoch began with frame {tick.start}, which is missing")
-        if recorded.frame.t_ns <= before.frame.t_ns:
-            message = f"time must rise: {recorded.frame.t_ns} ns follows {before.frame.t_ns} ns"
+        if recorded.frame.t_ns <= previous.frame.t_ns:
+            message = f"time must increase: {recorded.frame.t_ns} ns follows {previous.frame.t_ns} ns"
             yield self._difference(recorded, message)
 
     def _decisions(self, recorded: Recorded) -> Iterator[Difference]:
         """Decide the frame, and yield the differences of verdicts and broken contracts."""
-        heard = self._interpreter.step(recorded.frame, answers=recorded.answers)
-        due: dict[str, tuple[Decision, Interpreter]] = {
-            d.actuator: (d, self._interpreter) for d in heard.decisions
+        outcome = self._interpreter.step(recorded.frame, answers=recorded.answers)
+        expected: dict[str, tuple[Decision, Interpreter]] = {
+            d.actuator: (d, self._interpreter) for d in outcome.decisions
         }
         if self._degraded is not None:
             lost = frozenset(address.partition("/")[2] for address in recorded.tick.lost)
             for decision in self._degraded.step(recorded.frame, lost, recorded.answers).decisions:
                 if self._actuators[decision.actuator].on_loss == "degrade":
-                    due[decision.actuator] = decision, self._degraded
-        for name, (decision, interpreter) in due.items():
+                    expected[decision.actuator] = decision, self._degraded
+        for name, (decision, interpreter) in expected.items():
             if self._degraded is None and self._actuators[name].on_loss == "degrade":
-                self._counts["undecided"] += 1  # the memory without the lost clients is not known
+                self._counts["undecided"] += 1  # memory without the lost clients is not known
                 continue
             yield from self._compare(recorded, name, decision, interpreter)
-        self._count_breaches(recorded.frame.t_ns, heard)
+        self._count_breaches(recorded.frame.t_ns, outcome)
         if (
             recorded.breaches is not None
-            and recorded.breaches != heard.breaches
+            and recorded.breaches != outcome.breaches
             and self._undisturbed(recorded)
         ):
-            found, right = (", ".join(names) or "none" for names in (recorded.breaches, heard.breaches))
-            message = f"broken contracts: recorded {found}; in the interpreter {right}"
+            found, correct = (", ".join(names) or "none" for names in (recorded.breaches, outcome.breaches))
+            message = f"broken contracts: recorded {found}; in the interpreter {correct}"
             yield self._difference(recorded, message)
 
     def _compare(
-        self, recorded: Recorded, name: str, due: Decision, interpreter: Interpreter
+        self, recorded: Recorded, name: str, expected: Decision, interpreter: Interpreter
     ) -> Iterator[Difference]:
         verdict, actuator = recorded.verdicts.get(name), self._actuators[name]
         if verdict is None:
@@ -328,21 +325,21 @@ class Auditor:
         if unknown:
             message: str | None = f"`{unknown[0]}` is not a client of `{name}` in this program"
         else:
-            message = objection(actuator, verdict, due, interpreter)
+            message = objection(actuator, verdict, expected, interpreter)
         if message is None:
-            self._counts["idled"] += not same_decision(verdict, due)
+            self._counts["idled"] += not same_decision(verdict, expected)
             return
         yield self._difference(
             recorded,
             message,
             actuator=name,
             recorded=Decision(name, verdict.by, verdict.values, verdict.fault),
-            expected=due,
-            clients=_accounts(verdict, due, interpreter, self._clients[name]),
+            expected=expected,
+            clients=_accounts(verdict, expected, interpreter, self._clients[name]),
         )
 
     def _undisturbed(self, recorded: Recorded) -> bool:
-        """Return True if the network alone decided, with all clients present."""
+        """Return True if only the network decided, and no client was late, lost or refused."""
         verdicts = recorded.verdicts
         return len(verdicts) == len(self._actuators) and not any(
             is_excused(v) or v.violation or v.outside is not None or v.hold is not None
@@ -361,7 +358,7 @@ class Auditor:
 
     def _difference(
         self,
-        of: Recorded,
+        frame: Recorded,
         message: str,
         *,
         actuator: str | None = None,
@@ -372,21 +369,21 @@ class Auditor:
         sensors = (s.name for s in self._program.robot.sensors)
         return Difference(
             index=self._counts["frames"],
-            k=of.tick.k,
-            t_ns=of.frame.t_ns,
+            k=frame.tick.k,
+            t_ns=frame.frame.t_ns,
             actuator=actuator,
             message=message,
             recorded=recorded,
             expected=expected,
             clients=clients,
-            missing=tuple(name for name in sensors if of.frame.readings.get(name) is None),
+            missing=tuple(name for name in sensors if frame.frame.readings.get(name) is None),
         )
 
 
 def _accounts(
-    verdict: RecordedVerdict, due: Decision, interpreter: Interpreter, clients: tuple[str, ...]
+    verdict: RecordedVerdict, expected: Decision, interpreter: Interpreter, clients: tuple[str, ...]
 ) -> tuple[ClientAccount, ...]:
-    """Return all clients in the order recorded, or else in the order declared."""
+    """Return all clients in the recorded order, or in the order of declaration if some have no fate."""
     fates = dict(verdict.fates)
     order = dict.fromkeys((*fates, *clients)) if len(fates) < len(clients) else fates
     known = frozenset(clients)
@@ -395,7 +392,7 @@ def _accounts(
             client=client,
             fate=fates.get(client),
             part="wins"
-            if client == due.by
+            if client == expected.by
             else _part(client, interpreter)
             if client in known
             else "inactive",

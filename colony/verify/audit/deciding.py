@@ -1,4 +1,4 @@
-"""Replay of recorded frames by any executor, also beyond damage, as far as the memory is known."""
+"""Replay of recorded frames by any executor; it resumes after damaged sections if the memory is known."""
 
 from __future__ import annotations
 
@@ -18,44 +18,44 @@ Backend = Literal["network", "clients", "python"]
 class Decider:
     """Decides frames, and resumes after damage where possible.
 
-    Mutable: the executor, the damaged parts, and the number of frames that were not decided.
+    Stateful: holds the executor, the damaged sections, and the number of frames that were not decided.
 
     Args:
         program: the program of the recording.
-        backend: what decides: the reference interpreter, the client list, or the generated Python.
+        backend: the executor: the reference interpreter, the client list, or the generated Python.
     """
 
     def __init__(self, program: Program, backend: Backend) -> None:
         self._program, self._backend = program, backend
         self._resuming = Resuming(program)
-        self._executor: Executor | None = self._fresh()
+        self._executor: Executor | None = self._new_executor()
         self._last_ns: int | None = None
         self.damage: list[str] = []
         self.undecided = 0
 
     def step(self, recorded: Recorded) -> Outcome | None:
-        """Decide a frame; return None where the memory is not known."""
+        """Decide a frame; return None if the memory is not known."""
         if recorded.damaged:
             self._executor = None
-            self._note(f"to {recorded.frame.t_ns / 1e9:.10g} s")
+            self._record_damage(f"to {recorded.frame.t_ns / 1e9:.10g} s")
         self._last_ns = recorded.frame.t_ns
         if recorded.restart:
-            self._executor = self._fresh()
+            self._executor = self._new_executor()
         elif recorded.memory_unknown:
             self._executor = None
         elif self._executor is None and recorded.keyframe is not None:
-            self._executor = self._resumed(recorded.keyframe)
+            self._executor = self._resume(recorded.keyframe)
         if self._executor is None:
             self.undecided += 1
             return None
         return self._executor.step(recorded.frame)
 
     def end(self, *, damaged: bool) -> None:
-        """Note, if `damaged`, that the recording is damaged after the last frame."""
+        """If `damaged`, record that the recording is damaged after the last frame."""
         if damaged:
-            self._note("to its end")
+            self._record_damage("to its end")
 
-    def _fresh(self) -> Executor:
+    def _new_executor(self) -> Executor:
         if self._backend == "network":
             return Interpreter(self._program)
         compiled = compile_program(self._program).compiled
@@ -65,7 +65,7 @@ class Decider:
 
         return load(generate(compiled))
 
-    def _resumed(self, keyframe: RecordedMemory) -> Executor | None:
+    def _resume(self, keyframe: RecordedMemory) -> Executor | None:
         if self._backend != "network" or keyframe.memory is None:
             return None
         try:
@@ -73,6 +73,6 @@ class Decider:
         except ValueError:
             return None
 
-    def _note(self, end: str) -> None:
+    def _record_damage(self, end: str) -> None:
         start = "" if self._last_ns is None else f" from {self._last_ns / 1e9:.10g} s"
         self.damage.append(f"damaged{start} {end}")

@@ -1,4 +1,4 @@
-"""The result of an audit as data, as `colony audit --format json` prints it."""
+"""The result of an audit as data, in the form printed by `colony audit --format json`."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any, Literal
 from colony.ir.frame import Decision
 
 Part = Literal["wins", "active", "inactive", "silent"]
-"""What a client does according to the interpreter. "active": its predicate holds, but it does not win."""
+"""The role of a client according to the interpreter. "active": its predicate holds, but it does not win."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClientAccount:
-    """A client in the frame that differs: its recorded fate, if any, and its part by the interpreter."""
+    """A client in a differing frame: its recorded fate, if any, and its role according to the interpreter."""
 
     client: str
     fate: str | None
@@ -22,9 +22,9 @@ class ClientAccount:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """A frame that differs from the interpreter's; frame `index` of the recording.
+    """A difference from the interpreter in frame `index` of the recording.
 
-    `actuator` and the decisions are None where the difference concerns no actuator. `missing` are the sensors
+    `actuator` and the decisions are None if the difference concerns no actuator. `missing` are the sensors
     without a value in the frame.
     """
 
@@ -51,7 +51,7 @@ class ContractCount:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DamagedSpan:
-    """A part of the recording that is damaged: the times of the whole frames around it, None at its ends."""
+    """A damaged section of the recording: the times of the intact frames around it, None if there is none."""
 
     after_ns: int | None
     before_ns: int | None
@@ -61,13 +61,13 @@ class DamagedSpan:
 class AuditReport:
     """The result of an audit.
 
-    `compared` counts decisions (one per actuator and frame), `idled` those among them that were idle because
-    a client was late, lost or refused; `unheard` those without a record. `late`, `lost`, `refused`,
-    `violations`, `outside`, `holds` and `differing` count frames in which that occurred. `unknown` counts
-    frames that were not compared because a frame before them, and so the memory, is not known. After each
-    span of `damaged` the interpreter continued from the next memory in the recording; `forgotten` counts the
-    frames up to it, which were not compared. `undecided` counts later decisions of actuators with `on_loss
-    degrade`, which depend on memory without lost clients that is not in the recording.
+    `compared` counts decisions (one per actuator and frame), `idled` those of them that were idle because a
+    client was late, lost or refused; `unheard` counts decisions that were not recorded. `late`, `lost`,
+    `refused`, `violations`, `outside`, `holds` and `differing` count frames in which that occurred. `unknown`
+    counts frames that were not compared because a frame before them, and so the memory, is not known. After
+    each span of `damaged` the interpreter continued from the next memory in the recording; `forgotten` counts
+    the frames up to it, which were not compared. `undecided` counts later decisions of actuators with
+    `on_loss degrade`, which depend on memory without lost clients that is not in the recording.
     """
 
     frames: int

@@ -10,7 +10,7 @@ from colony.verify.reference.interpreter import Interpreter
 
 
 class Resuming:
-    """A factory of interpreters that resume from recorded memory. Mutable: the clients that validate it.
+    """A factory of interpreters that resume from recorded memory. Stateful: caches an executor.
 
     `answers_given` is as for `Interpreter`.
     """
@@ -20,11 +20,11 @@ class Resuming:
         self._clients: ProgramExecutor | None = None
 
     def interpreter(self, memory: ProgramMemory) -> Interpreter:
-        """Return an interpreter that has this memory.
+        """Return an interpreter with this memory.
 
         Raises:
-            ValueError: the memory is not that of the program, or the interpreter is to run modules in Python,
-                whose memory is not recorded.
+            ValueError: the memory is not that of the program, or the interpreter would have to run modules in
+                Python, whose memory is not recorded.
             DiagnosticError: a module in Python cannot be imported or built.
         """
         self._clients = self._clients or ProgramExecutor(

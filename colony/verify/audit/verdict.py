@@ -52,7 +52,7 @@ class RecordedVerdict(Protocol):
 
 
 EXCUSES = frozenset({"late", "lost", "refused"})
-"""Fates of a client that excuse an idle command where the interpreter commands."""
+"""Fates of a client that excuse an idle command in place of the interpreter's command."""
 
 _COMMANDED = frozenset({"won", "overruled", "overridden", "locked out", "stopped"})
 _GATED = frozenset({"suppressed", "inhibited"})
@@ -62,7 +62,7 @@ _NOT_ACTIVE = frozenset({"inactive", "silent"})
 def objection(
     actuator: Actuator, verdict: RecordedVerdict, expected: Decision, interpreter: Interpreter
 ) -> str | None:
-    """Return what is wrong with a verdict of the network, or None.
+    """Return a message about a wrong verdict of the network, or None if it is right.
 
     `expected` is the interpreter's decision; `interpreter` has decided the same frame.
     """
@@ -74,7 +74,7 @@ def objection(
         if not is_idle(actuator, verdict):
             return "a client was missing, and neither the interpreter's command nor the idle command was sent"
     return next(
-        (text for text in (_fate(*one, expected, interpreter) for one in verdict.fates) if text), None
+        (text for text in (_fate_objection(*f, expected, interpreter) for f in verdict.fates) if text), None
     )
 
 
@@ -84,17 +84,17 @@ def same_decision(verdict: RecordedVerdict, expected: Decision) -> bool:
     return same and same_values(verdict.values, expected.values)
 
 
-def same_values(one: Sequence[ScalarValue] | None, other: Sequence[ScalarValue] | None) -> bool:
+def same_values(a: Sequence[ScalarValue] | None, b: Sequence[ScalarValue] | None) -> bool:
     """Return True if two commands are the same bit for bit: -0.0 is not 0.0."""
-    if one is None or other is None:
-        return one is other
-    return len(one) == len(other) and all(map(_same_bits, one, other))
+    if a is None or b is None:
+        return a is b
+    return len(a) == len(b) and all(map(_same_bits, a, b))
 
 
-def _same_bits(one: ScalarValue, other: ScalarValue) -> bool:
-    if isinstance(one, bool) or isinstance(other, bool):
-        return one is other
-    return struct.pack("<d", one) == struct.pack("<d", other)
+def _same_bits(a: ScalarValue, b: ScalarValue) -> bool:
+    if isinstance(a, bool) or isinstance(b, bool):
+        return a is b
+    return struct.pack("<d", a) == struct.pack("<d", b)
 
 
 def is_excused(verdict: RecordedVerdict) -> bool:
@@ -108,8 +108,8 @@ def is_idle(actuator: Actuator, verdict: RecordedVerdict) -> bool:
     return verdict.by is None and verdict.fault is None and same_values(verdict.values, idle)
 
 
-def _fate(client: str, fate: str, expected: Decision, interpreter: Interpreter) -> str | None:
-    """Return what is wrong with the recorded fate of a client, or None."""
+def _fate_objection(client: str, fate: str, expected: Decision, interpreter: Interpreter) -> str | None:
+    """Return a message about a wrong fate of a client, or None if it is right."""
     wins = client == expected.by
     if fate in _COMMANDED and not wins:
         return f"`{client}` commanded, but in the interpreter it does not get through"

@@ -22,7 +22,7 @@ class Proof(NamedTuple):
 
 
 class Attempt:
-    """An attempt to prove or refute one contract. Mutable: the length of the search, and its findings.
+    """An attempt to prove or refute one contract. Stateful: remembers what it has searched and found.
 
     Without a `refuter` it only tries to prove: any model that breaks the contract ends the attempt.
     """
@@ -96,7 +96,7 @@ class Attempt:
         return self._budget.options.max_frames if self.python_trace is None else 0
 
     def _search_longer(self) -> Trace | None:
-        """Return a counterexample that is one frame longer, None if none is found."""
+        """Search for a counterexample one frame longer; return None if none is found."""
         for candidate in self._search.search_next_length(allow_python=self.python_trace is None):
             if self._refuter is None:
                 self._has_given_up = True

@@ -15,8 +15,8 @@ def refutation(program: Program, breach: Breach) -> Refuted:
 
     Modules in Python are called.
     """
-    first = breach.trace[0].t_ns
-    frames = tuple(frame._replace(t_ns=frame.t_ns - first) for frame in breach.trace)
+    start_ns = breach.trace[0].t_ns
+    frames = tuple(frame._replace(t_ns=frame.t_ns - start_ns) for frame in breach.trace)
     snapshots = tuple(snapshot_of(program, frame) for frame in frames)
     trace = Trace(
         snapshots=snapshots,

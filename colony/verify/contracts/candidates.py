@@ -40,8 +40,8 @@ def candidates(cone: Cone, claims: tuple[Claim, ...]) -> tuple[Candidate, ...]:
     system = cone.system
     flags = [c for c in cone.cells if z3.is_bool(c.old)]
     numbers = [c for c in cone.cells if z3.is_arith(c.old) and str(c.old) != str(system.last)]
-    mentioned = _numerals([f for c in claims for f in (c.speaks, c.holds)])
-    at_first = Substitution([c.old for c in cone.cells], [c.initial for c in cone.cells])
+    mentioned = _numerals([f for c in claims for f in (c.applies, c.holds)])
+    in_initial_memory = Substitution([c.old for c in cone.cells], [c.initial for c in cone.cells])
     found: dict[int, Candidate] = {}
     for candidate in (
         *_unchanged(system, cone.cells),
@@ -51,7 +51,7 @@ def candidates(cone: Cone, claims: tuple[Claim, ...]) -> tuple[Candidate, ...]:
         *_pairs_of_flags(system, cone, flags),
         *_pairs_of_numbers(numbers),
     ):
-        if z3.is_true(z3.simplify(at_first(candidate.holds))):
+        if z3.is_true(z3.simplify(in_initial_memory(candidate.holds))):
             found.setdefault(candidate.holds.get_id(), candidate)
     return tuple(found.values())
 
@@ -61,10 +61,10 @@ def _unchanged(system: System, cells: tuple[Cell, ...]) -> Iterator[Candidate]:
     for cell in cells:
         if str(cell.old) == str(system.begun):
             continue
-        at_first = cell.old == cell.initial
-        yield Candidate(f"{cell.name} is always {cell.initial}", at_first)
+        unchanged = cell.old == cell.initial
+        yield Candidate(f"{cell.name} is always {cell.initial}", unchanged)
         yield Candidate(
-            f"{cell.name} is {cell.initial} before the first frame", z3.Or(system.begun, at_first)
+            f"{cell.name} is {cell.initial} before the first frame", z3.Or(system.begun, unchanged)
         )
 
 
@@ -102,10 +102,10 @@ def number(x: float) -> z3.RatNumRef:
 
 
 def _timestamps(system: System, flags: list[Cell], numbers: list[Cell]) -> Iterator[Candidate]:
-    """Yield the guesses that a stored time is at most that of the last frame, and a flag implies a frame."""
+    """Yield the guesses that no stored time is after the last frame, and that a flag implies a frame."""
     for flag in flags:
         if str(flag.old) != str(system.begun):
-            yield Candidate(f"{flag.name} needs a frame before", z3.Implies(flag.old, system.begun))
+            yield Candidate(f"{flag.name} implies an earlier frame", z3.Implies(flag.old, system.begun))
     for cell in numbers:
         if cell.old.sort() == system.last.sort():
             yield Candidate(f"{cell.name} <= time of the last frame", cell.old <= system.last)
@@ -167,13 +167,13 @@ def _literals(system: System, cone: Cone, flags: list[Cell]) -> list[Candidate]:
 
 
 def _pairs_of_flags(system: System, cone: Cone, flags: list[Cell]) -> Iterator[Candidate]:
-    """Yield the guesses that one flag or phase implies another, excludes it, or holds where it does not."""
+    """Yield the guesses that one of two flags or phases implies or excludes the other, or that one holds."""
     literals = _literals(system, cone, flags)
-    made = 0
+    count = 0
     for a, b in combinations(literals, 2):
-        if made >= _MAX_PAIRS:
+        if count >= _MAX_PAIRS:
             return
-        made += 4
+        count += 4
         yield Candidate(f"not ({a.text} and {b.text})", z3.Not(z3.And(a.holds, b.holds)))
         yield Candidate(f"{a.text} or {b.text}", z3.Or(a.holds, b.holds))
         yield Candidate(f"{a.text} implies {b.text}", z3.Implies(a.holds, b.holds))
@@ -182,10 +182,10 @@ def _pairs_of_flags(system: System, cone: Cone, flags: list[Cell]) -> Iterator[C
 
 def _pairs_of_numbers(numbers: list[Cell]) -> Iterator[Candidate]:
     """Yield the guesses that two numbers are equal, or in order."""
-    made = 0
+    count = 0
     for a, b in permutations(numbers, 2):
-        if made >= _MAX_PAIRS:
+        if count >= _MAX_PAIRS:
             return
         if a.old.sort() == b.old.sort():
-            made += 1
+            count += 1
             yield Candidate(f"{a.name} <= {b.name}", a.old <= b.old)

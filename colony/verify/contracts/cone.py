@@ -1,7 +1,7 @@
-"""The cone of influence of a contract: what is proved of the cone holds for the whole system.
+"""The cone of influence of a contract: what is proved about the cone holds for the whole system.
 
-Nothing outside the cone can make the contract true or false: definitions give each auxiliary constant a value
-whatever the others are, and sensors are independent of each other.
+Nothing outside the cone can make the contract true or false: definitions give each auxiliary constant a
+value, whatever the values of the others, and sensors are independent of each other.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from colony.verify.symbolic.system import Claim, Number, Scalar, System
 
 def cone_of(system: System, claim: Claim) -> Cone:
     """Return the cone of a contract; time is in every cone."""
-    return cones.cone(system, [claim.speaks, claim.holds, system.now, system.begun, system.last])
+    return cones.cone(system, [claim.applies, claim.holds, system.now, system.begun, system.last])
 
 
 def covers(cone: Cone, part: Cone) -> bool:

@@ -40,7 +40,7 @@ def value_of(written: NumberText) -> float:
 def number_text(value: float, sensor: Sensor) -> NumberText | None:
     """Return the shortest number in the unit of `sensor`, else in base units, that is exactly `value`.
 
-    None if there is none, as for a value that is not finite.
+    None if there is no such number, e.g. for a value that is not finite.
     """
     if not math.isfinite(value):
         return None
@@ -71,10 +71,10 @@ def rounded(value: float, sensor: Sensor, digits: int) -> float:
 def _rounded(value: float, unit: str | None, digits: int) -> NumberText | None:
     factor = parse_unit(unit).factor if unit else Fraction(1)
     try:
-        inside = float(Fraction(value) / factor)
+        declared = float(Fraction(value) / factor)
     except OverflowError:
         return None
-    return NumberText(plain(Decimal(f"{abs(inside):.{digits - 1}e}")), unit, math.copysign(1, inside) < 0)
+    return NumberText(plain(Decimal(f"{abs(declared):.{digits - 1}e}")), unit, math.copysign(1, declared) < 0)
 
 
 def plain(number: Decimal) -> str:

@@ -12,7 +12,7 @@ from colony.ir.types import Enum, ScalarValue, Value, element_type
 from colony.verify.contracts.decimals import NumberText, number_text, seconds
 from colony.verify.contracts.results import Trace
 
-_MAX_EXCEPTIONS = 6
+_MAX_DIFFERING = 6
 
 
 def title(contract: str) -> str:
@@ -63,19 +63,19 @@ def _given(
         return
     if isinstance(before, tuple):
         changed = [(i, x) for i, (x, y) in enumerate(zip(value, before, strict=True)) if x != y]
-        if len(changed) <= _MAX_EXCEPTIONS:
+        if len(changed) <= _MAX_DIFFERING:
             yield from (_scalar(sensor, i, x) for i, x in changed)
             return
     yield from _array(sensor, value)
 
 
 def _array(sensor: Sensor, value: tuple[ScalarValue, ...]) -> Iterator[ast.GivenDecl | None]:
-    """Yield one value for all elements and a few exceptions, or all elements."""
+    """Yield the commonest value for all elements and the few that differ, or every element."""
     [(common, _), *_] = Counter(value).most_common(1)
-    exceptions = [(i, x) for i, x in enumerate(value) if x != common]
-    if len(exceptions) <= _MAX_EXCEPTIONS:
+    differing = [(i, x) for i, x in enumerate(value) if x != common]
+    if len(differing) <= _MAX_DIFFERING:
         yield _scalar(sensor, None, common)
-        yield from (_scalar(sensor, i, x) for i, x in exceptions)
+        yield from (_scalar(sensor, i, x) for i, x in differing)
         return
     elements = [_expression(sensor, x) for x in value]
     known = tuple(e for e in elements if e is not None)
@@ -95,12 +95,12 @@ def _assignment(
 
 
 def _expression(sensor: Sensor, value: ScalarValue) -> ast.Expression | None:
-    of = element_type(sensor.type)
+    type_ = element_type(sensor.type)
     if isinstance(value, bool):
         return ast.Boolean(value=value)
-    if isinstance(of, Enum):
-        member = next(name for name, n in of.members if n == value)
-        return ast.Reference(path=(*of.name.split("."), member))
+    if isinstance(type_, Enum):
+        member = next(name for name, n in type_.members if n == value)
+        return ast.Reference(path=(*type_.name.split("."), member))
     written = number_text(value, sensor)
     return None if written is None else _number(written)
 

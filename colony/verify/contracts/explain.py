@@ -26,11 +26,11 @@ def explain_unknown(
 
     Args:
         contract: The contract.
-        inexact: Reasons for which formulas about it are inexact.
-        budget: Its budget, used up or not.
+        inexact: Reasons why formulas about it are inexact.
+        budget: Its budget.
         searched: Number of frames searched for a counterexample.
         spurious: Number of models that break it, but not in the reference interpreter.
-        trace: Run that breaks it if the Python modules answer as in the trace.
+        trace: Run that breaks it if the Python modules answer as in this run; None if there is none.
     """
     abstracted = [r for r in inexact if r.kind is Inexact.ABSTRACTED]
     python = [r for r in inexact if r.kind is Inexact.PYTHON]
@@ -41,7 +41,7 @@ def explain_unknown(
         )
         because += _reason_lines(python)
     elif spurious and abstracted:
-        because.append("only bounds and signs are known of the following, and that is not enough:")
+        because.append("only bounds and signs of the following are known, which is not enough:")
         because += _reason_lines(abstracted)
     elif spurious:
         because.append("real numbers can break it, but none of the floats that were tried do")
@@ -62,13 +62,13 @@ def explain_unknown(
 
 
 def _reason_lines(reasons: Sequence[Reason]) -> list[str]:
-    """Return the first reasons, each with its place."""
-    lines = [f"  {_place(r)}{r.text}" for r in reasons[:_MAX_REASONS]]
-    more = len(reasons) - _MAX_REASONS
-    return [*lines, f"  and {more} more"] if more > 0 else lines
+    """Return the first reasons, each with its location."""
+    lines = [f"  {_location(r)}{r.text}" for r in reasons[:_MAX_REASONS]]
+    omitted = len(reasons) - _MAX_REASONS
+    return [*lines, f"  and {omitted} more"] if omitted > 0 else lines
 
 
-def _place(reason: Reason) -> str:
+def _location(reason: Reason) -> str:
     source = reason.span.source
     if not source.text:
         return ""
@@ -80,7 +80,10 @@ def _hint(budget: Budget, abstracted: Sequence[Reason], spurious: int, trace: Tr
     if trace is not None:
         return "bound the module's command with a `limit` or a `range`, or test its class"
     if spurious and abstracted:
-        return "add what the contract needs of them to it as a condition, or test it with `--examples 10000`"
+        return (
+            "state what the contract needs to know about them as a condition in it, or test it with "
+            "`--examples 10000`"
+        )
     if budget.gave_up:
         return (
             "allow more time with `--timeout`, or split the contract: proved contracts help to prove others"

@@ -1,4 +1,4 @@
-"""Counterexamples as frames that `colony trace --input` takes: plain values, declared units."""
+"""Counterexamples as frames that `colony trace --input` accepts: plain values in declared units."""
 
 from __future__ import annotations
 
@@ -43,5 +43,5 @@ def _declared(sensor: Sensor, value: ScalarValue) -> ScalarValue:
     if isinstance(value, bool):
         return value
     quotient = value / sensor.factor
-    near = (quotient, math.nextafter(quotient, math.inf), math.nextafter(quotient, -math.inf))
-    return next((x for x in near if x * sensor.factor == value), quotient)
+    candidates = (quotient, math.nextafter(quotient, math.inf), math.nextafter(quotient, -math.inf))
+    return next((x for x in candidates if x * sensor.factor == value), quotient)

@@ -1,8 +1,8 @@
 """Invariants by Houdini: the largest inductive subset of a set of guesses (Flanagan and Leino, 2001).
 
-All guesses hold in the initial memory. As long as a frame can lead from memory in which all hold to memory in
-which some do not, those are dropped. The rest hold before every frame. Contracts take part: a contract that
-follows from the guesses in every frame may be assumed when the guesses are checked.
+All guesses hold in the initial memory. While a frame can lead from memory in which all hold to memory in
+which some do not, the latter are dropped. The rest hold before every frame. A contract that follows from the
+guesses in every frame may be assumed when the guesses are checked.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from colony.verify.symbolic.substitution import Substitution
 from colony.verify.symbolic.system import Claim
 
 _SHARE = 0.25
-_ROUNDS = 200
+"""Share of a full query's resources for each query."""
+
+_MAX_ROUNDS = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +36,7 @@ class Invariants:
 
 def unbroken(claim: Claim) -> z3.BoolRef:
     """Return the condition that the frame does not break a contract."""
-    return z3.Implies(claim.speaks, claim.holds)
+    return z3.Implies(claim.applies, claim.holds)
 
 
 def invariants(
@@ -48,19 +50,19 @@ def invariants(
 
     `lemmas` are known to hold in every frame. If z3 gives up, fewer guesses are kept; those still hold.
     """
-    now = _Greatest(cone, lemmas, budget)
+    subset = _GreatestSubset(cone, lemmas, budget)
     after = Substitution([c.old for c in cone.cells], [c.next for c in cone.cells])
     for guess in guesses:
-        now.guess(guess.holds, after(guess.holds))
+        subset.guess(guess.holds, after(guess.holds))
     for claim in claims:
-        now.claim(unbroken(claim))
-    now.settle()
+        subset.claim(unbroken(claim))
+    subset.settle()
     return Invariants(
-        tuple(guesses[i] for i in sorted(now.before)), tuple(claims[i] for i in sorted(now.during))
+        tuple(guesses[i] for i in sorted(subset.before)), tuple(claims[i] for i in sorted(subset.during))
     )
 
 
-class _Greatest:
+class _GreatestSubset:
     """The greatest inductive subset: drops guesses and claims until none can be broken. Mutable.
 
     `before` are the remaining guesses, about memory before a frame; `during` are the remaining claims, about
@@ -91,7 +93,7 @@ class _Greatest:
 
     def settle(self) -> None:
         """Find the greatest fixpoint, or a smaller inductive set if z3 gives up."""
-        for _ in range(_ROUNDS):
+        for _ in range(_MAX_ROUNDS):
             known = [self._before[i] for i in sorted(self.before)]
             if self._drop(self.during, self._claims, known):
                 continue
@@ -129,10 +131,10 @@ class _Greatest:
         Used if z3 gives up on all of them together.
         """
         self._solver.limit(_SHARE / 8)
-        shown = {i for i in sorted(kept) if self._solver.ask([*known, z3.Not(goals[i])]) is Answer.UNSAT}
+        proved = {i for i in sorted(kept) if self._solver.ask([*known, z3.Not(goals[i])]) is Answer.UNSAT}
         self._solver.limit(_SHARE)
-        dropped = kept != shown
-        kept &= shown
+        dropped = kept != proved
+        kept &= proved
         return dropped
 
 

@@ -35,9 +35,9 @@ def follows(cone: Cone, claim: Claim, known: Sequence[Known], budget: Budget) ->
 
 
 class Induction:
-    """The inductive step for a contract, for k = 1, 2, ... Mutable: the frames so far.
+    """The inductive step for a contract, for k = 1, 2, ... Stateful: each k adds a frame.
 
-    `known` holds in every frame: invariants, and contracts proved earlier.
+    `known` are conditions that hold in every frame: invariants, and contracts proved earlier.
     """
 
     def __init__(self, cone: Cone, claim: Claim, known: Sequence[Known], budget: Budget) -> None:
@@ -53,7 +53,7 @@ class Induction:
     def next(self) -> tuple[str, ...] | None:
         """Return the conditions of `known` that prove the step for the next k, None if it is not proved."""
         self._solver.add(self._frames.at(self._last, unbroken(self._claim)))
-        self._solver.add(*self._frames.moves(self._last))
+        self._solver.add(*self._frames.transition(self._last))
         self._last += 1
         self._extend()
         goal = z3.Bool(f"broken {self._last}")

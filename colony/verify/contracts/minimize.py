@@ -23,10 +23,10 @@ _PATIENCE = 1500
 _MAX_DIGITS = 6
 
 
-def minimal(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PATIENCE) -> Trace:
+def minimize(replay: Replay, snapshots: Sequence[Snapshot], patience: int = _PATIENCE) -> Trace:
     """Return a minimal trace whose last frame breaks the contract, from `snapshots`, which break it."""
     robot, broken = replay.program.robot, tuple(snapshots)[: len(replay.run(snapshots))]
-    shrinker = Shrinker(robot, broken, replay.breach, _Quieter(), replay.affordable(patience))
+    shrinker = Shrinker(robot, broken, replay.breach, _SimplerReadings(), replay.affordable(patience))
     shrinker.run()
     for module in dict.fromkeys(m for s in shrinker.trace for m in s.answers):
         for i, snapshot in enumerate(shrinker.trace):
@@ -54,7 +54,7 @@ def _needed_missing(replay: Replay, snapshots: tuple[Snapshot, ...]) -> Iterator
             yield sensor.name
 
 
-class _Quieter:
+class _SimplerReadings:
     """Simpler readings in base units: none, that of the previous frame, simple values, short numbers."""
 
     def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterator[Reading]:
@@ -101,9 +101,9 @@ def _shorter(sensor: Sensor, x: ScalarValue) -> Iterator[ScalarValue]:
     """Yield numbers close to `x` that have fewer digits in the sensor's unit."""
     if isinstance(x, bool) or isinstance(element_type(sensor.type), Enum):
         return
-    now = number_text(x, sensor)
-    most = 17 if now is None else len(now.digits.replace(".", "").lstrip("0")) - 1
-    for digits in range(1, min(most, _MAX_DIGITS) + 1):
+    text = number_text(x, sensor)
+    max_digits = 17 if text is None else len(text.digits.replace(".", "").lstrip("0")) - 1
+    for digits in range(1, min(max_digits, _MAX_DIGITS) + 1):
         shorter = rounded(x, sensor, digits)
         if shorter != x and _inside(sensor, shorter):
             yield shorter

@@ -18,7 +18,7 @@ _MAX_GUESSES = 300
 
 
 class ProofContext:
-    """One encoding of a program as formulas. Mutable: the contracts proved and the invariants found in it."""
+    """One encoding of a program as formulas. Stateful: remembers proved contracts and found invariants."""
 
     def __init__(self, system: System) -> None:
         self.system = system
@@ -36,14 +36,14 @@ class ProofContext:
         return [claim for claim in self._proved if covers(cone, self.cones[claim.name])]
 
     def invariants(self, cone: Cone, budget: Budget) -> tuple[Candidate, ...]:
-        """Return the invariants of a cone; they are searched for once."""
+        """Return the invariants of a cone; each cone is searched only once."""
         key = key_of(cone)
         if key not in self._invariants:
-            within = [c for c in self.system.claims if covers(cone, self.cones[c.name])]
+            claims = [c for c in self.system.claims if covers(cone, self.cones[c.name])]
             proved = self.lemmas(cone)
-            open_ = [c for c in within if c not in proved]
+            unproved = [c for c in claims if c not in proved]
             part = budget.part(_SHARE)
-            guesses = not_refuted(cone, candidates(cone, tuple(within)), part)
-            found = invariants(cone, guesses[:_MAX_GUESSES], open_, [unbroken(c) for c in proved], part)
+            guesses = not_refuted(cone, candidates(cone, tuple(claims)), part)
+            found = invariants(cone, guesses[:_MAX_GUESSES], unproved, [unbroken(c) for c in proved], part)
             self._invariants[key] = found.of_memory
         return self._invariants[key]

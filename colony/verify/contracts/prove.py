@@ -24,7 +24,7 @@ from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import Options, Proved, Refuted, Result, Trace, Unknown
 from colony.verify.contracts.solver import Budget, Clock
 from colony.verify.symbolic.encode import encode
-from colony.verify.symbolic.generalization import generalized
+from colony.verify.symbolic.generalization import generalize
 from colony.verify.symbolic.system import Claim, Inexact, Operation, Reason
 
 _GENERAL_SHARE = 0.25
@@ -69,7 +69,7 @@ def results(
 
 
 class Prover:
-    """Proves one program's contracts one after the other. Mutable: the contracts proved so far."""
+    """Proves one program's contracts one after the other. Stateful: remembers the contracts proved so far."""
 
     def __init__(self, program: Program, options: Options, clock: Clock | None = None) -> None:
         self._program = program
@@ -88,7 +88,7 @@ class Prover:
 
     @cached_property
     def _general(self) -> ProofContext:
-        return ProofContext(generalized(self._usual.system))
+        return ProofContext(generalize(self._usual.system))
 
     def prove(self, contract: Contract) -> Result:
         """Prove or refute a contract, within a budget of its own."""
@@ -138,7 +138,7 @@ class Prover:
     def _confirm_for_floats(
         self, contract: Contract, context: ProofContext, proof: Proof, lemmas: list[Claim], refuter: Refuter
     ) -> Proved | Refuted:
-        """Check whether a proof holds for floats, bit for bit: floats may break what reals keep."""
+        """Check whether a proof holds for floats, bit for bit: floats may break what holds for reals."""
         rounding = self._with_lemmas(_rounding([context.claims[contract.name], *lemmas]), lemmas)
         float_proof = self._prove_for_floats(contract) if rounding else None
         if float_proof is not None:
@@ -155,8 +155,8 @@ class Prover:
         """Record a contract as proved."""
         self.proved += 1
         self._over_reals[contract.name] = rounding
-        for used in dict.fromkeys((self._usual, context)):
-            used.record_proof(contract.name)
+        for proof_context in dict.fromkeys((self._usual, context)):
+            proof_context.record_proof(contract.name)
         return Proved(contract=contract, k=proof.k, invariants=proof.used, over_reals=rounding)
 
     def _with_lemmas(self, rounding: tuple[Reason, ...], lemmas: list[Claim]) -> tuple[Reason, ...]:

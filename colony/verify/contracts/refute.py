@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from colony.ir.program import Program, Sensor
 from colony.ir.types import Bool, Enum, Value, element_type
 from colony.verify.contracts.decimals import rounded
-from colony.verify.contracts.minimize import minimal
+from colony.verify.contracts.minimize import minimize
 from colony.verify.contracts.random_runs import random_counterexample
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Trace
@@ -24,7 +24,7 @@ _MAX_MODELS = 16
 
 
 class Refuter:
-    """Replays models of one contract. Mutable: the counts of models tried.
+    """Replays models of one contract. Stateful: counts the models tried.
 
     `spurious` is the number of models that do not break the contract in the interpreter.
     """
@@ -40,12 +40,12 @@ class Refuter:
 
     def confirm(self, candidate: CandidateTrace, search: Search) -> Trace | None:
         """Return a minimal trace from a model, None if the model is spurious."""
-        asks = candidate.without_python and bool(search.frames.cone.system.python)
-        replay = self._replays[asks]
+        without_python = candidate.without_python and bool(search.frames.cone.system.python)
+        replay = self._replays[without_python]
         exact = snapshots(candidate.model, search.frames, candidate.frames)
         for attempt in self._attempts(exact):
             if replay.breaks(attempt):
-                return minimal(replay, attempt)
+                return minimize(replay, attempt)
         self.spurious += 1
         self._tried[candidate.frames] = self._tried.get(candidate.frames, 0) + 1
         return None
@@ -54,7 +54,7 @@ class Refuter:
         """Return a minimal trace from random runs that call no Python module, None if none breaks it."""
         replay = self._replays[True]
         found = random_counterexample(self._program, replay)
-        return None if found is None else minimal(replay, found)
+        return None if found is None else minimize(replay, found)
 
     def may_try_more(self, candidate: CandidateTrace) -> bool:
         """Return True if another model of the same length is worth a try."""

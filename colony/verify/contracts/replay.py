@@ -1,7 +1,7 @@
 """Runs of the reference interpreter over snapshots, with stand-ins for modules written in Python.
 
 A stand-in is a module of the language that reads what the Python module reads, and takes its command from
-additional sensors. So the interpreter needs no change, and no code of the user runs.
+additional sensors. So the interpreter needs no change, and none of the user's code runs.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Replay:
     """
 
     def __init__(self, program: Program, contract: str, without_python: bool = False) -> None:
-        self._contract, self._unasked = contract, without_python
+        self._contract, self._without_python = contract, without_python
         self.program = replace(
             _with_stand_ins(program), contracts=tuple(c for c in program.contracts if c.name == contract)
         )
@@ -45,11 +45,11 @@ class Replay:
             m.name: _commanded(program, m) for m in program.modules if isinstance(m, PythonModule)
         }
 
-    def affordable(self, most: int) -> int:
-        """Return the number of runs to afford: `most` for a small program, fewer for a large one."""
+    def affordable(self, max_runs: int) -> int:
+        """Return the number of runs to afford: `max_runs` for a small program, fewer for a large one."""
         program = self.program
         size = len(program.modules) + len(program.derived) + len(program.wires) + len(program.robot.sensors)
-        return most if size <= _SMALL else most * _SMALL // size
+        return max_runs if size <= _SMALL else max_runs * _SMALL // size
 
     def run(self, snapshots: Sequence[Snapshot]) -> tuple[Outcome, ...]:
         """Return the interpreter's outcomes from its initial memory, up to the contract's first breach."""
@@ -62,7 +62,7 @@ class Replay:
     def breach(self, snapshots: Sequence[Snapshot]) -> int | None:
         """Return the index of the first frame that breaks the contract, None if none does."""
         outcomes, was_called = self._run(snapshots)
-        broken = bool(outcomes) and bool(outcomes[-1].breaches) and not (self._unasked and was_called)
+        broken = bool(outcomes) and bool(outcomes[-1].breaches) and not (self._without_python and was_called)
         return len(outcomes) - 1 if broken else None
 
     def found(self, snapshots: Sequence[Snapshot]) -> tuple[str, ...]:
@@ -71,7 +71,7 @@ class Replay:
         return facts_of_breach(self.program, self._contract, given)
 
     def _run(self, snapshots: Sequence[Snapshot]) -> tuple[tuple[Outcome, ...], bool]:
-        """Return the outcomes, and True if a stand-in answered; `without_python`, all that are called do."""
+        """Return the outcomes, and True if a stand-in was active; without Python, each that is called is."""
         interpreter = Interpreter(self.program)
         outcomes, was_called = [], False
         for snapshot in snapshots:
@@ -85,7 +85,7 @@ class Replay:
         readings = dict(snapshot.readings)
         for module, fields in self._fields.items():
             answer = snapshot.answers.get(module)
-            readings[_answers(module)] = self._unasked or answer is not None
+            readings[_answers(module)] = self._without_python or answer is not None
             for i, field in enumerate(fields):
                 readings[_answer(module, i)] = any_value(field.type) if answer is None else answer[i]
         return readings

@@ -18,7 +18,7 @@ from colony.verify.contracts.table import decision_text, reading_text, table
 from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Reason
 
-_MAX_PLACES = 3
+_MAX_LOCATIONS = 3
 
 
 def verdict(result: Result) -> str:
@@ -55,23 +55,23 @@ def _indented(rows: tuple[str, ...]) -> tuple[str, ...]:
 
 def over_reals(result: Proved) -> str:
     """Return `  (over reals: floats may round at rome.colony:70)`, or "" if the proof is for floats."""
-    places = list(dict.fromkeys(_place(r) for r in result.over_reals))
-    if not places:
+    locations = list(dict.fromkeys(_location(r) for r in result.over_reals))
+    if not locations:
         return ""
-    more = len(places) - _MAX_PLACES
-    shown = ", ".join(places[:_MAX_PLACES]) + (f" and {more} more lines" if more > 0 else "")
+    omitted = len(locations) - _MAX_LOCATIONS
+    shown = ", ".join(locations[:_MAX_LOCATIONS]) + (f" and {omitted} more lines" if omitted > 0 else "")
     return f"  (over reals: floats may round at {shown})"
 
 
-def _place(reason: Reason) -> str:
-    """Return the file and line of a reason, or its text if it has none."""
+def _location(reason: Reason) -> str:
+    """Return the file and line of a reason, or its text if it is not in a file."""
     source = reason.span.source
     return f"{source.name}:{source.position(reason.span.start)[0]}" if source.text else reason.text
 
 
 def reason_text(reason: Reason) -> str:
     """Return a reason with its file and line."""
-    return f"{_place(reason)}: {reason.text}" if reason.span.source.text else reason.text
+    return f"{_location(reason)}: {reason.text}" if reason.span.source.text else reason.text
 
 
 def finding(result: Result, file: str | None) -> Diagnostic | None:
@@ -107,7 +107,7 @@ def _hint(trace: Trace, file: str | None) -> str | None:
     )
     name = next(infinite, None)
     if name is not None:
-        return f"`{name}` is infinite there: give it a `range`, which bounds what comes in"
+        return f"`{name}` is infinite there: give it a `range`, which bounds its readings"
     if file is None:
         return None
     return f"`colony verify --write-test {quote(file)}` adds the run to it as a test"
@@ -121,7 +121,7 @@ def seconds_of(trace: Trace) -> str:
 def row(program: Program, result: Result) -> dict[str, object]:
     """Return a result as an object for JSON."""
     line, column = result.contract.span.source.position(result.contract.span.start)
-    made: dict[str, object] = {
+    result_row: dict[str, object] = {
         "contract": result.contract.name,
         "file": result.contract.span.source.name,
         "line": line,
@@ -130,16 +130,16 @@ def row(program: Program, result: Result) -> dict[str, object]:
     }
     match result:
         case Proved(k=k, invariants=invariants):
-            made |= {"k": k, "invariants": list(invariants)}
-            made["over_reals"] = [reason_text(r) for r in result.over_reals]
+            result_row |= {"k": k, "invariants": list(invariants)}
+            result_row["over_reals"] = [reason_text(r) for r in result.over_reals]
         case Refuted(trace=trace):
-            made["trace"] = trace_rows(program, trace)
-        case Unknown(because=because, hint=hint, trace=maybe):
-            made |= {"because": [b.strip() for b in because], "hint": hint}
-            made["trace"] = None if maybe is None else trace_rows(program, maybe)
+            result_row["trace"] = trace_rows(program, trace)
+        case Unknown(because=because, hint=hint, trace=unknown_trace):
+            result_row |= {"because": [b.strip() for b in because], "hint": hint}
+            result_row["trace"] = None if unknown_trace is None else trace_rows(program, unknown_trace)
         case _:
             assert_never(result)
-    return made
+    return result_row
 
 
 def trace_rows(program: Program, trace: Trace) -> list[dict[str, object]]:

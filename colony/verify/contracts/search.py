@@ -34,9 +34,9 @@ class CandidateTrace(NamedTuple):
 
 
 class Search:
-    """A search for traces of growing length that break one contract. Mutable: the length so far.
+    """A search for traces of growing length that break one contract. Stateful: remembers the length so far.
 
-    `safe_length` is the number of frames from the start that provably do not break it, whatever is sensed.
+    `safe_length` is the number of frames from the start that provably do not break it, whatever the readings.
     """
 
     def __init__(self, cone: Cone, claim: Claim, budget: Budget, lemmas: Sequence[z3.BoolRef] = ()) -> None:
@@ -101,7 +101,7 @@ class Search:
         """Add a frame to the trace."""
         system = self.frames.cone.system
         if frame > 0:
-            self._solver.add(*self.frames.moves(frame - 1))
+            self._solver.add(*self.frames.transition(frame - 1))
             before, now = self.frames.at(frame - 1, system.now), self.frames.at(frame, system.now)
             self._solver.add(z3.Implies(_REGULAR, now == before + system.program.robot.frame_ns))
         self._solver.add(self.frames.at(frame, self._facts))
@@ -127,12 +127,12 @@ class Search:
 
 def _far(scalar: Number | z3.BoolRef, model: z3.ModelRef, frames: Unrolling, frame: int) -> list[z3.BoolRef]:
     """Return the conditions that a value differs from a model's by more than a hundredth."""
-    here = scalar.value if isinstance(scalar, Number) else scalar
-    if not within(frames.cone, here):
+    term = scalar.value if isinstance(scalar, Number) else scalar
+    if not within(frames.cone, term):
         return []
-    there = frames.at(frame, here)
-    value = model.eval(there, model_completion=True)
+    constant = frames.at(frame, term)
+    value = model.eval(constant, model_completion=True)
     if not z3.is_arith(value):
-        return [there != value]
+        return [constant != value]
     margin = z3.If(value < 0, -value, value) / 100 + z3.Q(1, 1000)
-    return [z3.Or(there > value + margin, there < value - margin)]
+    return [z3.Or(constant > value + margin, constant < value - margin)]

@@ -1,4 +1,4 @@
-"""z3 with limits: every question ends, and without a clock in the same way on every machine."""
+"""z3 with limits: every query ends, and without a clock it ends in the same way on every machine."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Answer(Enum):
     GAVE_UP = auto()
 
 
-_QUESTIONS = 8
-"""Number of full-cost questions that one contract may take."""
+_QUERIES = 8
+"""Number of full-cost queries that the budget of a contract covers."""
 
 
 class Budget:
-    """The budget of one contract. Mutable: the resources left, and whether z3 gave up.
+    """The budget of one contract. Stateful: tracks the resources left, and whether z3 gave up.
 
     Without a clock, only resources are limited.
     """
@@ -41,10 +41,10 @@ class Budget:
 
     def part(self, share: float = 0.5) -> Budget:
         """Return a budget with the same deadline and a share of the initial resources."""
-        other = Budget(self.options, self._clock)
-        other._until = self._until
-        other._resources = int(other._resources * share)
-        return other
+        part = Budget(self.options, self._clock)
+        part._until = self._until
+        part._resources = int(part._resources * share)
+        return part
 
     @property
     def milliseconds_left(self) -> int | None:
@@ -54,11 +54,11 @@ class Budget:
         return max(0, int((self._until - self._clock()) * 1000))
 
     def charge(self, resources: int) -> None:
-        """Subtract the cost of a question, in z3's units."""
+        """Subtract the cost of a query, in z3's units."""
         self._resources -= resources
 
     def spent(self) -> bool:
-        """Return True if nothing of the budget is left."""
+        """Return True if the budget is used up."""
         over = self.milliseconds_left == 0 or self._resources <= 0
         self.gave_up = self.gave_up or over
         return over
@@ -72,16 +72,16 @@ class Solver:
     """An incremental z3 solver within a budget. Mutable."""
 
     def __init__(self, budget: Budget, share: float = 1.0) -> None:
-        """Create a solver; each question may use `share` of a full question's resources."""
+        """Create a solver; each query may use `share` of a full query's resources."""
         self._budget = budget
         self._z3 = z3.Solver()
-        self._z3.push()  # makes z3 incremental, which is faster for such questions
+        self._z3.push()  # makes z3 incremental, which is faster for such queries
         self.limit(share)
 
     def limit(self, share: float) -> None:
-        """Limit each further question to a share of a full question's resources."""
-        self._most = max(1, int(self._budget.options.resources * share / _QUESTIONS))
-        self._z3.set("rlimit", self._most)
+        """Limit each further query to a share of a full query's resources."""
+        self._query_limit = max(1, int(self._budget.options.resources * share / _QUERIES))
+        self._z3.set("rlimit", self._query_limit)
 
     def add(self, *formulas: z3.BoolRef) -> None:
         """Add formulas to the current level."""
@@ -107,12 +107,12 @@ class Solver:
         if left is not None:
             self._z3.set("timeout", left)
         before = _resources_used(self._z3)
-        found = self._z3.check(*assumed)
+        result = self._z3.check(*assumed)
         used = _resources_used(self._z3) - before
         self._budget.charge(used)
-        if found == z3.sat:
+        if result == z3.sat:
             return Answer.SAT
-        if found == z3.unsat:
+        if result == z3.unsat:
             return Answer.UNSAT
         if self._interrupted(used):
             raise KeyboardInterrupt
@@ -120,13 +120,13 @@ class Solver:
         return Answer.GAVE_UP
 
     def _interrupted(self, used: int) -> bool:
-        """Return True if Ctrl-C ended a question, and not its difficulty or a limit.
+        """Return True if a query was ended by Ctrl-C, not by its difficulty or a limit.
 
         z3 reports Ctrl-C in the same words as a limit.
         """
         reason, left = self._z3.reason_unknown(), self._budget.milliseconds_left
         in_time = left is None or left > _GRACE_MS
-        return "interrupted" in reason or ("canceled" in reason and used < self._most and in_time)
+        return "interrupted" in reason or ("canceled" in reason and used < self._query_limit and in_time)
 
     def model(self) -> z3.ModelRef:
         """Return the model of the last answer, which was SAT."""

@@ -12,7 +12,7 @@ from colony.ir.types import Bool, Enum, Scalar, ScalarValue, Value, element_type
 from colony.verify.contracts.decimals import number_text, seconds
 from colony.verify.contracts.results import Trace
 
-_MAX_EXCEPTIONS = 6
+_MAX_DIFFERING = 6
 
 
 def table(program: Program, contract: Contract, trace: Trace) -> tuple[str, ...]:
@@ -45,8 +45,8 @@ def _notes(program: Program, trace: Trace, given: int) -> Iterator[str]:
 
 def _actuators(program: Program, contract: Contract) -> dict[str, Actuator]:
     """Return the actuators that the contract names, else all."""
-    asked = (ir.SentField, ir.WonBy, ir.IsCommanded, ir.IsIdle)
-    named = {x.actuator for x in ir.subexpressions(contract.expression) if isinstance(x, asked)}
+    actuator_reads = (ir.SentField, ir.WonBy, ir.IsCommanded, ir.IsIdle)
+    named = {x.actuator for x in ir.subexpressions(contract.expression) if isinstance(x, actuator_reads)}
     chosen = [a for a in program.robot.actuators if a.name in named] or program.robot.actuators
     return {a.name: a for a in chosen}
 
@@ -58,25 +58,25 @@ def reading_text(sensor: Sensor, value: Value | None) -> str:
     if not isinstance(value, tuple):
         return _scalar(sensor, value)
     [(common, _), *_] = Counter(value).most_common(1)
-    exceptions = [(i, x) for i, x in enumerate(value) if x != common]
-    if len(exceptions) > _MAX_EXCEPTIONS:
+    differing = [(i, x) for i, x in enumerate(value) if x != common]
+    if len(differing) > _MAX_DIFFERING:
         return f"[{', '.join(_scalar(sensor, x) for x in value)}]"
     return ", ".join(
-        (f"all {_scalar(sensor, common)}", *(f"[{i}] {_scalar(sensor, x)}" for i, x in exceptions))
+        (f"all {_scalar(sensor, common)}", *(f"[{i}] {_scalar(sensor, x)}" for i, x in differing))
     )
 
 
 def _scalar(sensor: Sensor, value: ScalarValue) -> str:
     written = number_text(value, sensor)
-    return _shown(value, element_type(sensor.type), f"{value:g}" if written is None else str(written))
+    return _value_text(value, element_type(sensor.type), f"{value:g}" if written is None else str(written))
 
 
-def _shown(value: ScalarValue, of: Scalar, number: str) -> str:
+def _value_text(value: ScalarValue, type_: Scalar, number: str) -> str:
     """Return a bool or an enumerator by its name, and otherwise `number`."""
-    if isinstance(value, bool) or isinstance(of, Bool):
+    if isinstance(value, bool) or isinstance(type_, Bool):
         return "true" if value else "false"
-    members = of.members if isinstance(of, Enum) else ()
-    return next((f"{of}.{name}" for name, n in members if n == value), number)
+    members = type_.members if isinstance(type_, Enum) else ()
+    return next((f"{type_}.{name}" for name, n in members if n == value), number)
 
 
 def decision_text(actuator: Actuator, decision: Decision) -> str:
@@ -92,7 +92,7 @@ def _fields(actuator: Actuator, values: Sequence[ScalarValue]) -> str:
     """Return values in declared units."""
     units = (f" {f.unit}" if f.unit else "" for f in actuator.fields)
     return ", ".join(
-        f"{f.name} = {_shown(value, f.type, f'{value:.9g}{unit}')}"
+        f"{f.name} = {_value_text(value, f.type, f'{value:.9g}{unit}')}"
         for f, value, unit in zip(actuator.fields, values, units, strict=True)
     )
 

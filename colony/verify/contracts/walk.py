@@ -16,17 +16,18 @@ from colony.verify.symbolic.system import Number, SensorInput
 
 _WALKS = 5
 _STEPS = 8
-_PRESENT = 0.85
-_SPREAD = 1000
+_PRESENT_PROBABILITY = 0.85
+_UNBOUNDED_WIDTH = 1000
+"""Width of the range from which readings are drawn if the sensor's range is unbounded."""
 
 
 def not_refuted(cone: Cone, guesses: Sequence[Candidate], budget: Budget) -> list[Candidate]:
     """Return the guesses that hold before every frame of the walks. Deterministic."""
-    left = list(guesses)
+    remaining = list(guesses)
     for walk in range(_WALKS):
         for model in _walk(cone, Random(walk), budget):
-            left = [g for g in left if not z3.is_false(model.eval(g.holds, model_completion=True))]
-    return left
+            remaining = [g for g in remaining if not z3.is_false(model.eval(g.holds, model_completion=True))]
+    return remaining
 
 
 def _walk(cone: Cone, random: Random, budget: Budget) -> Iterator[z3.ModelRef]:
@@ -54,7 +55,7 @@ def _readings(cone: Cone, random: Random) -> Iterator[z3.BoolRef]:
     """Yield the readings of a cone's sensors: mostly present, anywhere in their ranges."""
     for given in cone.system.sensors.values():
         if within(cone, given.present):
-            yield given.present == z3.BoolVal(random.random() < _PRESENT)
+            yield given.present == z3.BoolVal(random.random() < _PRESENT_PROBABILITY)
         yield from _elements(cone, given, random)
 
 
@@ -67,8 +68,10 @@ def _elements(cone: Cone, given: SensorInput, random: Random) -> Iterator[z3.Boo
                 yield element == z3.BoolVal(random.random() < 0.5)
         elif within(cone, element.value) and z3.is_const(element.value) and not element.cases:
             low, high = element.bounds.low, element.bounds.high
-            low = Fraction(-_SPREAD) if low is None else low
-            high = low + _SPREAD if high is None else high
-            part = Fraction(min(1.0, max(0.0, base + spread * (random.random() - 0.5)))).limit_denominator(64)
-            value = low + part * (high - low)
+            low = Fraction(-_UNBOUNDED_WIDTH) if low is None else low
+            high = low + _UNBOUNDED_WIDTH if high is None else high
+            fraction = Fraction(
+                min(1.0, max(0.0, base + spread * (random.random() - 0.5)))
+            ).limit_denominator(64)
+            value = low + fraction * (high - low)
             yield element.value == z3.Q(value.numerator, value.denominator)

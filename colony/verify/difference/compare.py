@@ -1,7 +1,7 @@
 """Comparison of what two programs send: by their content, by induction, or by a run in which they differ.
 
-Only what the actuators receive is compared: the values sent, those of the idle command included, or that
-nothing is sent (`idle hold`). The winning modules may differ.
+Only what the actuators receive is compared: the values sent, including idle commands, or that nothing is sent
+(`idle hold`). The winning modules may differ.
 """
 
 from __future__ import annotations
@@ -43,62 +43,69 @@ def difference(
     `actuators` are the pairs to compare, A's name and B's; by default, those of equal names.
 
     Raises:
-        DiagnosticError: V040 to V042, where the two cannot be compared.
+        DiagnosticError: V040 to V042: the two cannot be compared.
     """
     check_sensors(a, b)
-    leave_out = ignored(a, b, ignore)
-    compared = pairs(a, b, leave_out, actuators)
-    both = product(a, b)
-    found = matching(a, b, compared)
-    open_ = [pair for pair in compared if not _same_content(pair, both)]
-    if not open_:
-        return Same(matching=found, by_content=True)
-    contract = Contract(name=_SAME, expression=_claim(open_, leave_out, both))
-    program = replace(both.program, contracts=(contract,))
+    ignored_parts = ignored(a, b, ignore)
+    compared = pairs(a, b, ignored_parts, actuators)
+    combined = product(a, b)
+    modules_matched = matching(a, b, compared)
+    unequal = [pair for pair in compared if not _same_content(pair, combined)]
+    if not unequal:
+        return Same(matching=modules_matched, by_content=True)
+    contract = Contract(name=_SAME, expression=_claim(unequal, ignored_parts, combined))
+    program = replace(combined.program, contracts=(contract,))
     trace = Refuter(program, _SAME).draw()
     if trace is not None:
         return _different(
-            a, b, both, compared, shortest(program, _SAME, trace, options or Options(), clock), found
+            a,
+            b,
+            combined,
+            compared,
+            shortest(program, _SAME, trace, options or Options(), clock),
+            modules_matched,
         )
     match Prover(program, options or Options(), clock).prove(contract):
         case Proved(k=k, over_reals=over_reals):
-            exact = _only_wired_otherwise(compared, both)
-            return Same(matching=found, by_content=False, k=k, over_reals=() if exact else over_reals)
+            exact = _differ_only_in_wiring(compared, combined)
+            return Same(
+                matching=modules_matched, by_content=False, k=k, over_reals=() if exact else over_reals
+            )
         case Refuted(trace=trace):
-            return _different(a, b, both, compared, trace, found)
+            return _different(a, b, combined, compared, trace, modules_matched)
         case Unknown() as unknown:
-            return _undecided(unknown, found)
+            return _undecided(unknown, modules_matched)
 
 
-def _same_content(pair: Pair, both: Product) -> bool:
-    """Return True if an actuator has the same network, limits, ranges and idle command in both."""
+def _same_content(pair: Pair, combined: Product) -> bool:
+    """Return True if an actuator has the same network, limits, ranges and idle command in both programs."""
     a, b = pair.a, pair.b
-    same_root = both.roots.get(a.name) == both.roots.get(b.name + B_SUFFIX)
-    return same_root and a.idle == b.idle and _same_bounds(pair, both)
+    same_root = combined.roots.get(a.name) == combined.roots.get(b.name + B_SUFFIX)
+    return same_root and a.idle == b.idle and _same_bounds(pair, combined)
 
 
-def _same_bounds(pair: Pair, both: Product) -> bool:
+def _same_bounds(pair: Pair, combined: Product) -> bool:
     a, b = pair.a, pair.b
     return all(
         (x.low, x.high) == (y.low, y.high)
-        and both.limits.get((a.name, i), ()) == both.limits.get((b.name + B_SUFFIX, i), ())
+        and combined.limits.get((a.name, i), ()) == combined.limits.get((b.name + B_SUFFIX, i), ())
         for i, (x, y) in enumerate(zip(a.fields, b.fields, strict=True))
     )
 
 
-def _only_wired_otherwise(compared: Sequence[Pair], both: Product) -> bool:
-    """Return True if all modules and bounds are the same, so that both round every number alike."""
-    program = both.program
+def _differ_only_in_wiring(compared: Sequence[Pair], combined: Product) -> bool:
+    """Return True if all modules and bounds are the same, so that both programs round all numbers alike."""
+    program = combined.program
     own = any(x.name.endswith(B_SUFFIX) for x in (*program.modules, *program.derived))
-    return not own and all(_same_bounds(pair, both) for pair in compared)
+    return not own and all(_same_bounds(pair, combined) for pair in compared)
 
 
-# --- what is claimed -------------------------------------------------------------------------------
+# --- the claim -------------------------------------------------------------------------------------
 
 
-def _claim(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> ir.Expression:
+def _claim(compared: Sequence[Pair], ignored_parts: Ignored, combined: Product) -> ir.Expression:
     same = all_of(part for pair in compared for part in _equal(pair))
-    return any_of((*_excused(compared, leave_out, both), same))
+    return any_of((*_excused(compared, ignored_parts, combined), same))
 
 
 def _equal(pair: Pair) -> Iterator[ir.Expression]:
@@ -110,14 +117,14 @@ def _equal(pair: Pair) -> Iterator[ir.Expression]:
 
 
 def _sends(actuator: Actuator, name: str) -> ir.Expression:
-    """Return the condition that anything is sent."""
+    """Return the condition that a command is sent."""
     if actuator.idle is None:
         return ir.IsCommanded(type=BOOL, actuator=name)
     return TRUE
 
 
 def _sent(actuator: Actuator, i: int, name: str) -> ir.Expression:
-    """Return a field as it is sent; where nothing is sent, a stand-in value."""
+    """Return the value of a field that is sent, or a stand-in if nothing is sent."""
     kind = actuator.fields[i].type
     sent = ir.SentField(type=kind, actuator=name, field_index=i)
     if actuator.idle is not None:
@@ -125,13 +132,13 @@ def _sent(actuator: Actuator, i: int, name: str) -> ir.Expression:
     return ir.ValueOr(type=kind, expression=sent, other=constant(any_value(kind), kind))
 
 
-def _excused(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> Iterator[ir.Expression]:
+def _excused(compared: Sequence[Pair], ignored_parts: Ignored, combined: Product) -> Iterator[ir.Expression]:
     """Yield the conditions that an ignored module wins, in A or in B."""
-    of_a = {m.name for m in both.program.modules if not m.name.endswith(B_SUFFIX)}
-    for module in sorted(leave_out.modules):
+    names_in_a = {m.name for m in combined.program.modules if not m.name.endswith(B_SUFFIX)}
+    for module in sorted(ignored_parts.modules):
         names = dict.fromkeys(
             name
-            for name in (module if module in of_a else None, both.modules.get(module))
+            for name in (module if module in names_in_a else None, combined.modules.get(module))
             if name is not None
         )
         for name in names:
@@ -140,22 +147,29 @@ def _excused(compared: Sequence[Pair], leave_out: Ignored, both: Product) -> Ite
                     yield won(actuator, name)
 
 
-# --- what was found --------------------------------------------------------------------------------
+# --- the result ------------------------------------------------------------------------------------
 
 
 def _different(
-    a: Program, b: Program, both: Product, compared: Sequence[Pair], trace: Trace, found: Matching
+    a: Program,
+    b: Program,
+    combined: Product,
+    compared: Sequence[Pair],
+    trace: Trace,
+    modules_matched: Matching,
 ) -> Result:
-    """Return the outcomes of each program by itself over the trace, in which they must differ as well."""
-    names_in_b = {in_product: in_b for in_b, in_product in both.modules.items()}
+    """Return the outcomes of each program run alone over the trace; these must differ as well."""
+    names_in_b = {in_product: in_b for in_b, in_product in combined.modules.items()}
     by_a = Replay(a, "").run(trace.snapshots)
     by_b = Replay(b, "").run([_for_b(s, names_in_b) for s in trace.snapshots])
     differing = tuple((p.a.name, p.b.name) for p in compared if _sends_differently(p, by_a[-1], by_b[-1]))
     if not differing:
-        because = ("the run that was found does not show a difference when each is run by itself",)
-        return Undecided(matching=found, because=because, hint="this is a defect of `colony`: report it")
+        because = ("the run that was found shows no difference when each behavior is run alone",)
+        return Undecided(
+            matching=modules_matched, because=because, hint="this is a defect of `colony`: report it"
+        )
     return Different(
-        matching=found,
+        matching=modules_matched,
         actuators=differing,
         snapshots=trace.snapshots,
         a=by_a,
@@ -178,14 +192,14 @@ def _sends_differently(pair: Pair, a: Outcome, b: Outcome) -> bool:
     return any(values_a[i] != values_b[i] for i in pair.compared)
 
 
-def _undecided(unknown: Unknown, found: Matching) -> Undecided:
+def _undecided(unknown: Unknown, modules_matched: Matching) -> Undecided:
     because = unknown.because
     if unknown.trace is not None:
         because = (
             "they differ if modules in Python answer differently, and those that differ may answer anything",
             *because[1:],
         )
-    return Undecided(matching=found, because=because, hint=_HINT)
+    return Undecided(matching=modules_matched, because=because, hint=_HINT)
 
 
 _HINT = (

@@ -14,7 +14,7 @@ from colony.text.wording import duration_text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pair:
-    """An actuator of A and one of B that should be sent the same, in the fields at `compared`."""
+    """An actuator of A and one of B to compare, in the fields with the indices `compared`."""
 
     a: Actuator
     b: Actuator
@@ -23,7 +23,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ignored:
-    """The parts left out: whole actuators, fields, and frames in which a module wins in either program."""
+    """The parts to ignore: whole actuators, fields, and frames in which one of `modules` wins."""
 
     actuators: frozenset[str] = frozenset()
     fields: frozenset[tuple[str, str]] = frozenset()
@@ -31,29 +31,31 @@ class Ignored:
 
 
 def ignored(a: Program, b: Program, names: Iterable[str]) -> Ignored:
-    """Return what `names` mean in either program: an actuator, `actuator.field`, or a module.
+    """Return the parts that `names` refer to in either program: an actuator, `actuator.field`, or a module.
 
     Raises:
-        DiagnosticError: V040, for a name that neither program has.
+        DiagnosticError: V040: neither program has one of the names.
     """
     actuators = {x.name for p in (a, b) for x in p.robot.actuators}
     fields = {(x.name, f.name) for p in (a, b) for x in p.robot.actuators for f in x.fields}
     modules = {m.name for p in (a, b) for m in p.modules if m.actuator is not None}
     found: dict[str, set[str]] = {"actuators": set(), "modules": set()}
-    some: set[tuple[str, str]] = set()
+    field_names: set[tuple[str, str]] = set()
     for name in names:
         actuator, _, part = name.rpartition(".")
         if name in actuators:
             found["actuators"].add(name)
         elif (actuator, part) in fields:
-            some.add((actuator, part))
+            field_names.add((actuator, part))
         elif name in modules:
             found["modules"].add(name)
         else:
             known = [*sorted(actuators), *(f"{x}.{y}" for x, y in sorted(fields)), *sorted(modules)]
             raise DiagnosticError([_unknown(name, known, "actuator, field or module", a)])
     return Ignored(
-        actuators=frozenset(found["actuators"]), fields=frozenset(some), modules=frozenset(found["modules"])
+        actuators=frozenset(found["actuators"]),
+        fields=frozenset(field_names),
+        modules=frozenset(found["modules"]),
     )
 
 
@@ -64,44 +66,44 @@ def _unknown(name: str, known: Sequence[str], kind: str, program: Program) -> Di
 
 
 def pairs(
-    a: Program, b: Program, leave_out: Ignored, chosen: Sequence[tuple[str, str]] = ()
+    a: Program, b: Program, ignored_parts: Ignored, chosen: Sequence[tuple[str, str]] = ()
 ) -> tuple[Pair, ...]:
     """Return the actuators to compare: those of equal names, or those `chosen` (A's name, B's name).
 
     Raises:
-        DiagnosticError: V040, for an unknown name; V041, where the actuators take different commands; V042,
-            where nothing is left to compare.
+        DiagnosticError: V040: a name is unknown; V041: the actuators have different commands; V042: nothing
+            is left to compare.
     """
-    of_a = {x.name: x for x in a.robot.actuators}
-    of_b = {x.name: x for x in b.robot.actuators}
+    actuators_a = {x.name: x for x in a.robot.actuators}
+    actuators_b = {x.name: x for x in b.robot.actuators}
     for name_a, name_b in chosen:
-        for name, known, program in ((name_a, of_a, a), (name_b, of_b, b)):
+        for name, known, program in ((name_a, actuators_a, a), (name_b, actuators_b, b)):
             if name not in known:
                 raise DiagnosticError([_unknown(name, list(known), "actuator", program)])
-    names = chosen or [(name, name) for name in of_a if name in of_b]
-    found, wrong = [], list[Diagnostic]()
+    names = chosen or [(name, name) for name in actuators_a if name in actuators_b]
+    found, diagnostics = [], list[Diagnostic]()
     for name_a, name_b in names:
-        if leave_out.actuators & {name_a, name_b}:
+        if ignored_parts.actuators & {name_a, name_b}:
             continue
-        mismatch = [] if chosen else list(_command_differences(of_a[name_a], of_b[name_b]))
-        mismatch += _field_differences(of_a[name_a], of_b[name_b])
-        wrong += mismatch
+        mismatch = [] if chosen else list(_command_differences(actuators_a[name_a], actuators_b[name_b]))
+        mismatch += _field_differences(actuators_a[name_a], actuators_b[name_b])
+        diagnostics += mismatch
         if not mismatch:
-            found.append(_pair(of_a[name_a], of_b[name_b], leave_out))
-    if wrong:
-        raise DiagnosticError(wrong)
+            found.append(_pair(actuators_a[name_a], actuators_b[name_b], ignored_parts))
+    if diagnostics:
+        raise DiagnosticError(diagnostics)
     if not any(pair.compared for pair in found):
         hint = "name pairs with `--actuator A=B`" if not names else "ignore less"
-        message = "there is nothing to compare: the behaviors have no actuator in common that is not ignored"
+        message = "there is nothing to compare: the behaviors share no actuator that is not ignored"
         raise DiagnosticError([error("V042", b.robot.span, message, hint)])
     return tuple(found)
 
 
-def _pair(a: Actuator, b: Actuator, leave_out: Ignored) -> Pair:
+def _pair(a: Actuator, b: Actuator, ignored_parts: Ignored) -> Pair:
     compared = tuple(
         i
         for i, f in enumerate(a.fields)
-        if (a.name, f.name) not in leave_out.fields and (b.name, f.name) not in leave_out.fields
+        if (a.name, f.name) not in ignored_parts.fields and (b.name, f.name) not in ignored_parts.fields
     )
     return Pair(a=a, b=b, compared=compared)
 
@@ -113,55 +115,55 @@ def _command_differences(a: Actuator, b: Actuator) -> Iterator[Diagnostic]:
 
 
 def _field_differences(a: Actuator, b: Actuator) -> Iterator[Diagnostic]:
-    """Yield the differences between the fields; ranges may differ, as they are part of a behavior."""
+    """Yield the differences between the fields; ranges may differ, as they belong to the behavior."""
     found = [(f.name, str(f.type), f.unit) for f in b.fields]
     expected = [(f.name, str(f.type), f.unit) for f in a.fields]
     if found != expected:
         shown = ("`" + ", ".join(f"{n} : {u or t}" for n, t, u in some) + "`" for some in (found, expected))
-        here, there = shown
-        yield _differs(f"actuator `{b.name}` has the fields {here}", there, b.span, a.span)
+        shown_found, shown_expected = shown
+        yield _differs(f"actuator `{b.name}` has the fields {shown_found}", shown_expected, b.span, a.span)
 
 
 def _differs(what: str, expected: str, span: Span, other: Span) -> Diagnostic:
-    return error("V041", span, f"{what}, expected {expected}, as at {_place(other)}", _SAME_ROBOT_HINT)
+    return error("V041", span, f"{what}, expected {expected}, as at {_location(other)}", _SAME_ROBOT_HINT)
 
 
 _SAME_ROBOT_HINT = "behaviors are compared for one robot: declare it in a file that both import"
 
 
 def check_sensors(a: Program, b: Program) -> None:
-    """Check that sensors of one name are equal, and that sensors of one source have one name.
+    """Check that sensors with the same name are equal, and that one source has one name.
 
     Raises:
-        DiagnosticError: V041, for each that differs, at B's declaration.
+        DiagnosticError: V041 for each sensor that differs, at its declaration in B.
     """
     of_a = {s.name: s for s in a.robot.sensors}
     sources = {(s.server, s.field): s for s in a.robot.sensors}
     of_b = {s.name for s in b.robot.sensors}
-    wrong: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     for sensor in b.robot.sensors:
         other = of_a.get(sensor.name)
         same_source = sources.get((sensor.server, sensor.field))
         if other is not None:
-            wrong += _sensor_differences(other, sensor)
+            diagnostics += _sensor_differences(other, sensor)
         elif same_source is not None and same_source.name not in of_b:
             what = f"sensor `{sensor.name}` reads `{sensor.server}.{sensor.field}`"
-            wrong.append(
+            diagnostics.append(
                 _differs(what, f"the name `{same_source.name}` for that", sensor.span, same_source.span)
             )
-    if wrong:
-        raise DiagnosticError(wrong)
+    if diagnostics:
+        raise DiagnosticError(diagnostics)
 
 
 def _sensor_differences(a: Sensor, b: Sensor) -> Iterator[Diagnostic]:
-    for (what, expected), (_, found) in zip(_facts(a), _facts(b), strict=True):
+    for (what, expected), (_, found) in zip(_properties(a), _properties(b), strict=True):
         if found != expected:
             yield _differs(f"sensor `{b.name}` has the {what} {found}", expected, b.span, a.span)
             return
 
 
-def _facts(sensor: Sensor) -> tuple[tuple[str, str], ...]:
-    """Return what two sensors of one name must have in common, in words."""
+def _properties(sensor: Sensor) -> tuple[tuple[str, str], ...]:
+    """Return the properties that sensors with the same name must share, as (property, text)."""
     bounds = [
         "none" if x is None else f"{x / sensor.factor:.9g}{f' {sensor.unit}' if sensor.unit else ''}"
         for x in (sensor.low, sensor.high)
@@ -180,7 +182,7 @@ def _type(sensor: Sensor) -> str:
     return f"{kind} in {sensor.unit}" if sensor.unit and sensor.unit != kind else kind
 
 
-def _place(span: Span) -> str:
+def _location(span: Span) -> str:
     if span is NOWHERE:
         return "the other behavior"
     line, column = span.source.position(span.start)

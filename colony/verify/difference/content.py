@@ -1,9 +1,9 @@
 """The content of a declaration, independent of its name: equal contents behave the same in every run.
 
 The content of an expression is a number that stands for the nested tuple of the expression's parts, with
-names replaced by the contents of what they name. Lets without memory count as if written out. States
-may read one another in a circle, so their contents are found by refinement: at first, states with equal
-initial values count as the same; then states whose `next` differs are separated, until nothing changes.
+names replaced by the contents of what they name. Lets without memory are expanded. States may read each other
+in a cycle, so their contents are found by refinement: at first, states with equal initial values have the
+same color; then states whose `next` differs are separated, until nothing changes.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ Loop = tuple[str, ...]
 
 
 class Table:
-    """The numbers of different contents. Mutable; shared by all programs that are compared."""
+    """Numbers for contents. Mutable; shared by all programs that are compared."""
 
     def __init__(self) -> None:
         self._numbers: dict[Hashable, int] = {}
 
     def number(self, *content: Hashable) -> int:
-        """Return the number of a content, a new one for a new content."""
+        """Return the number of a content; a new content gets a new number."""
         return self._numbers.setdefault(content, len(self._numbers))
 
 
@@ -57,7 +57,7 @@ class Contents:
         self._file_level = {d.name for d in program.derived}
         self._known: dict[str, int] = {}
         self._needed: dict[str, frozenset[str]] = {}
-        self._colors = {name: self._first(state) for name, state in self._states.items()}
+        self._colors = {name: self._initial_color(state) for name, state in self._states.items()}
 
     def _declare(self, derived: Derived) -> None:
         match derived:
@@ -70,10 +70,10 @@ class Contents:
 
     # --- states ----------------------------------------------------------------------------------
 
-    def _first(self, state: State | Machine) -> int:
+    def _initial_color(self, state: State | Machine) -> int:
         match state:
             case State(initial=initial):
-                return self._table.number("state", _written(initial))
+                return self._table.number("state", _value_key(initial))
             case Machine(start=start):
                 return self._table.number("machine", start)
             case _:
@@ -83,7 +83,7 @@ class Contents:
         """Separate states by the current colors of the states that they read."""
         self._known.clear()
         self._colors = {
-            name: self._table.number(self._colors[name], self._following(state))
+            name: self._table.number(self._colors[name], self._next_content(state))
             for name, state in self._states.items()
         }
         self._known.clear()
@@ -92,10 +92,10 @@ class Contents:
         """Return the colors of all states."""
         return frozenset(self._colors.values())
 
-    def _following(self, state: State | Machine) -> int:
+    def _next_content(self, state: State | Machine) -> int:
         match state:
-            case State(next=following):
-                return -1 if following is None else self.expression(following)
+            case State(next=next_value):
+                return -1 if next_value is None else self.expression(next_value)
             case Machine(transitions=transitions):
                 steps = [(t.sources, t.target, self.expression(t.condition)) for t in transitions]
                 return self._table.number("transitions", *steps)
@@ -105,7 +105,7 @@ class Contents:
     # --- declarations ----------------------------------------------------------------------------
 
     def derived(self, derived: Derived) -> int:
-        """Return the content of a derived value of the file."""
+        """Return the content of a file-level derived value."""
         match derived:
             case Let(name=name):
                 return self._let(name)
@@ -120,15 +120,15 @@ class Contents:
             case Module(command=command):
                 fields = () if command is None else tuple(self.expression(e) for e in command.fields)
                 needs = self.needs(module)
-                kept = frozenset(self._colors[s.name] for s in module.states)
+                state_colors = frozenset(self._colors[s.name] for s in module.states)
                 return self._table.number(
-                    "module", command is None, self.expression(module.when), fields, needs, kept
+                    "module", command is None, self.expression(module.when), fields, needs, state_colors
                 )
             case PythonModule():
                 reads = tuple((r.name, self.expression(r.expression)) for r in module.reads)
-                params = tuple((n, _written(v)) for n, v in module.params)
-                made = (module.module_path, module.class_name, params, module.rate_ns)
-                return self._table.number("python", made, reads, module.actuator is None)
+                params = tuple((n, _value_key(v)) for n, v in module.params)
+                identity = (module.module_path, module.class_name, params, module.rate_ns)
+                return self._table.number("python", identity, reads, module.actuator is None)
             case _:
                 assert_never(module)
 
@@ -144,7 +144,7 @@ class Contents:
         """Return the content of an expression within reductions over the variables of `loop`."""
         match e:
             case ir.Constant(value=value):
-                return self._table.number("constant", _written(value))
+                return self._table.number("constant", _value_key(value))
             case ir.SensorValue(name=name):
                 return self._table.number("sensor", name)
             case ir.DerivedValue(name=name):
@@ -160,9 +160,9 @@ class Contents:
                 return self._table.number("fresh", self._let(name) if derived else name)
             case ir.Reduce(condition=condition):
                 inner = (*loop, e.variable)
-                given = -1 if condition is None else self.expression(condition, inner)
+                condition_content = -1 if condition is None else self.expression(condition, inner)
                 body = self.expression(e.body, inner)
-                return self._table.number("reduce", e.function.value, e.low, e.high, body, given)
+                return self._table.number("reduce", e.function.value, e.low, e.high, body, condition_content)
             case _:
                 parts = (self.expression(child, loop) for child in ir.children(e))
                 return self._table.number(type(e).__name__, *_attributes(e), *parts)
@@ -180,7 +180,7 @@ class Contents:
             self._known[name] = self.expression(self._lets[name].expression)
         return self._known[name]
 
-    # --- what is needed --------------------------------------------------------------------------
+    # --- needed sensors --------------------------------------------------------------------------
 
     def needs(self, module: Module) -> frozenset[str]:
         """Return the sensors without which a module is silent."""
@@ -202,19 +202,19 @@ class Contents:
 
 
 def contents(a: Program, b: Program) -> tuple[Contents, Contents]:
-    """Return the contents of two programs, numbered so that they can be compared."""
+    """Return the contents of two programs, with numbers that can be compared."""
     table = Table()
-    both = Contents(a, table), Contents(b, table)
+    pair = Contents(a, table), Contents(b, table)
     classes = 0
-    while len(both[0].colors() | both[1].colors()) > classes:
-        classes = len(both[0].colors() | both[1].colors())
-        for program_contents in both:
+    while len(pair[0].colors() | pair[1].colors()) > classes:
+        classes = len(pair[0].colors() | pair[1].colors())
+        for program_contents in pair:
             program_contents.refine()
-    return both
+    return pair
 
 
 def _attributes(e: ir.Expression) -> tuple[Hashable, ...]:
-    """Return the attributes of a node besides its operands."""
+    """Return the attributes of a node other than its operands."""
     match e:
         case ir.UnaryOperation(operator=operator):
             return (operator.value,)
@@ -238,6 +238,6 @@ def _attributes(e: ir.Expression) -> tuple[Hashable, ...]:
             return ()
 
 
-def _written(value: Value) -> str:
+def _value_key(value: Value) -> str:
     """Return a key of a value that distinguishes true from 1, and 0 from -0."""
     return repr(value)

@@ -1,4 +1,4 @@
-"""Descriptions of the params, derived values and limits that are written differently in two programs."""
+"""Descriptions of params, derived values and limits that are written differently in two programs."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ def changed_declarations(a: Program, b: Program) -> tuple[str, ...]:
 
 
 def _values(program: Program) -> Iterator[tuple[tuple[str, str], str]]:
-    """Yield kind and name of each value, within its file and module, and its text."""
+    """Yield ((kind, qualified name), text) of each value."""
     for file, text, declaration in _declarations(program):
         if isinstance(declaration, ast.ModuleDecl):
-            inside = f"{file}{declaration.name.text}."
+            module_prefix = f"{file}{declaration.name.text}."
             for clause in declaration.clauses:
-                yield from _value(inside, text, clause)
+                yield from _value(module_prefix, text, clause)
         yield from _value(file, text, declaration)
 
 
 def _value(prefix: str, text: str, node: object) -> Iterator[tuple[tuple[str, str], str]]:
     match node:
         case ast.ParamDecl() | ast.LetDecl():
-            yield (_KINDS[type(node)], prefix + node.name.text), _written(text, node.value)
+            yield (_KINDS[type(node)], prefix + node.name.text), _text_of(text, node.value)
         case ast.StateDecl():
-            yield (_KINDS[type(node)], prefix + node.name.text), _written(text, node)
+            yield (_KINDS[type(node)], prefix + node.name.text), _text_of(text, node)
         case _:
             return
 
@@ -54,17 +54,17 @@ def _value(prefix: str, text: str, node: object) -> Iterator[tuple[tuple[str, st
 def _limits(program: Program) -> Iterator[str]:
     for _, text, declaration in _declarations(program):
         if isinstance(declaration, ast.LimitDecl):
-            yield _written(text, declaration)
+            yield _text_of(text, declaration)
 
 
 def _declarations(program: Program) -> Iterator[tuple[str, str, ast.Declaration]]:
     """Yield the prefix of the file's names, the file's text, and each declaration."""
-    for i, (place, source) in enumerate(program.files):
+    for i, (path, source) in enumerate(program.files):
         is_root = i == len(program.files) - 1
-        prefix = "" if is_root else place.rpartition("/")[2].removesuffix("colony")
+        prefix = "" if is_root else path.rpartition("/")[2].removesuffix("colony")
         for declaration in parse(source).file.declarations:
             yield prefix, source.text, declaration
 
 
-def _written(text: str, node: ast.SyntaxNode) -> str:
+def _text_of(text: str, node: ast.SyntaxNode) -> str:
     return " ".join(text[node.start : node.end].split())

@@ -15,22 +15,22 @@ from colony.verify.difference.results import Matching
 def matching(a: Program, b: Program, compared: Sequence[Pair]) -> Matching:
     """Return the pairs of modules with equal contents, equal names first, and the modules without a match."""
     names_a, names_b = _contents(a, b)
-    left = dict(names_b)
+    unmatched_b = dict(names_b)
     same: dict[str, str] = {}
     for by_name in (True, False):
         for name, content in names_a.items():
             if name in same:
                 continue
-            candidates = [n for n, c in left.items() if c == content and (n == name or not by_name)]
+            candidates = [n for n, c in unmatched_b.items() if c == content and (n == name or not by_name)]
             if candidates:
                 same[name] = candidates[0]
-                del left[candidates[0]]
-    changed = tuple(n for n in names_a if n not in same and n in left)
+                del unmatched_b[candidates[0]]
+    changed = tuple(n for n in names_a if n not in same and n in unmatched_b)
     return Matching(
         same=tuple((n, same[n]) for n in names_a if n in same),
         changed=changed,
         only_a=tuple(n for n in names_a if n not in same and n not in changed),
-        only_b=tuple(n for n in left if n not in changed),
+        only_b=tuple(n for n in unmatched_b if n not in changed),
         declarations=changed_declarations(a, b),
         notes=tuple(_notes(a, b, compared)),
     )

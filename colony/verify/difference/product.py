@@ -27,9 +27,9 @@ from colony.ir.program import (
     Wire,
 )
 from colony.ir.walk import all_subexpressions
-from colony.ir.wiring import Joint, joints_of
+from colony.ir.wiring import WiringNode, wiring_graph
 from colony.verify.difference.content import Contents, contents
-from colony.verify.difference.rewriting import Rename, rewritten
+from colony.verify.difference.rewriting import Rename, rewrite_expression
 
 B_SUFFIX = " of B"
 """Suffix of the names that only B has. It begins with a blank, which no name of the language contains."""
@@ -129,20 +129,20 @@ class _Merger:
 
     def _network(self, program: Program, renamed: dict[str, str], suffix: str) -> None:
         """Add every node as a wire of its own; equal nodes are one."""
-        wired, outputs = joints_of(program), dict(renamed)
-        for joint in wired.joints:
-            outputs[joint.name] = self._node(joint, outputs[joint.dominant], outputs[joint.inferior])
+        wired, outputs = wiring_graph(program), dict(renamed)
+        for node in wired.nodes:
+            outputs[node.name] = self._node(node, outputs[node.dominant], outputs[node.inferior])
         for actuator, root in wired.roots.items():
             name = actuator + suffix
             self._roots[name] = outputs[root]
             self._wires.append(Wire(name=name, wiring=Use(name=outputs[root]), actuator=name))
 
-    def _node(self, joint: Joint, dominant: str, inferior: str) -> str:
+    def _node(self, node: WiringNode, dominant: str, inferior: str) -> str:
         """Return the wire of a node, adding it at its first occurrence."""
-        key = (joint.relation, dominant, inferior, joint.window_ns)
+        key = (node.relation, dominant, inferior, node.window_ns)
         if key not in self._nodes:
             name = self._nodes[key] = f"node {len(self._nodes)}"
-            self._wires.append(joint.wire(name, dominant, inferior))
+            self._wires.append(node.wire(name, dominant, inferior))
         return self._nodes[key]
 
 
@@ -160,12 +160,15 @@ def _derived(derived: Derived, rename: Rename, shift: int) -> Derived:
     name = rename(derived.name)
     match derived:
         case Let():
-            return replace(derived, name=name, expression=rewritten(derived.expression, rename, shift))
+            return replace(
+                derived, name=name, expression=rewrite_expression(derived.expression, rename, shift)
+            )
         case State():
             return replace(derived, name=name, next=_optional(derived.next, rename, shift))
         case Machine():
             transitions = tuple(
-                replace(t, condition=rewritten(t.condition, rename, shift)) for t in derived.transitions
+                replace(t, condition=rewrite_expression(t.condition, rename, shift))
+                for t in derived.transitions
             )
             return replace(derived, name=name, transitions=transitions)
         case _:
@@ -180,18 +183,22 @@ def _module(module: AnyModule, rename: Rename, suffix: str, shift: int) -> AnyMo
                 module,
                 name=name,
                 lets=tuple(
-                    replace(x, name=rename(x.name), expression=rewritten(x.expression, rename, shift))
+                    replace(
+                        x, name=rename(x.name), expression=rewrite_expression(x.expression, rename, shift)
+                    )
                     for x in module.lets
                 ),
                 states=tuple(
                     replace(x, name=rename(x.name), next=_optional(x.next, rename, shift))
                     for x in module.states
                 ),
-                when=rewritten(module.when, rename, shift),
+                when=rewrite_expression(module.when, rename, shift),
                 command=_command(module.command, rename, suffix, shift),
             )
         case PythonModule(actuator=actuator):
-            reads = tuple(replace(r, expression=rewritten(r.expression, rename, shift)) for r in module.reads)
+            reads = tuple(
+                replace(r, expression=rewrite_expression(r.expression, rename, shift)) for r in module.reads
+            )
             return replace(
                 module, name=name, reads=reads, actuator=None if actuator is None else actuator + suffix
             )
@@ -202,14 +209,17 @@ def _module(module: AnyModule, rename: Rename, suffix: str, shift: int) -> AnyMo
 def _command(command: Command | None, rename: Rename, suffix: str, shift: int) -> Command | None:
     if command is None:
         return None
-    fields = tuple(rewritten(e, rename, shift) for e in command.fields)
+    fields = tuple(rewrite_expression(e, rename, shift) for e in command.fields)
     return Command(actuator=command.actuator + suffix, fields=fields)
 
 
 def _limit(limit: Limit, actuator: str, rename: Rename, shift: int) -> Limit:
-    bound, condition = rewritten(limit.bound, rename, shift), _optional(limit.condition, rename, shift)
+    bound, condition = (
+        rewrite_expression(limit.bound, rename, shift),
+        _optional(limit.condition, rename, shift),
+    )
     return replace(limit, actuator=actuator, bound=bound, condition=condition)
 
 
 def _optional(e: ir.Expression | None, rename: Rename, shift: int) -> ir.Expression | None:
-    return None if e is None else rewritten(e, rename, shift)
+    return None if e is None else rewrite_expression(e, rename, shift)

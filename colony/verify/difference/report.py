@@ -20,7 +20,7 @@ def lines(a: Program, b: Program, result: Result) -> Iterator[str]:
     """Yield the verdict, the run in which the behaviors differ, and the correspondence of modules."""
     match result:
         case Same(by_content=True):
-            yield "the same: they differ in names only"
+            yield "the same: they differ only in names"
         case Same(k=k):
             how = "frame by frame" if k == 0 else f"by {k}-induction"
             yield f"the same: in every frame of every run they send the same (proved {how})"

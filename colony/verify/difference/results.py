@@ -11,10 +11,10 @@ from colony.verify.symbolic.system import Reason
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Matching:
-    """The correspondence of A's and B's modules: equal reads and equal actions, whatever their names.
+    """The correspondence of A's and B's modules with equal content, whatever their names.
 
-    Modules in `changed` have the same name in both and differ; those in `only_a` and `only_b` have no
-    counterpart. `declarations` lists the params, derived values and limits that are written differently,
+    Modules in `changed` have the same name in both programs and differ; those in `only_a` and `only_b` have
+    no counterpart. `declarations` lists the params, derived values and limits that are written differently,
     `notes` the parts of the two files that were not compared.
     """
 
@@ -28,10 +28,11 @@ class Matching:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Same:
-    """Each actuator compared is sent the same in every frame of every run.
+    """Every compared actuator is sent the same in every frame of every run.
 
-    `by_content`: they are written the same way, names aside. Otherwise it is proved by `k`-induction, and
-    `over_reals` are the places where that was done for real numbers and floats may round.
+    If `by_content` is true, the programs are written in the same way, except for names. Otherwise this is
+    proved by `k`-induction; `over_reals` lists the expressions for which the proof uses reals, and floats may
+    round.
     """
 
     matching: Matching
@@ -44,10 +45,10 @@ class Same:
 class Different:
     """A run in whose last frame the actuators in `actuators` are sent different commands.
 
-    It has as few frames as were found. Within the search's depth, and where nothing is abstracted, there is
-    no shorter one.
+    It is the shortest run found. Within the search's depth, if nothing is abstracted, there is no shorter
+    one.
 
-    `snapshots` are the inputs, `a` and `b` the reference interpreter's outcomes for either program;
+    `snapshots` are the inputs, `a` and `b` the reference interpreter's outcomes for each program;
     `needed_missing` are sensors that must be missing. `actuators` are pairs: A's name, B's name.
     """
 
@@ -61,7 +62,7 @@ class Different:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undecided:
-    """Neither equality nor a difference was shown; `because` gives a reason a line, `hint` what to do."""
+    """Neither equality nor a difference was shown; `because` lists reasons, `hint` suggests a remedy."""
 
     matching: Matching
     because: tuple[str, ...]

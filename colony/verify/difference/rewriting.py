@@ -11,12 +11,12 @@ from colony.ir import expression as ir
 Rename = Callable[[str], str]
 
 
-def rewritten(e: ir.Expression, rename: Rename, shift: int) -> ir.Expression:
+def rewrite_expression(e: ir.Expression, rename: Rename, shift: int) -> ir.Expression:
     """Return `e` with derived values, states and modules' lets renamed, and cells shifted by `shift`.
 
-    Sensors keep their names. `e` is no contract expression.
+    Sensors keep their names. `e` is not the expression of a contract.
     """
-    rewrite = partial(rewritten, rename=rename, shift=shift)
+    rewrite = partial(rewrite_expression, rename=rename, shift=shift)
     match e:
         case ir.DerivedValue(name=name) | ir.LocalValue(name=name) | ir.StateValue(name=name):
             return replace(e, name=rename(name))

@@ -1,4 +1,4 @@
-"""Search for a shorter run that breaks a claim than the run that is known."""
+"""Search for a shorter run that breaks a claim than a known run."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ from colony.verify.symbolic.encode import encode
 def shortest(
     program: Program, contract: str, known: Trace, options: Options, clock: Callable[[], float]
 ) -> Trace:
-    """Return a run that breaks the contract with no more frames than `known`, which breaks it.
-
-    It has fewer if the search finds such a run within its budget.
-    """
+    """Return a run that breaks the contract: a shorter one than `known` if one is found in budget."""
     if len(known.snapshots) == 1:
         return known
     context, budget = ProofContext(encode(program)), Budget(options, clock)

@@ -1,14 +1,14 @@
-"""And-inverter graphs: the Boolean functions of a proof, with equal functions sharing nodes where possible.
+"""And-inverter graphs: the Boolean functions of a proof; equal functions share nodes where possible.
 
 A *literal* is `2 * node`, or `2 * node + 1` for its negation. Node 0 is constantly false; the others are
-inputs and conjunctions of two literals. Nodes stand after their operands. A new conjunction is looked up by
-its two operands first, after a few rules of Boolean algebra:
+inputs and conjunctions of two literals. Nodes come after their operands. A few rules of Boolean algebra are
+applied to a new conjunction, which is then looked up by its two operands:
 
     a, true = a      a, false = false      a, a = a      a, not a = false
     a, (a, b) = (a, b)                     not a, (a, b) = false
     a, not (not a, b) = a                  a, not (a, b) = a, not b
 
-so that formulas of the same, or nearly the same, structure are one literal. Most of a compilation is proved
+So formulas of the same, or nearly the same, structure are one literal. Most of a compilation is proved
 this way ("by structure"); the rest is left to a solver.
 """
 
@@ -49,7 +49,7 @@ Input = Activity | History | Opaque
 
 
 class Circuit:
-    """A growing graph. Mutable; a literal keeps its meaning."""
+    """A growing graph. Mutable; the meaning of a literal never changes."""
 
     def __init__(self) -> None:
         self.left: list[int] = [_INPUT]
@@ -57,17 +57,17 @@ class Circuit:
         self.inputs: dict[Input, int] = {}
         self._conjunctions: dict[tuple[int, int], int] = {}
         self._wide: dict[tuple[int, ...], int] = {}
-        self._partners: dict[int, list[int]] = {}  # by literal: those it is conjoined with
+        self._partners: dict[int, list[int]] = {}  # by literal: literals that it is conjoined with
 
     def __len__(self) -> int:
         """Return the number of nodes."""
         return len(self.left)
 
-    def input(self, of: Input) -> int:
-        """Return the literal of a free input; equal inputs have one literal."""
-        literal = self.inputs.get(of)
+    def input(self, key: Input) -> int:
+        """Return the literal of a free input; equal inputs have the same literal."""
+        literal = self.inputs.get(key)
         if literal is None:
-            literal = self.inputs[of] = self._add(_INPUT, _INPUT)
+            literal = self.inputs[key] = self._add(_INPUT, _INPUT)
         return literal
 
     def both(self, a: int, b: int) -> int:
@@ -82,7 +82,7 @@ class Circuit:
             return FALSE
         known = self._conjunctions.get((a, b))
         if known is None:
-            known = self._conjunctions[a, b] = self._simpler(a, b)
+            known = self._conjunctions[a, b] = self._simplify(a, b)
         return known
 
     def either(self, a: int, b: int) -> int:
@@ -92,27 +92,27 @@ class Circuit:
     def all(self, literals: Iterable[int]) -> int:
         """Return the conjunction of literals, associated so that it reuses existing conjunctions.
 
-        The same literals give the same conjunction, whatever was added in between.
+        The same literals always give the same conjunction, whatever was added in the meantime.
         """
-        left = set(literals)
-        waiting = sorted(left)
-        key = tuple(waiting)
+        remaining = set(literals)
+        pending = sorted(remaining)
+        key = tuple(pending)
         known = self._wide.get(key)
         if known is not None:
             return known
-        while waiting:
-            one = waiting.pop()
-            if one not in left:
+        while pending:
+            literal = pending.pop()
+            if literal not in remaining:
                 continue
-            other = self._partner(one, left)
-            if other is not None:
-                left -= {one, other}
-                joined = self.both(one, other)
-                if joined not in left:
-                    left.add(joined)
-                    waiting.append(joined)
+            partner = self._partner(literal, remaining)
+            if partner is not None:
+                remaining -= {literal, partner}
+                joined = self.both(literal, partner)
+                if joined not in remaining:
+                    remaining.add(joined)
+                    pending.append(joined)
         result = TRUE
-        for literal in sorted(left):
+        for literal in sorted(remaining):
             result = self.both(result, literal)
         self._wide[key] = result
         return result
@@ -126,25 +126,30 @@ class Circuit:
         return self.either(self.both(a, b), self.both(a ^ 1, b ^ 1))
 
     def choice(self, condition: int, yes: int, no: int) -> int:
-        """Return one literal where the condition holds, else another."""
+        """Return the literal "`yes` if the condition holds, otherwise `no`"."""
         return self.either(self.both(condition, yes), self.both(condition ^ 1, no))
 
     def is_input(self, node: int) -> bool:
         """Return True if a node is an input."""
         return self.left[node] == _INPUT
 
-    def _partner(self, one: int, among: set[int]) -> int | None:
-        """Return the latest of these literals whose conjunction with `one` exists already."""
-        partners = self._partners.get(one, ())
-        if len(partners) <= len(among):
-            return max((other for other in partners if other in among), default=None)
+    def _partner(self, literal: int, candidates: set[int]) -> int | None:
+        """Return the latest of `candidates` whose conjunction with `literal` exists already."""
+        partners = self._partners.get(literal, ())
+        if len(partners) <= len(candidates):
+            return max((other for other in partners if other in candidates), default=None)
         known = self._conjunctions
         return max(
-            (o for o in among if ((one, o) if one < o else (o, one)) in known and o != one), default=None
+            (
+                o
+                for o in candidates
+                if ((literal, o) if literal < o else (o, literal)) in known and o != literal
+            ),
+            default=None,
         )
 
-    def _simpler(self, a: int, b: int) -> int:
-        """Return the result of the rules for an operand that is a conjunction itself."""
+    def _simplify(self, a: int, b: int) -> int:
+        """Apply the rules for operands that are conjunctions; return the result."""
         for one, other in ((a, b), (b, a)):
             left, right = self.left[other >> 1], self.right[other >> 1]
             if left == _INPUT:

@@ -1,4 +1,4 @@
-"""Translation of a solution of z3 into a readable counterexample."""
+"""Translation of a solution from z3 into a readable counterexample."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Values = Callable[[int], bool]
 """The value of a literal."""
 
 
-def evaluated(circuit: Circuit, inputs: frozenset[int]) -> Values:
-    """Return the values of all literals where these inputs are true and all others false."""
+def evaluate(circuit: Circuit, inputs: frozenset[int]) -> Values:
+    """Return the values of all literals if these inputs are true and all others false."""
     values = bytearray(len(circuit))
     for node in range(1, len(circuit)):
         if circuit.is_input(node):
@@ -29,13 +29,13 @@ def evaluated(circuit: Circuit, inputs: frozenset[int]) -> Values:
 def minimal_inputs(
     circuit: Circuit, inputs: frozenset[int], wanted: Callable[[Values], bool]
 ) -> frozenset[int]:
-    """Return a minimal subset of the inputs with which `wanted` holds: none of them can be left out."""
+    """Return a minimal subset of the inputs for which `wanted` holds: none can be left out."""
     kept = sorted(inputs)
     size = len(kept)
     while size:
         for start in reversed(range(0, len(kept), size)):
             fewer = kept[:start] + kept[start + size :]
-            if wanted(evaluated(circuit, frozenset(fewer))):
+            if wanted(evaluate(circuit, frozenset(fewer))):
                 kept = fewer
         size //= 2
     return frozenset(kept)
@@ -45,28 +45,28 @@ def decide_clauses(
     solver: Solver,
     clauses: Sequence[Clause],
     undecided: Undecided,
-    shown: Callable[[frozenset[int]], Counterexample],
+    describe: Callable[[frozenset[int]], Counterexample],
 ) -> Counterexample | Undecided | None:
-    """Return the counterexample `shown` for a minimal solution of the clauses; None if they have none."""
+    """Return the counterexample that `describe` makes of a minimal solution; None if there is no solution."""
     answer = solver.decide(clauses)
     match answer:
         case Refuted():
             return None
         case Satisfied(inputs=inputs):
-            return shown(minimal_inputs(solver.circuit, inputs, lambda values: holds(clauses, values)))
+            return describe(minimal_inputs(solver.circuit, inputs, lambda values: holds(clauses, values)))
         case _:
             return undecided
 
 
 def nested_histories(circuit: Circuit) -> Iterator[Clause]:
-    """Yield clauses true in every frame: what was active within a window was active within a longer one."""
+    """Yield clauses true in every frame: active within a window implies active within a longer one."""
     by_operand: dict[int, list[tuple[int, int]]] = {}
     for of, literal in circuit.inputs.items():
         if isinstance(of, History):
             by_operand.setdefault(of.operand, []).append((of.window_ns, literal))
-    for several in by_operand.values():
-        several.sort()
-        for (_, shorter), (_, longer) in pairwise(several):
+    for histories in by_operand.values():
+        histories.sort()
+        for (_, shorter), (_, longer) in pairwise(histories):
             yield (shorter ^ 1, longer)
 
 
@@ -86,8 +86,8 @@ def frame_of(circuit: Circuit, inputs: frozenset[int], source: NetworkFormulas) 
     running: dict[int, list[int]] = {}
     for of, literal in circuit.inputs.items():
         if isinstance(of, History):
-            of_kind = running if literal >> 1 in inputs else ended
-            of_kind.setdefault(of.operand, []).append(of.window_ns)
+            windows_by_operand = running if literal >> 1 in inputs else ended
+            windows_by_operand.setdefault(of.operand, []).append(of.window_ns)
     names = _Names(source)
     recent = [
         Recent(name=names.of(operand), least_ns=max(ended.get(operand, [0])), less_ns=min(windows))

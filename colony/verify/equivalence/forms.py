@@ -1,13 +1,13 @@
 """Proof that an emitted form (lowered code, generated Python) does what the proved client list does.
 
-Such a form computes predicates and has no "module m is active". So its formulas range over the conditions
-that it computes with (comparisons, sensors, memory), each of them opaque. The activity of a module is read
-from the same form of the same program with an additional contract for each module, `MODULE is active`. With
-these activities the client list must give the winners that the form gives.
+Such a form computes predicates and has no condition "module m is active". So its formulas range over the
+conditions that it does compute (comparisons, sensors, memory), each of them opaque. The activity of a module
+is taken from the same form of the same program with an additional contract for each module, `MODULE is
+active`. With these activities, the client list must have the same winners as the form.
 
-Time constants are memory in such forms: the end of the time in which something dominates, set again in every
-frame in which it is active. Comparing the frame's time with that end gives the history of the condition under
-which it is set.
+In such forms a time constant is a memory cell: the time until which something dominates, which is set in
+every frame in which it is active. Comparing the frame's time with that end gives the history of the condition
+under which it is set.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from colony.compile.clients import ClientList
 from colony.ir.program import Contract, Program
 from colony.verify.claims import active
 from colony.verify.equivalence.circuit import FALSE, Circuit
-from colony.verify.equivalence.disagreement import Values, decide_clauses, evaluated
+from colony.verify.equivalence.disagreement import Values, decide_clauses, evaluate
 from colony.verify.equivalence.formula_index import FormulaIndex
 from colony.verify.equivalence.results import (
     Activation,
@@ -36,7 +36,7 @@ from colony.verify.equivalence.table import ClientFormulas, encode_list
 _ACTIVE = "active: "
 
 MAX_ACTIVITY_NODES = 50
-"""Maximum number of nodes of a module's activity to search for inputs."""
+"""Maximum number of nodes of a module's activity in which to search for inputs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +51,7 @@ class Timer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Winner:
-    """The formulas by which a module wins: by priority, and by its exclusive guard where the form has one."""
+    """The formulas by which a module wins: by priority and, if the form has exclusive guards, by its own."""
 
     module: str
     by_priority: int
@@ -74,11 +74,11 @@ TimerClasses = Mapping[str, str | None]
 
 
 def with_activities(program: Program) -> Program:
-    """Return the program with another contract for each module, true where the module is active."""
-    more = tuple(
+    """Return the program with an added contract for each module, which holds where the module is active."""
+    activity_contracts = tuple(
         Contract(name=f"{_ACTIVE}{module.name}", expression=active(module.name)) for module in program.modules
     )
-    return replace(program, contracts=(*program.contracts, *more))
+    return replace(program, contracts=(*program.contracts, *activity_contracts))
 
 
 def module_of(contract: str) -> str | None:
@@ -91,7 +91,7 @@ def prove_form(
 ) -> Proved | Counterexample | Undecided:
     """Prove that the form has the winners of the client list.
 
-    Most often the form has the same formulas as the list; only where they differ are equal ones searched for.
+    Usually the form has the same formulas as the list; equal ones are searched for only where they differ.
     """
     modules = [client.module for one in clients.actuators for client in one.clients]
     settled = _settled(read, modules, timeout_ms)
@@ -145,7 +145,7 @@ def _settled(read: Callable[[TimerClasses], Form], modules: Sequence[str], timeo
         found: dict[str, str | None] = {}
         for window_ns in dict.fromkeys(timer.window_ns for timer in form.timers):
             timers = [timer for timer in form.timers if timer.window_ns == window_ns]
-            first = index.first_alike([timer.operand for timer in timers])
+            first = index.first_equal([timer.operand for timer in timers])
             found |= {
                 t.cell: None if i is None else timers[i].cell for t, i in zip(timers, first, strict=True)
             }
@@ -236,7 +236,7 @@ def _find_counterexample(
 def _wrong_winner(
     form: Form, actuator: str, clients: Sequence[ClientFormulas], inputs: frozenset[int]
 ) -> WrongWinner:
-    values = evaluated(form.circuit, inputs)
+    values = evaluate(form.circuit, inputs)
     winners = form.winners.get(actuator, ())
     exclusive = [w.module for w in winners if w.by_exclusive is not None and values(w.by_exclusive)]
     return WrongWinner(

@@ -1,11 +1,11 @@
 """An index of formulas, to find an earlier formula that is provably equal to a new one.
 
-Candidates are found in two ways. Every node has a *fingerprint*: its value where inputs are random numbers
-modulo a prime, a conjunction is the product and `not a` is 1 - a; so conjunctions of the same parts have the
-same fingerprint, in whatever order they were joined. And it has a *signature*: its values under about a
-thousand random valuations of the inputs. z3 then proves that two candidates are equal. A formula that is not
-proved equal quickly is left as it is, which costs speed only. Replacing each formula by an equal older one
-keeps the next proofs small, since their parts are already the same.
+Candidates are found in two ways. Every node has a *fingerprint*: its value if inputs are random numbers
+modulo a prime, a conjunction is a product, and `not a` is 1 - a; so conjunctions of the same parts have the
+same fingerprint, whatever their order. It also has a *signature*: its values under about a thousand random
+valuations of the inputs. z3 then proves that two candidates are equal. A formula that is not proved equal
+quickly is kept, which only costs speed. Replacing each formula by an equal older one keeps the next proofs
+small, since their parts are already the same.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, History, Opa
 from colony.verify.equivalence.solver import NEAR_LIMITS, Solver, differ
 
 CANDIDATES = 4
-"""Maximum number of formulas to try of one signature; a signature that more formulas have says too little."""
+"""Maximum number of formulas to try per signature; a signature of more formulas is not distinctive."""
 
 _SEED = 1994
 _PRIME = 2**61 - 1
@@ -26,10 +26,10 @@ _PRIME = 2**61 - 1
 class FormulaIndex:
     """The formulas of a circuit, by fingerprint and signature. Mutable: it grows with the circuit.
 
-    `order` holds inputs (or their negations), first those that are likely to keep later ones from acting:
-    valuations in which only inputs from some place on are true distinguish formulas that are nearly always
-    false. `rare` holds other inputs, besides histories, that should mostly be false. `near` limits the search
-    for a proof where only the signatures are equal.
+    `order` lists inputs (or their negations), first those that are likely to dominate later ones: valuations
+    in which only inputs from some position on are true distinguish formulas that are nearly always false.
+    `rare` holds other inputs, besides histories, that should mostly be false. `near` limits the search for a
+    proof where only the signatures are equal.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class FormulaIndex:
         self._width = 1024 if len(circuit) < 2_000 else 8192
         self._mask = (1 << self._width) - 1
         self._quarters = tuple(int("0" * i + "1" + "0" * (3 - i), 2) * (self._mask // 15) for i in range(4))
-        self._order: dict[int, tuple[int, int]] = {}  # by node: its place, and 1 if it is negated
+        self._order: dict[int, tuple[int, int]] = {}  # by node: position, and 1 if it is negated
         for literal in order:
             self._order.setdefault(literal >> 1, (len(self._order), literal & 1))
         self._rare = {literal >> 1 for literal in rare}
@@ -70,7 +70,7 @@ class FormulaIndex:
                 self._histories.setdefault(of.window_ns, []).append((of.operand, literal))
 
     def find(self, literal: int) -> int:
-        """Return an earlier literal that is proved equal, else the literal itself."""
+        """Return an earlier literal that is proved equal, otherwise the literal itself."""
         if literal >> 1 < self._old:
             return literal
         self._extend()
@@ -81,13 +81,13 @@ class FormulaIndex:
             if self.solver.refutes(differ(literal, old)):
                 self.merged += 1
                 return old
-        for old in self._alike(literal):
+        for old in self._candidates(literal):
             if self.solver.refutes(differ(literal, old), near=self._near):
                 self.merged += 1
                 return old
         return literal
 
-    def _alike(self, literal: int) -> list[int]:
+    def _candidates(self, literal: int) -> list[int]:
         """Return the earlier literals with the same signature, or the constant; none if they are too many."""
         value = self._value(literal)
         if value in (0, self._mask):
@@ -127,7 +127,7 @@ class FormulaIndex:
         return signature ^ self._mask if literal & 1 else signature
 
     def _extend(self) -> None:
-        """Compute the signatures of all nodes that have none yet."""
+        """Compute the missing signatures and fingerprints."""
         signatures, fingerprints, circuit = self._signatures, self._fingerprints, self.circuit
         for node in range(len(signatures), len(circuit)):
             if node and not circuit.is_input(node):
@@ -135,25 +135,25 @@ class FormulaIndex:
                 signatures.append(self._value(left) & self._value(right))
                 fingerprints.append(self._fingerprint(left) * self._fingerprint(right) % _PRIME)
             else:
-                signatures.append(self._drawn(node) if node else 0)
+                signatures.append(self._random_valuations(node) if node else 0)
                 fingerprints.append(self._random.randrange(_PRIME) if node else 0)
 
     def _fingerprint(self, literal: int) -> int:
         fingerprint = self._fingerprints[literal >> 1]
         return (1 - fingerprint) % _PRIME if literal & 1 else fingerprint
 
-    def _drawn(self, node: int) -> int:
+    def _random_valuations(self, node: int) -> int:
         """Return random valuations of an input.
 
-        In the i-th of n valuations only inputs from i/n of the order on are true, but for a few others. In a
-        quarter of the valuations half of those are true, in the others fewer. So for each place of the order
-        some valuations let the input at that place through.
+        In the i-th of n valuations only inputs from position i/n of the order on are true, except for a few
+        others. In a quarter of the valuations half of these are true, in the others fewer. So for each
+        position some valuations let the input at that position through.
         """
         width = self._width
         dense, sparser, sparse, quiet = self._quarters
         if node in self._order:
-            place, negated = self._order[node]
-            until = width * (place + 1) // len(self._order) + 1
+            position, negated = self._order[node]
+            until = width * (position + 1) // len(self._order) + 1
             free = self._sparse(1) & dense | self._sparse(3) & (sparser | quiet) | self._sparse(5) & sparse
             drawn = free & ((1 << min(width, until)) - 1) | self._few(len(self._order))
             return drawn ^ self._mask if negated else drawn
@@ -162,14 +162,14 @@ class FormulaIndex:
         return self._random.getrandbits(width)
 
     def _sparse(self, halvings: int) -> int:
-        """Return each valuation with a probability of one in 2 ** halvings."""
+        """Return a random set of valuations, each with a probability of one in 2 ** halvings."""
         drawn = self._mask
         for _ in range(halvings):
             drawn &= self._random.getrandbits(self._width)
         return drawn
 
     def _few(self, inputs: int) -> int:
-        """Return a few valuations, such that one of `inputs` inputs is true in about every second one."""
+        """Return a few random valuations, so that about half of all have one of `inputs` inputs true."""
         drawn = 0
         for _ in range(max(1, self._width // (2 * inputs))):
             drawn |= 1 << self._random.randrange(self._width)
@@ -177,8 +177,8 @@ class FormulaIndex:
 
     # --- histories of the network itself ---------------------------------------------------------
 
-    def first_alike(self, literals: Sequence[int]) -> list[int | None]:
-        """Return, for each literal, the place of the first provably equal one; None: it is provably false."""
+    def first_equal(self, literals: Sequence[int]) -> list[int | None]:
+        """Return, for each literal, the index of the first provably equal one; None for a false literal."""
         groups: dict[int, list[int]] = {}
         found: list[int | None] = []
         for at, literal in enumerate(literals):

@@ -1,4 +1,4 @@
-"""Reader of the form `colony-clients/1`."""
+"""A reader of `colony-clients/1`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class EmittedFormError(Exception):
 
 
 def read_json(text: str) -> ClientList:
-    """Return the clients that a text describes.
+    """Return the clients in a text.
 
     Raises:
         EmittedFormError: the text is malformed.
@@ -29,18 +29,18 @@ def read_json(text: str) -> ClientList:
     try:
         whole = json.loads(text)
         if whole["format"] != FORMAT:
-            raise ValueError(f"another format than {FORMAT}")
-        nodes = tuple(_guard(node, at) for at, node in enumerate(whole["nodes"]))
-        actuators = tuple(_clients(name, one, len(nodes)) for name, one in whole["actuators"].items())
-        observed = tuple((name, _reference(at, len(nodes))) for name, at in whole["observed"].items())
+            raise ValueError(f"the format is not {FORMAT}")
+        nodes = tuple(_guard(node, index) for index, node in enumerate(whole["nodes"]))
+        actuators = tuple(_clients(name, entry, len(nodes)) for name, entry in whole["actuators"].items())
+        observed = tuple((name, _reference(index, len(nodes))) for name, index in whole["observed"].items())
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as problem:
         raise EmittedFormError(
-            f"{type(problem).__name__}: {problem}", "clients in the form colony-clients/1"
+            f"{type(problem).__name__}: {problem}", "clients in the format colony-clients/1"
         ) from None
     return ClientList(guards=nodes, actuators=actuators, observed=observed)
 
 
-def _clients(actuator: str, one: Mapping[str, Any], nodes: int) -> ActuatorClients:
+def _clients(actuator: str, entry: Mapping[str, Any], nodes: int) -> ActuatorClients:
     clients = tuple(
         Client(
             module=_text(client["module"]),
@@ -48,12 +48,12 @@ def _clients(actuator: str, one: Mapping[str, Any], nodes: int) -> ActuatorClien
             guard=_reference(client["guard"], nodes),
             exclusive=_reference(client["exclusive"], nodes),
         )
-        for client in _list(one["clients"])
+        for client in _list(entry["clients"])
     )
     return ActuatorClients(actuator=actuator, clients=clients)
 
 
-def _guard(node: Mapping[str, Any], at: int) -> Guard:
+def _guard(node: Mapping[str, Any], index: int) -> Guard:
     match node["op"]:
         case "always":
             return Always()
@@ -62,44 +62,44 @@ def _guard(node: Mapping[str, Any], at: int) -> Guard:
         case "active":
             return ModuleActive(_text(node["module"]))
         case "not":
-            return Not(_reference(node["of"], at))
+            return Not(_reference(node["of"], index))
         case "and":
-            return And(_references(node["of"], at))
+            return And(_references(node["of"], index))
         case "or":
-            return Or(_references(node["of"], at))
+            return Or(_references(node["of"], index))
         case "recently":
-            return Recently(_reference(node["of"], at), _number(node["window_ns"]))
+            return Recently(_reference(node["of"], index), _number(node["window_ns"]))
         case other:
-            raise ValueError(f"no node is `{other}`")
+            raise ValueError(f"unknown node `{other}`")
 
 
-def _references(several: object, below: int) -> tuple[int, ...]:
-    references = tuple(_reference(at, below) for at in _list(several))
+def _references(value: object, below: int) -> tuple[int, ...]:
+    references = tuple(_reference(index, below) for index in _list(value))
     if len(references) < 2:
-        raise ValueError(f"{several!r} are not two nodes or more")
+        raise ValueError(f"{value!r} is not a list of two or more nodes")
     return references
 
 
-def _reference(at: object, below: int) -> int:
-    number = _number(at)
+def _reference(index: object, below: int) -> int:
+    number = _number(index)
     if number >= below:
-        raise ValueError(f"{number} is no node before {below}")
+        raise ValueError(f"{number} is not a node before {below}")
     return number
 
 
 def _number(value: object) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise ValueError(f"{value!r} is no whole number from 0")
+        raise ValueError(f"{value!r} is not a non-negative whole number")
     return value
 
 
 def _list(value: object) -> list[Any]:
     if not isinstance(value, list):
-        raise ValueError(f"{value!r} is no list")
+        raise ValueError(f"{value!r} is not a list")
     return value
 
 
 def _text(value: object) -> str:
     if not isinstance(value, str):
-        raise ValueError(f"{value!r} is no text")
+        raise ValueError(f"{value!r} is not a string")
     return value

@@ -9,7 +9,7 @@ from colony.compile.lower.lower import lower
 from colony.execute.code import ActuatorCode, Apply, Code, FrameTime, Literal, Lost, OldCell, Table
 from colony.execute.compiled import Compiled
 from colony.execute.operators import Operator
-from colony.execute.views import heard, unsimplified, whole
+from colony.execute.views import loss_aware_view, unsimplified_view, whole_view
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque
 from colony.verify.equivalence.forms import Form, Timer, TimerClasses, Winner, module_of, with_activities
@@ -18,21 +18,21 @@ LOWERED = "lowered code"
 
 
 def views(sent: Compiled) -> Iterator[Code]:
-    """Yield the code of all clients together, and, where they differ, of each alone and of the monitor."""
-    yield whole(sent.code)
+    """Yield the code of all clients, and its views with loss-aware or unsimplified guards, if different."""
+    yield whole_view(sent.code)
     clients = [client for one in sent.code.actuators for client in one.clients]
-    if any((c.heard_guard, c.heard_exclusive) != (c.guard, c.exclusive) for c in clients):
-        yield heard(sent.code)
-    if any(c.traversed != c.guard for c in clients):
-        yield unsimplified(sent.code)
+    if any((c.loss_aware_guard, c.loss_aware_exclusive) != (c.guard, c.exclusive) for c in clients):
+        yield loss_aware_view(sent.code)
+    if any(c.unsimplified != c.guard for c in clients):
+        yield unsimplified_view(sent.code)
 
 
 def read_lowered(program: Program, clients: ClientList, code: Code, timer_classes: TimerClasses) -> Form:
-    """Read the winners from the code of all clients of a program."""
+    """Read the form from the code of all clients of a program."""
     circuit = Circuit()
     values = _Values(circuit, {})
     literals = values.literals(code, timer_classes)
-    with_contracts = whole(lower(with_activities(program), clients).code)
+    with_contracts = whole_view(lower(with_activities(program), clients).code)
     contract_literals = values.literals(with_contracts, timer_classes)
     activity = {
         module: circuit.either(contract_literals[contract.present] ^ 1, contract_literals[contract.value])
@@ -49,7 +49,7 @@ def read_lowered(program: Program, clients: ClientList, code: Code, timer_classe
 
 
 def _winners(actuator: ActuatorCode, circuit: Circuit, literals: Sequence[int]) -> tuple[Winner, ...]:
-    """Return the winners as the executor decides: by the first true guard, or by the true exclusive guard."""
+    """Return the winners by the executor's rules: the first true guard, or the true exclusive guard."""
     winners, above = [], FALSE
     for client in actuator.clients:
         guard = literals[client.guard]
@@ -64,8 +64,8 @@ def _winners(actuator: ActuatorCode, circuit: Circuit, literals: Sequence[int]) 
 def _timers(
     code: Code, circuit: Circuit, literals: Sequence[int], timer_classes: TimerClasses
 ) -> list[Timer]:
-    """Return the cells that hold the end of a time constant: initially 0, then a window from now."""
-    found = []
+    """Return the cells that hold the end of a time constant: initially 0, then a window after now."""
+    timers = []
     for cell in code.cells:
         value = code.ops[cell.value]
         if not isinstance(value, Apply) or value.operator is not Operator.TIME_ADD or cell.initial != 0:
@@ -76,12 +76,12 @@ def _timers(
             timer = Timer(
                 cell=cell.name, operand=literals[cell.condition], window_ns=window.value, history=history
             )
-            found.append(timer)
-    return found
+            timers.append(timer)
+    return timers
 
 
 def _history(circuit: Circuit, cell: str, timer_classes: TimerClasses) -> int:
-    """Return the condition that the time is before the one that the cell holds."""
+    """Return the condition that the current time is before the time in the cell."""
     same = timer_classes.get(cell, cell)
     return FALSE if same is None else circuit.input(Opaque(f"time is before {same}"))
 
@@ -91,7 +91,7 @@ class _Values:
 
     def __init__(self, circuit: Circuit, numbers: dict[object, int]) -> None:
         self._circuit = circuit
-        self._numbers = numbers  # of the ops, by content
+        self._numbers = numbers  # by content of the op
 
     def literals(self, code: Code, timer_classes: TimerClasses) -> Sequence[int]:
         """Return each op's formula; for ops that are not bools, an opaque input."""
@@ -123,12 +123,12 @@ class _Values:
                 return TRUE if value else FALSE
             case Lost():
                 return FALSE
-            case Apply(operator=Operator.NOT, arguments=(one,)):
-                return literals[one] ^ 1
-            case Apply(operator=Operator.AND, arguments=several):
-                return circuit.all([literals[i] for i in several])
-            case Apply(operator=Operator.OR, arguments=several):
-                return circuit.any([literals[i] for i in several])
+            case Apply(operator=Operator.NOT, arguments=(operand,)):
+                return literals[operand] ^ 1
+            case Apply(operator=Operator.AND, arguments=operands):
+                return circuit.all([literals[i] for i in operands])
+            case Apply(operator=Operator.OR, arguments=operands):
+                return circuit.any([literals[i] for i in operands])
             case Apply(operator=Operator.TIME_LESS, arguments=(now, end)) if isinstance(
                 code.ops[now], FrameTime
             ) and isinstance(cell := code.ops[end], OldCell):

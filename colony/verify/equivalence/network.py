@@ -13,7 +13,7 @@ and, from the wiring that drives an actuator down to the modules, one for "what 
     through(A) = through(A suppresses B)                         (of an inhibitor's dominant side, nothing)
     through(B) = through(A suppresses B) and not dominates       (the same of an inhibitor)
 
-or, for what is used in several places, through one of them. A module wins where it is active and through. In
+or, for what is used several times, through one of the uses. A module wins where it is active and through. In
 every frame the nodes that are both active and through form one path from the actuator to one module, since
 exactly one of the two inputs of a node on the path is the next; so no two modules win.
 """
@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from colony.ir.program import Program
-from colony.ir.wiring import joints_of
+from colony.ir.wiring import wiring_graph
 from colony.verify.equivalence.circuit import FALSE, TRUE, Activity, Circuit, History
 
 
@@ -56,11 +56,11 @@ class NetworkFormulas:
     """The formulas of a network.
 
     Attributes:
-        nodes: Modules (strings), and joints after their inputs.
-        active: Formula of each node's activity.
-        dominates: Formula of each joint's dominant input dominating.
-        names: Node of each module and wire.
-        roots: Actuators that are driven.
+        nodes: modules (strings), and suppressors and inhibitors after their inputs.
+        active: the formula of each node's activity.
+        dominates: by node, the formula for "its dominant input dominates".
+        names: the node of each module and wire.
+        roots: the actuators that are driven.
     """
 
     nodes: tuple[str | Joint, ...]
@@ -79,7 +79,7 @@ class NetworkFormulas:
 
 
 NEVER = -1
-"""Stands for a joint whose dominant input is never active, so that it has no history."""
+"""Stands for a node whose dominant input is never active, so that it has no history."""
 
 
 def encode_network(
@@ -87,7 +87,7 @@ def encode_network(
 ) -> NetworkFormulas:
     """Encode all wires of a program as formulas.
 
-    Time constants share a history where their dominant inputs are the same formula. `alike` maps a joint to
+    Time constants share a history if their dominant inputs are the same formula. `alike` maps a joint to
     another joint whose dominant input was proved equal, so that they share a history as well, or to `NEVER`
     if its dominant input is never active.
     """
@@ -139,7 +139,7 @@ def _root(
 ) -> Root:
     through = {root: TRUE}
     wins: dict[str, int] = {}
-    for at in range(root, -1, -1):  # a node comes after its inputs, so all uses of it are known
+    for at in range(root, -1, -1):  # a node comes after its inputs, so all its uses are known
         node = nodes[at]
         if at not in through:
             continue
@@ -157,8 +157,8 @@ class _Wired:
     """The wires as one table of nodes: all modules, then each joint after its inputs."""
 
     def __init__(self, program: Program) -> None:
-        wired = joints_of(program)
-        names = [*(module.name for module in program.modules), *(joint.name for joint in wired.joints)]
+        wired = wiring_graph(program)
+        names = [*(module.name for module in program.modules), *(joint.name for joint in wired.nodes)]
         at = {name: i for i, name in enumerate(names)}
         self.nodes: list[str | Joint] = [module.name for module in program.modules]
         self.nodes += [
@@ -168,7 +168,7 @@ class _Wired:
                 inferior=at[joint.inferior],
                 window_ns=joint.window_ns,
             )
-            for joint in wired.joints
+            for joint in wired.nodes
         ]
         self.names = {module.name: at[module.name] for module in program.modules}
         self.names |= {wire: at[stands_for] for wire, stands_for in wired.wires.items()}

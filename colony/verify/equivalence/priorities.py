@@ -1,9 +1,9 @@
 """Proof that the first client whose guard holds is the one that the network lets through.
 
-One question to z3 would do, but would compare each module with all above it. The same follows, by induction
-over the network, from facts that each concern one node and its inputs. Let `E(k)` state that one of the first
-k clients wins (in the network), and `gates(n)` that no inhibitor or time constant is closed on the only path
-from the actuator down to node n. Then z3 shows, for one node after the other:
+A single question to z3 would suffice, but would compare each module with all above it. The same follows, by
+induction over the network, from facts that each concern one node and its inputs. Let `E(k)` state that one of
+the first k clients wins (in the network), and `gates(n)` that no inhibitor or time constant is closed on the
+only path from the actuator down to node n. Then z3 shows, for one node after the other:
 
     descent    what is active and through wins in the end: if a node is, so is one of its inputs
     reach      gates(n) implies through(n) or E(k), k being the clients above all modules that hang on n
@@ -45,12 +45,12 @@ def gates_of(source: NetworkFormulas, root: Root, circuit: Circuit) -> Mapping[i
             gates[node.inferior] = circuit.both(gates[at], closed ^ 1)
     for at, gate in gates.items():
         if isinstance(source.nodes[at], str):
-            circuit.both(gate, source.active[at])  # the module's guard, so that it is in the index
+            circuit.both(gate, source.active[at])  # the module's guard: this puts it into the index
     return gates
 
 
 def _uses(source: NetworkFormulas, root: Root) -> Mapping[int, int]:
-    """Count how often each node below the actuator passes a command; dominant sides of inhibitors do not."""
+    """Count the uses of each node from which its command can reach the actuator."""
     uses = {root.node: 1}
     for at in range(root.node, -1, -1):
         node = source.nodes[at]
@@ -73,7 +73,7 @@ def first_by_structure(clients: Sequence[ClientFormulas], wins: Mapping[str, int
 
 @dataclass(frozen=True, slots=True)
 class Induction:
-    """The proof for one actuator; where it fails, the clients may still be right."""
+    """The proof for one actuator; if it fails, the clients may still be right."""
 
     source: NetworkFormulas
     root: Root
@@ -83,10 +83,10 @@ class Induction:
 
     def is_proved(self) -> bool:
         """Return True if the order of the clients is proved."""
-        places = {client.module: at for at, client in enumerate(self.clients)}
-        if places.keys() != self.root.wins.keys():
+        positions = {client.module: i for i, client in enumerate(self.clients)}
+        if positions.keys() != self.root.wins.keys():
             return False
-        last, first = self._last(places), self._first(places)
+        last, first = self._last(positions), self._first(positions)
         if not self._above(last, first) or not self._guards():
             return False
         return self.solver.refutes_each(chain(self._descent(), self._passage(), self._reach(first)))
@@ -135,36 +135,36 @@ class Induction:
             yield [*known, (gates[below],), (through[below] ^ 1,)]
 
     def _above(self, last: Mapping[int, int], first: Mapping[int, int]) -> bool:
-        """Return True if modules of a dominant side stand above those that hang on the inferior one alone."""
+        """Return True if modules of a dominant side are above those that depend on its inferior side only."""
         return all(
             last[node.dominant] < first[node.inferior]
             for _, node in self._joints()
             if node.suppresses and node.inferior in first
         )
 
-    def _last(self, places: Mapping[str, int]) -> Mapping[int, int]:
-        """Return the lowest place of a module that can win through a node."""
+    def _last(self, positions: Mapping[str, int]) -> Mapping[int, int]:
+        """Return, by node, the lowest position of a module that can win through it."""
         last: dict[int, int] = {}
         for at in range(self.root.node + 1):
             node = self.source.nodes[at]
             if at not in self.root.through:
                 continue
             if isinstance(node, str):
-                last[at] = places[node]
+                last[at] = positions[node]
             else:
                 below = (node.dominant, node.inferior) if node.suppresses else (node.inferior,)
                 last[at] = max(last[i] for i in below)
         return last
 
-    def _first(self, places: Mapping[str, int]) -> Mapping[int, int]:
-        """Return the highest place of a module that hangs on a node alone."""
+    def _first(self, positions: Mapping[str, int]) -> Mapping[int, int]:
+        """Return, by node, the highest position of a module that depends on it alone."""
         first: dict[int, int] = {}
         for at in range(self.root.node + 1):
             node = self.source.nodes[at]
             if at not in self.gates:
                 continue
             if isinstance(node, str):
-                first[at] = places[node]
+                first[at] = positions[node]
                 continue
             below = (node.dominant, node.inferior) if node.suppresses else (node.inferior,)
             found = [first[i] for i in below if i in first and i in self.gates]

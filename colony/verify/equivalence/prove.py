@@ -1,10 +1,10 @@
-"""The proof that what was compiled does what the program's network says.
+"""The proof that a compiled program does what its network says.
 
-For free predicates and transfer functions, and any history: in every frame, for every actuator, the module
-that the network (`source.py`) lets through is the first client whose guard holds, and the only one whose
-exclusive guard holds; so no two exclusive guards hold. Priorities are n, ..., 2, 1. The activities of wires
-and modules that contracts read are those of the network. And each form emitted from the clients has the
-winners that they have.
+For arbitrary predicates and transfer functions, and any history: in every frame, for every actuator, the
+module that the network (`network.py`) lets through is the first client whose guard holds, and the only one
+whose exclusive guard holds; so no two exclusive guards hold. Priorities are n, ..., 2, 1. The activities of
+wires and modules that contracts read are those of the network. Each form emitted from the clients has the
+same winners.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from colony.verify.equivalence.circuit import FALSE, Activity, Circuit
 from colony.verify.equivalence.disagreement import (
     Values,
     decide_clauses,
-    evaluated,
+    evaluate,
     frame_of,
     nested_histories,
 )
@@ -65,11 +65,11 @@ def prove(
     python: str | None = None,
     timeout_ms: int = TIMEOUT_MS,
 ) -> Result:
-    """Prove that the compiled clients are the program's network, or find a frame in which they are not.
+    """Prove that the compiled clients decide as the program's network, or find a frame in which they do not.
 
-    The same is proved of the forms emitted from them: `json` and `python` are emitted texts, and `sent` gives
-    the program that is executed, saved and sent. `timeout_ms` limits z3 for each question; with 0 z3 is not
-    asked.
+    The same is proved for the forms emitted from them: `json` and `python` are emitted texts, and `sent`
+    gives the program that is executed, saved and sent. `timeout_ms` limits z3 for each question; with 0, z3
+    is not used.
     """
     clients = compilation.clients
     results: list[Callable[[], Result]] = [lambda: prove_clients(program, clients, timeout_ms=timeout_ms)]
@@ -83,23 +83,23 @@ def prove(
 
 
 def _all_of(results: Iterable[Callable[[], Result]]) -> Result:
-    """Return the joint result, or the first one that is a counterexample or that z3 gave up on."""
+    """Return the combined result, or the first that is a counterexample or on which z3 gave up."""
     settled: list[Proved | Undecided] = []
     for result in results:
-        one = result()
-        if not isinstance(one, Proved) and not _is_unattempted(one):
-            return one
-        settled.append(one)
+        settled_result = result()
+        if not isinstance(settled_result, Proved) and not _is_unattempted(settled_result):
+            return settled_result
+        settled.append(settled_result)
     return merge_results(settled)
 
 
 def _is_unattempted(result: Result | None) -> TypeGuard[Undecided]:
-    """Return True if an obligation is open because z3 was not to be asked; the proof then continues."""
+    """Return True if an obligation is open because z3 is not used; the proof then continues."""
     return isinstance(result, Undecided) and result.timeout_ms <= 0
 
 
 def prove_json(program: Program, json: str, *, form: str = JSON, timeout_ms: int = TIMEOUT_MS) -> Result:
-    """Prove that a text in the form `colony-clients/1`, of any origin, is the program's network."""
+    """Prove that a text in the format `colony-clients/1`, of any origin, decides as the program's network."""
     try:
         clients = read_json(json)
     except EmittedFormError as problem:
@@ -147,14 +147,14 @@ def prove_python(
 def prove_clients(
     program: Program, clients: ClientList, *, form: str = CLIENTS, timeout_ms: int = TIMEOUT_MS
 ) -> Result:
-    """Prove that a list of clients is the program's network; `form` is its name in the result."""
+    """Prove that a list of clients decides as the program's network; `form` is its name in the result."""
     with gc_paused():
         malformed = _malformed(clients, form)
         return malformed or _Proof(program, clients, form, timeout_ms).result()
 
 
 def _malformed(clients: ClientList, form: str) -> Malformed | None:
-    """Return what is malformed in the list: priorities other than n, ..., 1, or a repeated entry."""
+    """Return a defect of the list: priorities other than n, ..., 1, or a repeated entry."""
     for one in clients.actuators:
         expected = tuple(range(len(one.clients), 0, -1))
         found = tuple(client.priority for client in one.clients)
@@ -186,7 +186,7 @@ def _listed(numbers: Sequence[int]) -> str:
 
 @dataclass(slots=True)
 class _Count:
-    """The number of obligations met so far. Mutable."""
+    """The number of obligations proved so far. Mutable."""
 
     structure: int = 0
     solver: int = 0
@@ -213,7 +213,7 @@ def _network(program: Program, order: Sequence[str], timeout_ms: int) -> tuple[C
         if not joints:
             return circuit, source
         index = FormulaIndex(circuit, Solver(circuit, timeout_ms), _active(circuit, order))
-        first = index.first_alike([source.dominant(at) for at in joints])
+        first = index.first_equal([source.dominant(at) for at in joints])
         found = {at: NEVER if i is None else joints[i] for at, i in zip(joints, first, strict=True)}
         if found == alike or all(at == same for at, same in found.items()):
             return circuit, source
@@ -226,7 +226,7 @@ def _active(circuit: Circuit, modules: Sequence[str]) -> list[int]:
 
 
 class _Proof:
-    """The proof for one program and one list of clients. Mutable: its circuit grows."""
+    """The proof for one program and one list of clients. Stateful: its circuit grows."""
 
     def __init__(self, program: Program, clients: ClientList, form: str, timeout_ms: int) -> None:
         self.form = form
@@ -310,14 +310,14 @@ class _Proof:
             return None
 
         def shown(inputs: frozenset[int]) -> WrongActivity:
-            network = evaluated(self.circuit, inputs)(active)
+            network = evaluate(self.circuit, inputs)(active)
             frame = frame_of(self.circuit, inputs, self.source)
             return WrongActivity(form=self.form, name=name, frame=frame, network=network, found=not network)
 
         return decide_clauses(self.solver, clauses, self.undecided(name), shown)
 
     def undecided(self, subject: str) -> Undecided:
-        """Return the result where z3 gives up."""
+        """Return the result for when z3 gives up."""
         return Undecided(subjects=((self.form, subject),), timeout_ms=self.solver.timeout_ms)
 
 
@@ -359,7 +359,7 @@ class _ActuatorCheck:
         return wrong
 
     def _wrong_winner(self, inputs: frozenset[int]) -> WrongWinner:
-        values: Values = evaluated(self.proof.circuit, inputs)
+        values: Values = evaluate(self.proof.circuit, inputs)
         return WrongWinner(
             form=self.proof.form,
             actuator=self.actuator,

@@ -1,9 +1,9 @@
-"""Formulas of the guards in generated Python, read from the text that is emitted.
+"""Formulas of the guards in generated Python, read from the emitted text.
 
-The text is parsed and run symbolically, statement by statement, with a formula for "this is reached". Equal
-expressions have equal numbers, where a name counts as the expression last assigned to it. `and`, `or`, `not`,
-conditional expressions and constants become formulas; any other expression is an opaque condition. A module
-wins when `ACTUATOR_by = 'MODULE'` is reached.
+The text is parsed and run symbolically, statement by statement, with a formula for "this point is reached".
+Equal expressions have equal numbers, where a name counts as the expression last assigned to it. `and`, `or`,
+`not`, conditional expressions and constants become formulas; any other expression is an opaque condition. A
+module wins when `ACTUATOR_by = 'MODULE'` is reached.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from colony.verify.equivalence.json_text import EmittedFormError
 PYTHON = "generated Python"
 
 Key = tuple[object, ...]
-"""An expression by its kind and the numbers of what it is made of."""
+"""An expression, by its kind and the numbers of its parts."""
 
 
 def read_python(
     program: Program, clients: ClientList, text: str, name: str, timer_classes: TimerClasses
 ) -> Form:
-    """Return the winners according to a text; `name` is the name of the form.
+    """Return the form that a text describes; `name` is the name of the form.
 
     Raises:
         EmittedFormError: the text is not what the compiler generates.
@@ -75,13 +75,13 @@ def _run(text: str, circuit: Circuit, numbers: dict[Key, int], timer_classes: Ti
         for target in statement.targets
         if isinstance(target, ast.Attribute)
     }
-    run = _Run(circuit, numbers, timer_classes, initial, _deciding(functions["step"]))
+    run = _Run(circuit, numbers, timer_classes, initial, _decision_variables(functions["step"]))
     if run.block(functions["step"].body, TRUE) != FALSE:
         raise EmittedFormError("a `step` that may end without a result", "a `return` at its end")
     return run
 
 
-def _deciding(step: ast.FunctionDef) -> Mapping[str, str]:
+def _decision_variables(step: ast.FunctionDef) -> Mapping[str, str]:
     """Return, for each actuator, the variable that names its winner, from the statement of its decision."""
     found: dict[str, str] = {}
     for node in ast.walk(step):
@@ -103,7 +103,7 @@ def _deciding(step: ast.FunctionDef) -> Mapping[str, str]:
 
 @dataclass(slots=True)
 class _Run:
-    """A symbolic run of a text. Mutable: the values of names, and what was reached."""
+    """A symbolic run of a text. Stateful: holds the values of names, and the winners reached."""
 
     circuit: Circuit
     numbers: dict[Key, int]
@@ -116,7 +116,7 @@ class _Run:
     broken: dict[str, int] = field(default_factory=dict)
     _keys: dict[int, Key] = field(default_factory=dict)
     _truths: dict[int, int] = field(default_factory=dict)
-    _before: dict[str, int | None] = field(default_factory=dict)  # what names stood for outside the block
+    _before: dict[str, int | None] = field(default_factory=dict)  # values of names outside the block
     _loops: int = 0
 
     @property
@@ -169,13 +169,13 @@ class _Run:
         """Run a loop once: every branch that is reached ends with a `break`."""
         end, changed = self._scoped(body, reached)
         if end != FALSE:
-            raise EmittedFormError("a loop over clients that may not end", "a `break` behind every client")
+            raise EmittedFormError("a loop over clients that may not end", "a `break` after every client")
         self._loops += 1
         for name in (*changed, *self.decided_by.values()):
             self._name(name, self._numbered(("after loop", self._loops, name)))
 
     def _scoped(self, statements: Sequence[ast.stmt], reached: int) -> tuple[int, Mapping[str, int]]:
-        """Run statements in a scope of their own; return when their end is reached, and what they named."""
+        """Run statements in their own scope; return the condition for reaching the end, and changed names."""
         outer, self._before = self._before, {}
         end = self.block(statements, reached)
         changed = {name: self.names[name] for name in self._before}
@@ -197,7 +197,7 @@ class _Run:
             case ast.Name(id=name):
                 self._name(name, number)
                 if name in self.deciders:
-                    self._won(name, value, reached, rest)
+                    self._record_winner(name, value, reached, rest)
             case ast.Tuple(elts=elements):
                 for i, element in enumerate(elements):
                     if isinstance(element, ast.Name):
@@ -209,8 +209,8 @@ class _Run:
                     f"line {target.lineno}: {ast.unparse(target)} = ...", "a name or attribute"
                 )
 
-    def _won(self, by: str, value: ast.expr, reached: int, rest: Sequence[ast.stmt]) -> None:
-        """Record a winner, which is final: a `break` follows before any other winner."""
+    def _record_winner(self, by: str, value: ast.expr, reached: int, rest: Sequence[ast.stmt]) -> None:
+        """Record a winner, and check that it is final: a `break` must follow before any other winner."""
         match value:
             case ast.Constant(value=None):
                 return
@@ -223,14 +223,14 @@ class _Run:
         straight = all(isinstance(s, ast.Assign) for s in rest[:-1]) and isinstance(rest[-1], ast.Break)
         others = [s for s in rest[1:-1] if isinstance(s, ast.Assign) and _names(s.targets[0], by)]
         if not straight or others:
-            raise EmittedFormError(f"line {value.lineno}: {by} = {module!r}", "a `break` right behind it")
-        of = self.winners.setdefault(by, {})
-        of[module] = self.circuit.either(of.get(module, FALSE), reached)
+            raise EmittedFormError(f"line {value.lineno}: {by} = {module!r}", "a `break` right after it")
+        winners = self.winners.setdefault(by, {})
+        winners[module] = self.circuit.either(winners.get(module, FALSE), reached)
 
     # --- expressions -----------------------------------------------------------------------------
 
     def _number(self, node: ast.expr) -> int:
-        """Return the number of an expression, as of now."""
+        """Return the number of an expression at this point of the run."""
         match node:
             case ast.Name(id=name):
                 known = self.names.get(name)
@@ -252,16 +252,16 @@ class _Run:
     def _parts(self, node: ast.AST) -> list[object]:
         parts: list[object] = []
         for _, value in ast.iter_fields(node):
-            several = value if isinstance(value, list) else [value]
-            for one in several:
-                match one:
+            items = value if isinstance(value, list) else [value]
+            for item in items:
+                match item:
                     case ast.expr():
-                        parts.append(self._number(one))
+                        parts.append(self._number(item))
                     case ast.AST():
-                        parts.append((type(one).__name__, *self._parts(one)))
+                        parts.append((type(item).__name__, *self._parts(item)))
                     case _:
-                        parts.append(repr(one))
-            parts.append(len(several))
+                        parts.append(repr(item))
+            parts.append(len(items))
         return parts
 
     def _numbered(self, key: Key) -> int:
@@ -273,7 +273,7 @@ class _Run:
         return number
 
     def _truth(self, number: int) -> int:
-        """Return the formula by which an expression counts as true."""
+        """Return the formula for "the expression is true"."""
         known = self._truths.get(number)
         if known is None:
             known = self._truths[number] = self._formula(number, self._keys[number])
@@ -288,8 +288,8 @@ class _Run:
                 return circuit.all([self._truth(_int(part)) for part in parts])
             case ("Or", *parts):
                 return circuit.any([self._truth(_int(part)) for part in parts])
-            case ("Not", int(one)):
-                return self._truth(one) ^ 1
+            case ("Not", int(operand)):
+                return self._truth(operand) ^ 1
             case ("IfExp", int(test), int(yes), int(no)):
                 return circuit.choice(self._truth(test), self._truth(yes), self._truth(no))
             case ("Compare", int(now), _, ("Lt",), _, int(end), _) if now == self.names.get("t"):
@@ -305,12 +305,12 @@ class _Run:
         return FALSE if same is None else self.circuit.input(Opaque(f"t < self.{same}"))
 
     def timers(self) -> list[Timer]:
-        """Return the attributes that hold the end of a time constant: initially 0, then a window from now."""
+        """Return the attributes that hold the end of a time constant: initially 0, then a window after t."""
         found = []
         for cell, updates in self.updates.items():
-            (reached, number), *more = updates
+            (reached, number), *further = updates
             initial = self.initial.get(cell)
-            if more or type(initial) is not int or initial != 0:
+            if further or type(initial) is not int or initial != 0:
                 continue
             window_ns = self._window(self._keys[number])
             if window_ns is not None:

@@ -32,7 +32,7 @@ class Proved:
 class Activation:
     """A frame: the modules that are active now, and the activities that a time constant remembers.
 
-    Nothing else is active, or was active before.
+    Nothing else is active or was active before.
     """
 
     active: tuple[str, ...]
@@ -41,7 +41,7 @@ class Activation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recent:
-    """`name` was last active less than `less_ns` ago, and not less than `least_ns`, both time constants."""
+    """`name` was last active less than `less_ns` and at least `least_ns` ago; both are time constants."""
 
     name: str
     least_ns: int
@@ -52,8 +52,8 @@ class Recent:
 class WrongWinner:
     """A frame in which the wrong module commands `actuator`, compared with the network.
 
-    `by_priority` is the first client whose guard holds, `by_exclusive` are all whose exclusive guard holds
-    (None: the form has none).
+    `by_priority` is the first client whose guard holds, `by_exclusive` are all clients whose exclusive guard
+    holds (None if the form has no exclusive guards).
     """
 
     form: str
@@ -77,7 +77,7 @@ class WrongActivity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Malformed:
-    """A form that is wrong in every frame: `found` stands where `expected` should."""
+    """A form that is wrong in every frame: it has `found` instead of `expected`."""
 
     form: str
     subject: str
@@ -90,9 +90,9 @@ Counterexample = WrongWinner | WrongActivity | Malformed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undecided:
-    """Subjects that were neither proved nor refuted: actuators for the most part, each with its form.
+    """Subjects that were neither proved nor refuted: (form, actuator), mostly.
 
-    z3 gave up after `timeout_ms`; where that is 0, it was not asked. `by_structure` other obligations hold.
+    z3 gave up after `timeout_ms`; if that is 0, z3 was not used. `by_structure` other obligations hold.
     """
 
     subjects: tuple[tuple[str, str], ...]
@@ -104,18 +104,18 @@ Result = Proved | Counterexample | Undecided
 
 
 def merge_results(results: Sequence[Proved | Undecided]) -> Proved | Undecided:
-    """Return several results as one, which is proved where all are."""
-    proved = [one for one in results if isinstance(one, Proved)]
-    undecided = [one for one in results if isinstance(one, Undecided)]
-    by_structure = sum(one.by_structure for one in results)
+    """Return results combined into one, which is proved if all are."""
+    proved = [r for r in results if isinstance(r, Proved)]
+    undecided = [r for r in results if isinstance(r, Undecided)]
+    by_structure = sum(r.by_structure for r in results)
     if undecided:
-        subjects = tuple(dict.fromkeys(subject for one in undecided for subject in one.subjects))
+        subjects = tuple(dict.fromkeys(subject for r in undecided for subject in r.subjects))
         return Undecided(subjects=subjects, timeout_ms=undecided[0].timeout_ms, by_structure=by_structure)
     return Proved(
-        forms=tuple(dict.fromkeys(form for one in proved for form in one.forms)),
+        forms=tuple(dict.fromkeys(form for r in proved for form in r.forms)),
         by_structure=by_structure,
-        by_solver=sum(one.by_solver for one in proved),
-        questions=sum(one.questions for one in proved),
+        by_solver=sum(r.by_solver for r in proved),
+        questions=sum(r.questions for r in proved),
     )
 
 
@@ -123,7 +123,7 @@ def merge_results(results: Sequence[Proved | Undecided]) -> Proved | Undecided:
 
 
 def frame_text(frame: Activation) -> str:
-    """Return a frame in words, which can follow "with"."""
+    """Return a phrase for a frame that can follow "with"."""
     active = f"{listed(frame.active)} active" if frame.active else "no module active"
     recent = [f"{_ago(one)}" for one in frame.recent]
     return f"{active}, and {listed(recent)}" if recent else active
@@ -137,7 +137,7 @@ def _ago(recent: Recent) -> str:
 
 
 def counterexample_text(found: Counterexample) -> str:
-    """Return a sentence that says what is wrong."""
+    """Return a sentence about what is wrong."""
     match found:
         case WrongWinner():
             says = f"the network lets {found.network or 'no module'} through"
@@ -154,7 +154,7 @@ def counterexample_text(found: Counterexample) -> str:
 
 
 def undecided_text(found: Undecided) -> str:
-    """Return a sentence that says what was not settled."""
+    """Return a sentence about what was not settled."""
     subjects = listed([f"{form}: {subject}" for form, subject in found.subjects])
     if found.timeout_ms > 0:
         seconds = f"{found.timeout_ms / 1000:g} s"
@@ -164,7 +164,7 @@ def undecided_text(found: Undecided) -> str:
 
 
 def proved_text(found: Proved) -> str:
-    """Return a line that says what was proved."""
+    """Return a line about what was proved."""
     how = f"{found.by_structure} by structure, {found.by_solver} by z3"
     same = listed((*found.forms, "network"))
     return f"proved: {same} are the same ({found.obligations} obligations: {how})"

@@ -1,8 +1,8 @@
 """Questions to z3: can these clauses over a circuit all be true?
 
-A clause may depend on many nodes, most of which do not matter. So z3 is first asked about the nearest nodes
-only, with all others as free inputs. If that has no solution, the clauses have none; if it has one, the
-question is asked again with more nodes, and finally with all.
+A clause may depend on many nodes, most of which do not matter. So z3 is first asked only about the nearest
+nodes, with all others as free inputs. If this has no solution, the clauses have none; if it has one, the
+question is repeated with more nodes, and finally with all.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ Answer = Refuted | Satisfied | Unsettled
 
 
 class Solver:
-    """z3 for one circuit. Mutable: it counts its questions."""
+    """z3 for one circuit. Stateful: counts its questions."""
 
     def __init__(self, circuit: Circuit, timeout_ms: int) -> None:
         self.circuit = circuit
@@ -58,7 +58,7 @@ class Solver:
 
     @property
     def asks(self) -> bool:
-        """True if z3 is asked at all; if not, only obvious contradictions are refuted."""
+        """True if z3 is used at all; if not, only obvious contradictions are refuted."""
         return self.timeout_ms > 0
 
     def refutes(self, clauses: Sequence[Clause], near: Sequence[int] = NEAR_LIMITS) -> bool:
@@ -68,11 +68,11 @@ class Solver:
         )
 
     def refutes_each(self, questions: Iterable[Sequence[Clause]]) -> bool:
-        """Return True if nearby conjunctions refute each of several questions, many asked at once."""
-        waiting = [clauses for clauses in questions if not obviously_unsatisfiable(clauses)]
-        for start in range(0, len(waiting), BATCH_SIZE):
-            together = waiting[start : start + BATCH_SIZE]
-            if not self._none_of(together) and not all(self.refutes(clauses) for clauses in together):
+        """Return True if nearby conjunctions refute every question; many questions are asked at once."""
+        open_questions = [clauses for clauses in questions if not obviously_unsatisfiable(clauses)]
+        for start in range(0, len(open_questions), BATCH_SIZE):
+            batch = open_questions[start : start + BATCH_SIZE]
+            if not self._none_of(batch) and not all(self.refutes(clauses) for clauses in batch):
                 return False
         return True
 
@@ -123,13 +123,13 @@ def differ(a: int, b: int) -> tuple[Clause, Clause]:
 
 
 def obviously_unsatisfiable(clauses: Sequence[Clause]) -> bool:
-    """Return True if the clauses of one literal alone leave no literal of some clause."""
+    """Return True if clauses with a single literal contradict all literals of some clause."""
     units = {clause[0] for clause in clauses if len(clause) == 1}
     return any(all(i == FALSE or i ^ 1 in units for i in clause) for clause in clauses)
 
 
 class _Cnf:
-    """Conjunctive normal form in the text that z3 reads. Mutable: it grows."""
+    """A formula in conjunctive normal form, as text for z3. Mutable."""
 
     def __init__(self, circuit: Circuit, inner: Sequence[int], leaves: Sequence[int]) -> None:
         self.number = {node: i for i, node in enumerate((0, *inner, *leaves), start=1)}
@@ -137,16 +137,16 @@ class _Cnf:
         self._lines = ["-1 0"]
         self._clauses = 1 + 3 * len(inner)
         for node in inner:
-            this = self.number[node]
+            number = self.number[node]
             left, right = self._signed(circuit.left[node]), self._signed(circuit.right[node])
-            self._lines.append(f"-{this} {left} 0\n-{this} {right} 0\n{this} {-left} {-right} 0")
+            self._lines.append(f"-{number} {left} 0\n-{number} {right} 0\n{number} {-left} {-right} 0")
 
     def _signed(self, literal: int) -> int:
         number = self.number[literal >> 1]
         return -number if literal & 1 else number
 
     def add(self, clause: Clause, unless: str = "") -> None:
-        """Add a clause, which need not hold where `unless` does."""
+        """Add a clause, which need not hold if `unless` does."""
         self._lines.append(f"{unless} {' '.join(str(self._signed(i)) for i in clause)} 0")
         self._clauses += 1
 
@@ -161,7 +161,7 @@ class _Cnf:
         self._clauses += 1
 
     def solve(self, timeout_ms: int, wanted: bool) -> tuple[bool | None, frozenset[int]]:
-        """Return (True if all can be true, None if z3 gives up; the variables that are true, if `wanted`)."""
+        """Return (True if all can be true, None if z3 gives up; the true variables, if `wanted`)."""
         import z3
 
         solver = z3.SolverFor("QF_FD")
@@ -187,11 +187,11 @@ class _Cone:
 
 
 def _cone(circuit: Circuit, clauses: Sequence[Clause], limit: int) -> _Cone:
-    """Return the conjunctions that the clauses' literals are made of, up to a limit.
+    """Return the conjunctions of which the clauses' literals consist, up to a limit.
 
-    Parts of one literal alone come first: where two formulas are compared, their common parts are mostly
-    better left free. Among those, with a small limit the nearest come first, otherwise those behind the
-    fewest negations, so that conjunctions of the same parts in another order can be compared.
+    Parts of a single literal come first: if two formulas are compared, their common parts are mostly better
+    left free. Among these, with a small limit the nearest come first, otherwise those behind the fewest
+    negations, so that conjunctions of the same parts in a different order can be compared.
     """
     nearest = limit <= NEAR_LIMITS[0]
     sides = {literal >> 1: 1 << i for i, literal in enumerate(chain.from_iterable(clauses))}

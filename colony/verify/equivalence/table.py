@@ -1,6 +1,6 @@
-"""A client list in Boolean formulas.
+"""Encoding of a client list in Boolean formulas.
 
-Its guards are replaced by equal formulas of the network where such are found.
+Its guards are replaced by equal formulas of the network where these are found.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ class ListFormulas:
 def encode_list(
     clients: ClientList, circuit: Circuit, index: FormulaIndex, activity: Mapping[str, int] | None = None
 ) -> ListFormulas:
-    """Return the formulas of all guards; `activity` gives those of the modules, which are free without it."""
+    """Return the formulas of all guards; `activity` gives those of the modules, which are otherwise free."""
     guards = _Guards(circuit, index, activity)
     values: list[int] = []
     solved: list[bool] = []
     for guard in clients.guards:
         before = index.merged
         values.append(guards.formula(guard, values))
-        solved.append(index.merged > before or any(solved[at] for at in operands(guard)))
+        solved.append(index.merged > before or any(solved[i] for i in operands(guard)))
     return ListFormulas(
         actuators=tuple(
             (
-                one.actuator,
+                actuator.actuator,
                 tuple(
                     ClientFormulas(
                         module=c.module,
@@ -60,12 +60,12 @@ def encode_list(
                         exclusive=values[c.exclusive],
                         solved=solved[c.guard] or solved[c.exclusive],
                     )
-                    for c in one.clients
+                    for c in actuator.clients
                 ),
             )
-            for one in clients.actuators
+            for actuator in clients.actuators
         ),
-        observed=tuple((name, values[at]) for name, at in clients.observed),
+        observed=tuple((name, values[i]) for name, i in clients.observed),
     )
 
 
@@ -88,9 +88,9 @@ class _Guards:
             case Not(operand=operand):
                 return values[operand] ^ 1
             case And(operands=parts):
-                return self.index.find(self.circuit.all([values[at] for at in parts]))
+                return self.index.find(self.circuit.all([values[i] for i in parts]))
             case Or(operands=parts):
-                return self.index.find(self.circuit.any([values[at] for at in parts]))
+                return self.index.find(self.circuit.any([values[i] for i in parts]))
             case Recently(operand=operand, window_ns=window_ns):
                 return self.index.recently(values[operand], window_ns)
             case _:

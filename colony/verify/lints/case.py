@@ -18,8 +18,8 @@ _READING = (ir.SensorValue, ir.DerivedValue, ir.LocalValue, ir.StateValue, ir.Fr
 class Case:
     """The subject of the lints.
 
-    `observed` is `program` without its contracts, but with a wire for each node and a let for each field of a
-    module's command (`command_of`), so that claims can name them.
+    `observed` is `program` without contracts and tests, but with a wire for each node and a let for each
+    field of a module's command (`command_of`), so that claims can name them.
     """
 
     program: Program
@@ -48,7 +48,7 @@ class Case:
         return next((w.span.source for w in self.program.wires if w.actuator is not None), None)
 
     def is_own(self, span: Span) -> bool:
-        """Return True if a place is in the main file: linting an imported file reports its own findings."""
+        """Return True if a span is in the main file; findings in imported files are left out."""
         return span.source is self.main
 
     @cached_property
@@ -63,10 +63,10 @@ class Case:
 
 def case_of(program: Program) -> Case:
     """Return the case of a program."""
-    wired = network(program)
+    named_network = network(program)
     modules = tuple(_observed(m) if isinstance(m, Module) else m for m in program.modules)
-    observed = replace(program, modules=modules, wires=wired.wires, contracts=(), tests=())
-    return Case(program=program, observed=observed, network=wired)
+    observed = replace(program, modules=modules, wires=named_network.wires, contracts=(), tests=())
+    return Case(program=program, observed=observed, network=named_network)
 
 
 def command_of(module: Module, i: int) -> ir.Expression:

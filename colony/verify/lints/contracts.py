@@ -13,8 +13,8 @@ from colony.verify.lints.case import Case
 from colony.verify.source_text import source_text
 
 
-def _silent(contract: Contract) -> str:
-    return f"silent {contract.name}"
+def _missing(contract: Contract) -> str:
+    return f"missing {contract.name}"
 
 
 def _vacuous(contract: Contract) -> str:
@@ -22,14 +22,14 @@ def _vacuous(contract: Contract) -> str:
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that a contract is always missing, or that the left side of its `implies` is false."""
+    """Yield the claims that a contract has no value, or that the left side of its `implies` is false."""
     for contract in case.program.contracts:
         if not case.is_own(contract.span):
             continue
         e = contract.expression
         remembers = any(isinstance(x, ir.MemoryCall) for x in ir.subexpressions(e))
-        if not remembers:  # a second claim would have to share its memory
-            yield _silent(contract), all_of((e, FALSE))
+        if not remembers:  # a second claim would need to share its memory
+            yield _missing(contract), all_of((e, FALSE))
             if (left := _left(e)) is not None:
                 yield _vacuous(contract), all_of((e, negation(left)))
 
@@ -45,7 +45,7 @@ def _left(e: Expression) -> Expression | None:
 def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
     """Yield the warnings about contracts that constrain nothing."""
     for contract in case.program.contracts:
-        if _silent(contract) in proved:
+        if _missing(contract) in proved:
             yield warning(
                 "V026",
                 contract.span,

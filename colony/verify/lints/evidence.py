@@ -29,30 +29,30 @@ def with_claims(program: Program, claims: Claims) -> Program:
     return replace(program, contracts=contracts)
 
 
-def broken(program: Program, observed: Program, claims: Claims) -> frozenset[str]:
-    """Return the claims about `observed` that some run breaks.
+def broken_claims(program: Program, observed: Program, claims: Claims) -> frozenset[str]:
+    """Return the claims about `observed` that a run breaks.
 
     The runs are the examples of `program`, then drawn traces, until every claim is broken. A program with
-    modules in Python is not run, as their answers are not available here.
+    modules in Python is not run, as their answers are unknown.
     """
-    left = dict(claims)
-    if _asks_python(program):
+    open_claims = dict(claims)
+    if _has_python_modules(program):
         return frozenset()
-    for trace in chain((snapshots_of(program, t) for t in program.tests), _drawn(program)):
-        if not left:
+    for trace in chain((snapshots_of(program, t) for t in program.tests), _random_traces(program)):
+        if not open_claims:
             break
-        for name in _breaches(with_claims(observed, left), trace):
-            left.pop(name, None)
-    return frozenset(set(claims) - set(left))
+        for name in _breaches(with_claims(observed, open_claims), trace):
+            open_claims.pop(name, None)
+    return frozenset(set(claims) - set(open_claims))
 
 
-def _drawn(program: Program) -> Iterator[tuple[Snapshot, ...]]:
+def _random_traces(program: Program) -> Iterator[tuple[Snapshot, ...]]:
     for number in range(_RUNS):
         frames = draw_trace(Choices(Random(f"0/{number}")), program, _FRAMES)
         yield tuple(snapshot_of(program, frame) for frame in frames)
 
 
-def _asks_python(program: Program) -> bool:
+def _has_python_modules(program: Program) -> bool:
     return not all(isinstance(m, Module) for m in program.modules)
 
 
@@ -67,6 +67,6 @@ def _breaches(program: Program, trace: Sequence[Snapshot]) -> set[str]:
     return found
 
 
-def replayed(program: Program, snapshots: Iterable[Snapshot]) -> tuple[Outcome, ...]:
+def replay(program: Program, snapshots: Iterable[Snapshot]) -> tuple[Outcome, ...]:
     """Return the reference interpreter's outcomes."""
     return Replay(program, "").run(tuple(snapshots))

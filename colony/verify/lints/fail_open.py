@@ -1,9 +1,9 @@
 """Lint of safeguards that fail open: without a sensor that only the safeguard reads, the robot drives on.
 
-A *safeguard* of a module m is a module that dominates m somewhere and either inhibits it or, whenever both
-are active, commands some field at idle, beyond idle as seen from m, or (a speed) nearer to idle. The evidence
-is a pair of runs that differ in one sensor of the last frame only. With all sensors there, the safeguard is
-active and m does not win; with that sensor missing, m wins with a command that is not idle.
+A *safeguard* of a module m is a module that dominates m somewhere and either inhibits m or, whenever both are
+active, commands some field at idle, on the other side of idle than m or, for a speed, nearer to idle. The
+evidence is a pair of runs that differ in one sensor of the last frame only. With all sensors present, the
+safeguard is active and m does not win; with that sensor missing, m wins with a command that is not idle.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from colony.verify.claims import (
     won,
 )
 from colony.verify.lints.case import Case, command_of
-from colony.verify.lints.evidence import replayed
+from colony.verify.lints.evidence import replay
 from colony.verify.lints.proof import Prover
 from colony.verify.snapshot import Snapshot
 
@@ -48,15 +48,17 @@ def _restrains(module: Module, guard: Module, i: int) -> str:
 
 
 def _pairs(case: Case) -> Iterator[tuple[Module, Module, Actuator]]:
-    """Yield (module that moves the robot, dominating module that needs another sensor too, actuator)."""
+    """Yield (module that moves the robot, dominating module that needs a further sensor, actuator)."""
     for module in case.own_modules.values():
         actuator = case.actuators.get(module.actuator or "")
         if actuator is None or actuator.server != _BASE_SERVER or actuator.idle is None:
             continue
-        above = dict.fromkeys(
-            name for node in case.network.above(module.name) for name in case.network.under(node.dominant)
+        dominating = dict.fromkeys(
+            name
+            for node in case.network.nodes_above(module.name)
+            for name in case.network.under(node.dominant)
         )
-        for name in above:
+        for name in dominating:
             guard = case.modules.get(name)
             if guard is not None and guard is not module and _own_needs(case, module, guard):
                 yield module, guard, actuator
@@ -69,18 +71,18 @@ def _own_needs(case: Case, module: Module, guard: Module) -> tuple[str, ...]:
 
 def _independent_dominants(case: Case, module: Module, sensor: str) -> tuple[str, ...]:
     """Return the modules that dominate a module somewhere and do not need `sensor`."""
-    above = dict.fromkeys(
-        name for node in case.network.above(module.name) for name in case.network.under(node.dominant)
+    dominating = dict.fromkeys(
+        name for node in case.network.nodes_above(module.name) for name in case.network.under(node.dominant)
     )
-    needing = {n for n in above if n in case.modules and sensor in case.contents.needs(case.modules[n])}
-    return tuple(name for name in above if name not in needing and name != module.name)
+    needing = {n for n in dominating if n in case.modules and sensor in case.contents.needs(case.modules[n])}
+    return tuple(name for name in dominating if name not in needing and name != module.name)
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     """Yield the claims behind a warning.
 
-    "Open": the module never wins while only this sensor is missing. "Guarded": with all sensors there, no
-    guard that needs the sensor is all that keeps the module from moving the robot. "Restrains": the guard
+    "Open": the module never wins while only this sensor is missing. "Guarded": with all sensors present, the
+    module is never kept from moving the robot only by guards that need the sensor. "Restrains": the guard
     restrains a field of the module's command.
     """
     sensors = [s.name for s in case.program.robot.sensors if s.default is None]
@@ -114,22 +116,26 @@ def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
             if name not in stays_closed:
                 stays_closed[name] = prover.holds(name)
             sensors += [] if stays_closed[name] else [sensor]
-        fields = _guards(case, module, guard, actuator, prover) if sensors else frozenset[int]()
+        fields = _guarded_fields(case, module, guard, actuator, prover) if sensors else frozenset[int]()
         for sensor in sensors if fields else ():
             trace = prover.refuted(_guarded(module, guard, sensor))
-            moving = set[int]() if trace is None else _moved(case, module, actuator, sensor, trace.snapshots)
+            moving = (
+                set[int]()
+                if trace is None
+                else _moving_fields(case, module, actuator, sensor, trace.snapshots)
+            )
             if fields & moving:
                 found.setdefault((module.name, sensor), []).append(guard.name)
     yield from _warnings(case, found)
 
 
-def _moved(
+def _moving_fields(
     case: Case, module: Module, actuator: Actuator, sensor: str, snapshots: tuple[Snapshot, ...]
 ) -> set[int]:
-    """Return the fields that are not idle when the module wins the last frame without `sensor`."""
+    """Return the fields that are not idle when the module wins in the last frame, without `sensor`."""
     last = snapshots[-1]
     without = last._replace(readings={n: v for n, v in last.readings.items() if n != sensor})
-    outcome = replayed(case.program, (*snapshots[:-1], without))[-1]
+    outcome = replay(case.program, (*snapshots[:-1], without))[-1]
     decision = next(d for d in outcome.decisions if d.actuator == actuator.name)
     idle = in_declared_units(actuator.idle, actuator.fields)
     if decision.by != module.name or decision.fault or decision.values is None or idle is None:
@@ -137,10 +143,12 @@ def _moved(
     return {i for i, (x, y) in enumerate(zip(decision.values, idle, strict=True)) if x != y}
 
 
-def _guards(case: Case, module: Module, guard: Module, actuator: Actuator, prover: Prover) -> frozenset[int]:
+def _guarded_fields(
+    case: Case, module: Module, guard: Module, actuator: Actuator, prover: Prover
+) -> frozenset[int]:
     """Return the fields against which `guard` is a safeguard of `module`."""
     fields = range(len(actuator.fields))
-    for node in case.network.above(module.name):
+    for node in case.network.nodes_above(module.name):
         if node.relation == "inhibits" and guard.name in case.network.under(node.dominant):
             return frozenset(fields)
     if guard.actuator != actuator.name:
@@ -149,10 +157,10 @@ def _guards(case: Case, module: Module, guard: Module, actuator: Actuator, prove
 
 
 def _restrained(module: Module, guard: Module, actuator: Actuator, i: int) -> Expression:
-    """Return the condition that whenever both are active, the guard restrains the field.
+    """Return the condition that the guard restrains the field whenever both modules are active.
 
-    The guard's field is at idle, beyond it, or (a speed) nearer to it. Bools and enumerators have no order:
-    there the guard's field is at idle where the module's is not.
+    The guard's field is at idle, on the other side of it or, for a speed, nearer to it. Bools and enumerators
+    have no order: their field is at idle in the guard's command if it is not in the module's.
     """
     assert actuator.idle is not None
     kind = actuator.fields[i].type
@@ -181,9 +189,11 @@ def _warnings(case: Case, found: Mapping[tuple[str, str], list[str]]) -> Iterato
     for (module, sensor), guards in found.items():
         by_guards.setdefault((module, tuple(guards)), []).append(sensor)
     for (module, names), sensors in by_guards.items():
-        one = len(names) == 1
+        is_single = len(names) == 1
         what = "them" if len(sensors) > 1 else "it"
-        silent = f"which {'reads' if one else 'read'} {what}, {'is' if one else 'are'} silent then"
+        silent = (
+            f"which {'reads' if is_single else 'read'} {what}, {'is' if is_single else 'are'} silent then"
+        )
         present = " and ".join(f"fresh({s})" for s in sensors)
         condition = f"not {present}" if len(sensors) == 1 else f"not ({present})"
         yield warning(

@@ -1,8 +1,8 @@
 """All lints of a program.
 
-Each lint states claims as contracts. A lint that says "never" is raised where its claim holds in every run:
-concrete runs quickly break most claims about a sound program, and the prover decides the rest. A lint that
-says "can" is raised where its claim is broken, with the run that breaks it as evidence.
+Each lint states claims as contracts. A lint that says "never" warns if its claim holds in every run: concrete
+runs quickly break most claims about a sound program, and the prover decides the rest. A lint that says "can"
+warns if its claim is broken, with the run that breaks it as evidence.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from colony.verify.lints import (
     unused,
 )
 from colony.verify.lints.case import Case, case_of
-from colony.verify.lints.evidence import broken
+from colony.verify.lints.evidence import broken_claims
 from colony.verify.lints.proof import Prover, TimeBudget
 
 _MAX_CANDIDATES = 12
 
 
 def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Diagnostic, ...]:
-    """Return all findings as warnings V020 to V031, in the order of the text.
+    """Return all findings as warnings V020 to V031, in source order.
 
     Findings that need more time than `time_budget` allows are left out.
     """
@@ -42,16 +42,18 @@ def lint(program: Program, time_budget: TimeBudget | None = None) -> tuple[Diagn
         to_prove |= lint_module.claims(case)
     for refuting_lint in (ranges, fail_open, pauses):
         to_refute |= refuting_lint.claims(case)
-    refuted = broken(program, case.observed, to_prove)
-    open_ = {name: claim for name, claim in to_prove.items() if name not in refuted}
-    prover = Prover(case.observed, open_ | to_refute, time_budget)
-    proved = prover.proved(open_)
-    by = {m: _minimal_dominators(case, m, time_budget) for m in case.modules if shadows.shadowed(m) in proved}
+    refuted = broken_claims(program, case.observed, to_prove)
+    unbroken = {name: claim for name, claim in to_prove.items() if name not in refuted}
+    prover = Prover(case.observed, unbroken | to_refute, time_budget)
+    proved = prover.proved(unbroken)
+    dominators = {
+        m: _minimal_dominators(case, m, time_budget) for m in case.modules if shadows.shadowed(m) in proved
+    }
     return in_order(
         [
             *unused.findings(case),
             *predicates.findings(case, proved),
-            *shadows.findings(case, proved, by),
+            *shadows.findings(case, proved, dominators),
             *nodes.findings(case, proved),
             *contracts.findings(case, proved),
             *synchronized.findings(case, proved),

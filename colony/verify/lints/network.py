@@ -1,4 +1,4 @@
-"""The network with a name for every node, so that claims can refer to each."""
+"""The network with a name for every node, so that claims can refer to nodes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from colony.ir import expression as ir
 from colony.ir.program import Program, Use, Wire, Wiring
-from colony.ir.wiring import Joint, joints_of
+from colony.ir.wiring import WiringNode, wiring_graph
 from colony.text.source import Span
 from colony.text.wording import duration_text
 from colony.verify.claims import FALSE, active, all_of, any_of, negation
@@ -15,89 +15,89 @@ from colony.verify.claims import FALSE, active, all_of, any_of, negation
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamedNetwork:
-    """The network of a program in which every joint is a wire of its own.
+    """The network of a program in which every node is a wire of its own.
 
     Attributes:
-        wires: Wires of the program, after one for each joint.
-        joints: Joints that reach an actuator, by name, each after its inputs.
-        roots: Module or joint that drives each wired actuator.
+        wires: one wire for each node, then the wires of the program.
+        nodes: the suppressors and inhibitors with a path to an actuator, by name, each after its inputs.
+        roots: the module or node that drives each wired actuator.
     """
 
     wires: tuple[Wire, ...]
-    joints: dict[str, Joint]
+    nodes: dict[str, WiringNode]
     roots: Mapping[str, str]
 
     def under(self, ref: str) -> tuple[str, ...]:
-        """Return the modules below a node, or the module itself, the dominant ones first."""
-        found: dict[str, None] = {}
-        todo, seen = [ref], set[str]()
-        while todo:
-            name = todo.pop()
+        """Return the modules below a node, dominant ones first, or the module itself."""
+        modules: dict[str, None] = {}
+        pending, seen = [ref], set[str]()
+        while pending:
+            name = pending.pop()
             if name in seen:
                 continue
             seen.add(name)
-            if name in self.joints:
-                todo += [self.joints[name].inferior, self.joints[name].dominant]
+            if name in self.nodes:
+                pending += [self.nodes[name].inferior, self.nodes[name].dominant]
             else:
-                found[name] = None
-        return tuple(found)
+                modules[name] = None
+        return tuple(modules)
 
     def emerges(self, module: str, ref: str, depth: int = 0) -> ir.Expression | None:
-        """Return the condition that `module`'s output is on `ref`; None where that is too deep to express."""
-        if ref not in self.joints:
+        """Return the condition that `module`'s output is on `ref`, None if the network is too deep."""
+        if ref not in self.nodes:
             return active(module) if ref == module else FALSE
         if depth >= _MAX_DEPTH:
             return None
-        joint = self.joints[ref]
-        below = self.emerges(module, joint.inferior, depth + 1)
+        node = self.nodes[ref]
+        below = self.emerges(module, node.inferior, depth + 1)
         if below is None:
             return None
-        if joint.relation == "inhibits":
+        if node.relation == "inhibits":
             return FALSE if below is FALSE else all_of((active(ref), below))
-        above = self.emerges(module, joint.dominant, depth + 1)
+        above = self.emerges(module, node.dominant, depth + 1)
         if above is None:
             return None
-        passed = [] if below is FALSE else [all_of((active(ref), negation(active(joint.dominant)), below))]
+        passed = [] if below is FALSE else [all_of((active(ref), negation(active(node.dominant)), below))]
         return any_of((*([] if above is FALSE else [above]), *passed))
 
-    def above(self, module: str) -> Iterator[Joint]:
-        """Yield the joints on whose inferior side a module is."""
-        for joint in self.joints.values():
-            if module in self.under(joint.inferior):
-                yield joint
+    def nodes_above(self, module: str) -> Iterator[WiringNode]:
+        """Yield the nodes on whose inferior side a module is."""
+        for node in self.nodes.values():
+            if module in self.under(node.inferior):
+                yield node
 
 
 _MAX_DEPTH = 24
 
 
 def network(program: Program) -> NamedNetwork:
-    """Return the network of `program`, every joint with a wire of its own."""
-    wired = joints_of(program)
-    reached = set(wired.roots.values())
-    for joint in reversed(wired.joints):
-        if joint.name in reached:
-            reached |= {joint.dominant, joint.inferior}
-    ends = {
-        w.name: wired.wires[w.name] if w.actuator is None else wired.roots[w.actuator] for w in program.wires
+    """Return the network of `program`, with a wire for every node."""
+    graph = wiring_graph(program)
+    reached = set(graph.roots.values())
+    for node in reversed(graph.nodes):
+        if node.name in reached:
+            reached |= {node.dominant, node.inferior}
+    targets = {
+        w.name: graph.wires[w.name] if w.actuator is None else graph.roots[w.actuator] for w in program.wires
     }
-    own = (joint.wire(joint.name, joint.dominant, joint.inferior) for joint in wired.joints)
-    named = (replace(wire, wiring=Use(name=ends[wire.name])) for wire in program.wires)
-    joints = {joint.name: joint for joint in wired.joints if joint.name in reached}
-    return NamedNetwork(wires=(*own, *named), joints=joints, roots=wired.roots)
+    own = (node.wire(node.name, node.dominant, node.inferior) for node in graph.nodes)
+    named = (replace(wire, wiring=Use(name=targets[wire.name])) for wire in program.wires)
+    nodes = {node.name: node for node in graph.nodes if node.name in reached}
+    return NamedNetwork(wires=(*own, *named), nodes=nodes, roots=graph.roots)
 
 
-def span_of(joint: Joint) -> Span:
-    """Return the place of a joint: from its dominant operand to the end of its chain."""
-    first, last = joint.chain.operands[joint.index].span, joint.chain.operands[-1].span
+def span_of(node: WiringNode) -> Span:
+    """Return the span of a node: from its dominant operand to the end of its chain."""
+    first, last = node.chain.operands[node.index].span, node.chain.operands[-1].span
     return Span(first.source, first.start, max(last.end, first.end))
 
 
-def text_of(joint: Joint) -> str:
-    """Return a joint as it is written, without the contents of parentheses."""
-    dominant, inferior, *more = joint.chain.operands[joint.index :]
-    window = f"[{duration_text(joint.window_ns)}]" if joint.window_ns else ""
-    text = f"{_short(dominant)} {joint.relation}{window} {_short(inferior)}"
-    return f"{text} ..." if more else text
+def text_of(node: WiringNode) -> str:
+    """Return the source text of a node, without the contents of parentheses."""
+    dominant, inferior, *further = node.chain.operands[node.index :]
+    window = f"[{duration_text(node.window_ns)}]" if node.window_ns else ""
+    text = f"{_short(dominant)} {node.relation}{window} {_short(inferior)}"
+    return f"{text} ..." if further else text
 
 
 def _short(wiring: Wiring) -> str:

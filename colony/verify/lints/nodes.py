@@ -1,11 +1,11 @@
-"""Inhibitors and time constants that change nothing."""
+"""Lint of inhibitors and time constants that change nothing."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Set
 
 from colony.ir.expression import Expression
-from colony.ir.wiring import Joint
+from colony.ir.wiring import WiringNode
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.wording import duration_text, quoted
 from colony.verify.claims import active, all_of, implies, negation
@@ -15,11 +15,11 @@ from colony.verify.lints.predicates import never
 from colony.verify.lints.shadows import shadowed
 
 
-def _useless_inhibitor(node: Joint) -> str:
+def _useless_inhibitor(node: WiringNode) -> str:
     return f"inhibits nothing {node.name}"
 
 
-def _useless_window(node: Joint) -> str:
+def _useless_window(node: WiringNode) -> str:
     return f"no time {node.name}"
 
 
@@ -28,29 +28,29 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
 
     An inhibitor has none if its inferior gets through whenever the inferior is active; a time constant has
     none if that holds while the dominant side is not active. A suppressor whose sides exclude each other is
-    no finding: it merges them.
+    not a finding: it merges them.
     """
-    for node in _own(case):
+    for node in _own_nodes(case):
         passes = active(node.name)
         if node.relation == "inhibits":
             yield _useless_inhibitor(node), implies(active(node.inferior), passes)
         if node.window_ns:
-            waiting = all_of((active(node.inferior), negation(active(node.dominant))))
-            yield _useless_window(node), implies(waiting, passes)
+            only_inferior = all_of((active(node.inferior), negation(active(node.dominant))))
+            yield _useless_window(node), implies(only_inferior, passes)
 
 
-def _own(case: Case) -> Iterator[Joint]:
-    for node in case.network.joints.values():
+def _own_nodes(case: Case) -> Iterator[WiringNode]:
+    for node in case.network.nodes.values():
         if case.is_own(span_of(node)):
             yield node
 
 
 def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
     """Yield the warnings about nodes without effect."""
-    for node in _own(case):
+    for node in _own_nodes(case):
         sides = [case.network.under(node.dominant), case.network.under(node.inferior)]
         if any(all(never(m) in proved or shadowed(m) in proved for m in side) for side in sides):
-            continue  # the lints of these modules report it
+            continue  # other lints report these modules
         dominant, inferior = (quoted(side) for side in sides)
         are = "is" if len(sides[1]) == 1 else "are"
         if _useless_inhibitor(node) in proved:

@@ -1,11 +1,11 @@
-"""Lint of a time constant within a dominant side: while it runs, it holds back its own inferior only."""
+"""Lint of time constants within a dominant side, which hold back only their own inferior side."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from colony.ir.expression import Expression
-from colony.ir.wiring import Joint
+from colony.ir.wiring import WiringNode
 from colony.text.diagnostics import Diagnostic, warning
 from colony.text.wording import duration_text, quoted
 from colony.verify.claims import active, all_of, any_of, negation, won
@@ -14,14 +14,14 @@ from colony.verify.lints.network import span_of
 from colony.verify.lints.proof import Prover
 
 
-def _name(inner: Joint, outer: Joint) -> str:
+def _name(inner: WiringNode, outer: WiringNode) -> str:
     return f"pause {inner.name} {outer.name}"
 
 
-def _pairs(case: Case) -> Iterator[tuple[Joint, Joint]]:
+def _pairs(case: Case) -> Iterator[tuple[WiringNode, WiringNode]]:
     """Yield the inner and the outer node of each `(A suppresses[T] B) suppresses C`."""
-    for outer in case.network.joints.values():
-        inner = case.network.joints.get(outer.dominant)
+    for outer in case.network.nodes.values():
+        inner = case.network.nodes.get(outer.dominant)
         if inner is None or not inner.window_ns or not case.is_own(span_of(outer)):
             continue
         if inner.relation == outer.relation == "suppresses":
@@ -29,7 +29,7 @@ def _pairs(case: Case) -> Iterator[tuple[Joint, Joint]]:
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that no inferior of the outer node wins while the inner node holds its own back."""
+    """Yield the claims that no inferior of the outer node wins while the inner one holds back its own."""
     for inner, outer in _pairs(case):
         below = [
             won(actuator, module)

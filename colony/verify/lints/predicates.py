@@ -26,8 +26,8 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     for name, module in case.modules.items():
         yield never(name), negation(active(name))
         if case.is_own(module.span) and case.has_inputs(module):
-            there = all_of(fresh(s) for s in sorted(case.contents.needs(module)))
-            yield always(name), implies(there, active(name))
+            all_present = all_of(fresh(s) for s in sorted(case.contents.needs(module)))
+            yield always(name), implies(all_present, active(name))
 
 
 def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:

@@ -19,9 +19,9 @@ _OPTIONS = Options(depth=1, max_frames=3, resources=RESOURCES_PER_SECOND // 2)
 
 
 class TimeBudget:
-    """The time limit of all questions about a program together; unlimited without a clock.
+    """A time limit for all questions about a program together; unlimited without a clock.
 
-    Mutable: `questions_skipped` counts the questions that were left out for lack of time.
+    Stateful: `questions_skipped` counts the questions that were left out for lack of time.
     """
 
     def __init__(self, clock: Clock | None = None, seconds: float = 0.0) -> None:
@@ -30,14 +30,14 @@ class TimeBudget:
         self.questions_skipped = 0
 
     def is_spent(self) -> bool:
-        """Return True if no time is left for another question, and count that question as skipped."""
+        """Return True if no time is left for another question, and count the question as skipped."""
         spent = self._clock is not None and self._clock() >= self._until
         self.questions_skipped += spent
         return spent
 
 
 class Prover:
-    """A prover of claims about one program. Mutable: it encodes the program on first use."""
+    """A prover of claims about one program. Stateful: encodes the program on first use."""
 
     def __init__(self, program: Program, claims: Claims, time_budget: TimeBudget) -> None:
         self._program = with_claims(program, claims)
@@ -49,7 +49,7 @@ class Prover:
 
     def proved(self, names: Iterable[str]) -> frozenset[str]:
         """Return the claims that are proved for floats, rounding included."""
-        return frozenset(name for name in names if self.holds(name) and not self._rounds(name))
+        return frozenset(name for name in names if self.holds(name) and not self._depends_on_rounding(name))
 
     def holds(self, name: str) -> bool:
         """Return True if a claim is proved over the reals, that is, without rounding."""
@@ -57,7 +57,7 @@ class Prover:
             return False
         return isinstance(Attempt(self._context, name, _budget()).run(), Proof)
 
-    def _rounds(self, name: str) -> bool:
+    def _depends_on_rounding(self, name: str) -> bool:
         return any(r.kind is Inexact.ROUNDING for r in self._context.claims[name].inexact)
 
     def refuted(self, name: str) -> Trace | None:

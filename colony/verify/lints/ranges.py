@@ -40,7 +40,7 @@ def _is_open(module: Module, i: int, field: ActuatorField) -> bool:
 
 
 def claims(case: Case) -> Iterator[tuple[str, Expression]]:
-    """Yield the claims that a field of a command is within its range when the module wins."""
+    """Yield the claims that a field of a module's command is within its range when the module wins."""
     for module, actuator, i, field in _fields(case):
         value = command_of(module, i)
         beyond = []

@@ -1,4 +1,4 @@
-"""Lint of modules that can be active but never get through, as others always dominate them."""
+"""Lint of modules that can be active but never get through, because others always dominate them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
             if name in case.network.under(root)
         ]
         too_deep = False
-        for node in case.network.joints.values():
+        for node in case.network.nodes.values():
             if node.relation == "inhibits" or node.window_ns:
                 emerges = case.network.emerges(name, node.dominant)
                 too_deep = too_deep or emerges is None
@@ -38,16 +38,16 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
 def dominated(case: Case, module: str, by: Sequence[str]) -> Expression | None:
     """Return the condition that one of `by` dominates an active module on each of its paths.
 
-    None where that is too hard to express: a time constant may remember a module that has no name.
+    None if this cannot be expressed, because of a time constant or a network that is too deep.
     """
     each = []
-    for node in case.network.above(module):
+    for node in case.network.nodes_above(module):
         if node.window_ns:
             return None
     for path in _paths(case, module):
         cut = []
         for name in path:
-            node = case.network.joints[name]
+            node = case.network.nodes[name]
             for other in by:
                 if other in case.network.under(node.dominant):
                     out = case.network.emerges(other, node.dominant)
@@ -61,40 +61,40 @@ def dominated(case: Case, module: str, by: Sequence[str]) -> Expression | None:
 def _paths(case: Case, module: str) -> Iterator[tuple[str, ...]]:
     """Yield, for each path of a module to the end of a network, the nodes that it enters as inferior."""
     ends = [*case.network.roots.values()]
-    ends += [n.dominant for n in case.network.joints.values() if n.relation == "inhibits"]
+    ends += [n.dominant for n in case.network.nodes.values() if n.relation == "inhibits"]
     count = 0
-    todo: list[tuple[str, tuple[str, ...]]] = [(end, ()) for end in ends]
-    while todo and count < _MAX_PATHS:
-        ref, passed = todo.pop()
+    pending: list[tuple[str, tuple[str, ...]]] = [(end, ()) for end in ends]
+    while pending and count < _MAX_PATHS:
+        ref, passed = pending.pop()
         if ref == module:
             count += 1
             yield passed
-        node = case.network.joints.get(ref)
+        node = case.network.nodes.get(ref)
         if node is not None and module in case.network.under(ref):
-            todo.append((node.inferior, (*passed, ref)))
+            pending.append((node.inferior, (*passed, ref)))
             if node.relation == "suppresses":
-                todo.append((node.dominant, passed))
+                pending.append((node.dominant, passed))
 
 
 _MAX_PATHS = 16
 
 
 def candidates(case: Case, module: str) -> tuple[str, ...]:
-    """Return the modules that can dominate a module, the nearest first."""
+    """Return the modules that can dominate a module, in the order of the nodes at which they do."""
     found: dict[str, None] = {}
-    for node in case.network.above(module):
+    for node in case.network.nodes_above(module):
         found |= dict.fromkeys(x for x in case.network.under(node.dominant) if x != module)
     return tuple(found)
 
 
-def findings(case: Case, proved: Set[str], by: Mapping[str, tuple[str, ...]]) -> Iterator[Diagnostic]:
-    """Yield the warnings; `by` gives a minimal set of modules that dominate a module, if one was found."""
+def findings(case: Case, proved: Set[str], dominators: Mapping[str, tuple[str, ...]]) -> Iterator[Diagnostic]:
+    """Yield the warnings; `dominators` gives a minimal dominating set for each module, if one was found."""
     for name, module in case.modules.items():
         if shadowed(name) not in proved or never(name) in proved:
             continue
-        dominators = by.get(name, ())
-        if dominators:
-            why = f"{quoted(dominators, 'or')} dominates it"
+        names = dominators.get(name, ())
+        if names:
+            why = f"{quoted(names, 'or')} dominates it"
         else:
             why = f"something above it dominates: {quoted(candidates(case, name), 'or')}"
         yield warning(

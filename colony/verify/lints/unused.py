@@ -10,7 +10,7 @@ from colony.verify.testing.frames import sensors_read
 
 
 def findings(case: Case) -> Iterator[Diagnostic]:
-    """Yield the warnings about unused sensors of the main file; an imported robot may have any."""
+    """Yield the warnings about unused sensors of the main file; an imported robot may have unused ones."""
     read = sensors_read(case.program)
     for sensor in case.program.robot.sensors:
         if case.is_own(sensor.span) and sensor.name not in read:

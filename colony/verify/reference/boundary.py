@@ -44,8 +44,8 @@ def sense(sensor: Sensor, reading: Reading, factor: float) -> tuple[Value | None
         value = typed(sensor, reading, factor)
     except InvalidValueError:
         return None, "sensor fault"
-    inside = clamped(value, sensor)
-    return inside, None if inside == value else "sensor clamped"
+    in_range = clamped(value, sensor)
+    return in_range, None if in_range == value else "sensor clamped"
 
 
 def typed(sensor: Sensor, reading: Reading, factor: float) -> Value:
@@ -65,7 +65,7 @@ def typed_scalar(type_: Scalar, reading: object, factor: float = 1.0) -> ScalarV
     """Return a bool, a number times `factor`, or an enumerator.
 
     Raises:
-        InvalidValueError: it is none of the type, or NaN.
+        InvalidValueError: it is not a value of the type, or it is NaN.
     """
     if isinstance(type_, Bool):
         if not isinstance(reading, bool):
@@ -159,13 +159,13 @@ Command = tuple[ScalarValue, ...] | None
 
 
 class PythonRunner:
-    """Runs one Python module. Mutable: the module's object has state."""
+    """Runs one Python module. Stateful: the module's object has state."""
 
     def __init__(self, module: PythonModule, actuator: Actuator | None) -> None:
         """Import and build the class, once.
 
         Raises:
-            DiagnosticError: that did not work; the error says why.
+            DiagnosticError: it cannot be imported or built.
         """
         self.module = module
         self._fields = actuator.fields if actuator else ()
@@ -186,7 +186,7 @@ class PythonRunner:
     def step(self, t_ns: int, frame: ModuleFrame) -> tuple[Command, bool]:
         """Return the module's command in a frame, and True if the call of its class failed.
 
-        To be called only in frames in which nothing that the module reads is missing.
+        Call it only in frames in which nothing that the module reads is missing.
         """
         if self.module.rate_ns is None:
             return self._call(frame)

@@ -1,8 +1,8 @@
 """Reference evaluation: the value of an expression in a frame, and whether it reads something missing.
 
 Evaluation is strict: every operand is evaluated, even in a branch not taken. So each memory function is
-evaluated exactly once per key whenever its expression is. A key is (call, values of the enclosing loop
-variables, element): each separate memory of the language is one entry of a dict here.
+evaluated exactly once per key whenever its expression is evaluated. A key is (call, values of the enclosing
+loop variables, element): each separate memory of the language is one entry of a dict here.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Loop = tuple[tuple[str, int], ...]
 
 
 @dataclass(slots=True, kw_only=True)
-class Moment:
+class FrameValues:
     """The values of one frame, in base units. A name that a mapping lacks is missing.
 
     Mutable: filled in the order in which the frame is computed.
@@ -38,34 +38,36 @@ class Moment:
     derived: dict[str, Value] = field(default_factory=dict)
     locals: dict[str, Value] = field(default_factory=dict)
     commands: dict[str, tuple[ScalarValue, ...]] = field(default_factory=dict)  # of active modules
-    outputs: dict[str, str | None] = field(default_factory=dict)  # module or wire: whose output is on it
+    outputs: dict[str, str | None] = field(
+        default_factory=dict
+    )  # by module or wire: the module whose command is on it
     winners: dict[str, str | None] = field(default_factory=dict)  # by actuator
     commanded: set[str] = field(default_factory=set)  # actuators that were sent a module's command
     sent: dict[tuple[str, int], ScalarValue] = field(default_factory=dict)  # actuator and field
 
 
-def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> bool:
+def missing(e: ir.Expression, frame_values: FrameValues, own: Set[str] = frozenset()) -> bool:
     """Return True if something that `e` needs is missing; `own` are lets that count as present."""
     match e:
         case ir.SensorValue(name=name):
-            return name not in moment.sensors
+            return name not in frame_values.sensors
         case ir.DerivedValue(name=name):
-            return name not in moment.derived
+            return name not in frame_values.derived
         case ir.LocalValue(name=name):
-            return name not in moment.locals and name not in own
+            return name not in frame_values.locals and name not in own
         case ir.SentField(actuator=actuator, field_index=i):
-            return (actuator, i) not in moment.sent
+            return (actuator, i) not in frame_values.sent
         case ir.ValueOr(other=other):
-            return missing(other, moment, own)
+            return missing(other, frame_values, own)
         case _:
-            return any(missing(child, moment, own) for child in ir.children(e))
+            return any(missing(child, frame_values, own) for child in ir.children(e))
 
 
-def evaluate(e: ir.Expression, moment: Moment, memory: Memory, loop: Loop = ()) -> Value:
+def evaluate(e: ir.Expression, frame_values: FrameValues, memory: Memory, loop: Loop = ()) -> Value:
     """Return the value of `e`, which must read nothing missing, and advance its memory."""
 
     def value(operand: ir.Expression) -> Value:
-        return evaluate(operand, moment, memory, loop)
+        return evaluate(operand, frame_values, memory, loop)
 
     match e:
         case ir.UnaryOperation(operand=operand):
@@ -86,48 +88,48 @@ def evaluate(e: ir.Expression, moment: Moment, memory: Memory, loop: Loop = ()) 
             whole, chosen = elements(value(array)), window_indices(e, scalar(value(center)))
             return tuple(element_at(whole, i) for i in chosen)
         case ir.ValueOr(expression=expression, other=other):
-            first = None if missing(expression, moment) else value(expression)
+            first = None if missing(expression, frame_values) else value(expression)
             second = value(other)
-            return filled(second if first is None else first, e)
+            return broadcast(second if first is None else first, e)
         case ir.Call():
-            return call(e, moment, memory, loop)
+            return call(e, frame_values, memory, loop)
         case ir.Reduce():
-            return reduce(e, moment, memory, loop)
+            return reduce(e, frame_values, memory, loop)
         case ir.MemoryCall():
-            return recall(e, [value(a) for a in e.arguments], moment, memory, loop)
+            return recall(e, [value(a) for a in e.arguments], frame_values, memory, loop)
         case _:
-            return leaf(e, moment, loop)
+            return leaf(e, frame_values, loop)
 
 
-def leaf(e: ir.Expression, moment: Moment, loop: Loop) -> Value:
+def leaf(e: ir.Expression, frame_values: FrameValues, loop: Loop) -> Value:
     """Return the value of an expression without operands."""
     match e:
         case ir.Constant(value=value):
             return value
         case ir.SensorValue(name=name):
-            return moment.sensors[name]
+            return frame_values.sensors[name]
         case ir.DerivedValue(name=name):
-            return moment.derived[name]
+            return frame_values.derived[name]
         case ir.LocalValue(name=name):
-            return moment.locals[name]
+            return frame_values.locals[name]
         case ir.StateValue(name=name):
-            return moment.states[name]
+            return frame_values.states[name]
         case ir.LoopIndex(name=name):
             return float([k for variable, k in loop if variable == name][-1])
         case ir.Now():
-            return (moment.t_ns - moment.first_ns) / 1e9
+            return (frame_values.t_ns - frame_values.first_ns) / 1e9
         case ir.Fresh(name=name, derived=derived):
-            return name in moment.derived if derived else name in moment.fresh
+            return name in frame_values.derived if derived else name in frame_values.fresh
         case ir.SentField(actuator=actuator, field_index=i):
-            return moment.sent[actuator, i]
+            return frame_values.sent[actuator, i]
         case ir.WonBy(actuator=actuator, module=module):
-            return moment.winners[actuator] == module
+            return frame_values.winners[actuator] == module
         case ir.IsCommanded(actuator=actuator):
-            return actuator in moment.commanded
+            return actuator in frame_values.commanded
         case ir.IsIdle(actuator=actuator):
-            return actuator not in moment.commanded
+            return actuator not in frame_values.commanded
         case ir.IsActive(name=name):
-            return moment.outputs[name] is not None
+            return frame_values.outputs[name] is not None
         case _:
             raise AssertionError(f"{type(e).__name__} has operands")
 
@@ -143,7 +145,7 @@ def each(f: Callable[..., ScalarValue], *operands: Value) -> Value:
     return tuple(f(*(x[i] if isinstance(x, tuple) else x for x in operands)) for i in range(sizes[0]))
 
 
-def filled(value: Value, e: ir.Expression) -> Value:
+def broadcast(value: Value, e: ir.Expression) -> Value:
     """Return `value`, repeated for each element if `e` is an array and `value` a scalar."""
     if isinstance(e.type, Array) and not isinstance(value, tuple):
         return (value,) * e.type.size
@@ -179,45 +181,49 @@ def len_of(e: ir.Expression) -> int:
 # --- functions -----------------------------------------------------------------------------------
 
 
-def call(e: ir.Call, moment: Moment, memory: Memory, loop: Loop) -> Value:
+def call(e: ir.Call, frame_values: FrameValues, memory: Memory, loop: Loop) -> Value:
     """Evaluate a pure function of an array, of several scalars, or element by element."""
     if e.function in ir.INDEX_FUNCTIONS:
-        return index_function(e.function, e.arguments[0], moment, memory, loop)
-    arguments = [evaluate(a, moment, memory, loop) for a in e.arguments]
+        return index_function(e.function, e.arguments[0], frame_values, memory, loop)
+    arguments = [evaluate(a, frame_values, memory, loop) for a in e.arguments]
     if e.function in ir.REDUCTIONS:
         return function(e.function, [x for a in arguments for x in (a if isinstance(a, tuple) else (a,))])
     return each(lambda *x: function(e.function, x), *arguments)
 
 
-def index_function(f: ir.Function, e: ir.Expression, moment: Moment, memory: Memory, loop: Loop) -> float:
+def index_function(
+    f: ir.Function, e: ir.Expression, frame_values: FrameValues, memory: Memory, loop: Loop
+) -> float:
     """Return the index of the least or greatest element; for a slice or window, in the whole array."""
     match e:
         case ir.Slice(array=array, indices=indices):
-            whole = elements(evaluate(array, moment, memory, loop))
+            whole = elements(evaluate(array, frame_values, memory, loop))
             return float(indices[int(function(f, [whole[i] for i in indices]))])
         case ir.Window(array=array, center=center):
-            whole = elements(evaluate(array, moment, memory, loop))
-            chosen = window_indices(e, scalar(evaluate(center, moment, memory, loop)))
+            whole = elements(evaluate(array, frame_values, memory, loop))
+            chosen = window_indices(e, scalar(evaluate(center, frame_values, memory, loop)))
             return chosen[int(function(f, [element_at(whole, i) for i in chosen]))]
         case _:
-            return function(f, elements(evaluate(e, moment, memory, loop)))
+            return function(f, elements(evaluate(e, frame_values, memory, loop)))
 
 
-def reduce(e: ir.Reduce, moment: Moment, memory: Memory, loop: Loop) -> ScalarValue:
+def reduce(e: ir.Reduce, frame_values: FrameValues, memory: Memory, loop: Loop) -> ScalarValue:
     """Evaluate a reduction: its body and condition for each value of its variable."""
-    taken = []
+    included = []
     for k in range(e.low, e.high + 1):
         inner = (*loop, (e.variable, k))
-        body = scalar(evaluate(e.body, moment, memory, inner))
-        if e.condition is None or evaluate(e.condition, moment, memory, inner):
-            taken.append(body)
-    return function(e.function, taken)
+        body = scalar(evaluate(e.body, frame_values, memory, inner))
+        if e.condition is None or evaluate(e.condition, frame_values, memory, inner):
+            included.append(body)
+    return function(e.function, included)
 
 
 # --- memory --------------------------------------------------------------------------------------
 
 
-def recall(e: ir.MemoryCall, arguments: list[Value], moment: Moment, memory: Memory, loop: Loop) -> Value:
+def recall(
+    e: ir.MemoryCall, arguments: list[Value], frame_values: FrameValues, memory: Memory, loop: Loop
+) -> Value:
     """Evaluate a memory function; each element of an array and each loop index has its own memory."""
     path = tuple(k for _, k in loop)
     sizes = [len(a) for a in arguments if isinstance(a, tuple)]
@@ -225,7 +231,7 @@ def recall(e: ir.MemoryCall, arguments: list[Value], moment: Moment, memory: Mem
     for i in range(sizes[0] if sizes else 1):
         x = [a[i] if isinstance(a, tuple) else a for a in arguments]
         key = (e.cell, path, i)
-        result, memory[key] = remember(e, x, memory.get(key), moment.t_ns)
+        result, memory[key] = remember(e, x, memory.get(key), frame_values.t_ns)
         results.append(result)
     return tuple(results) if sizes else results[0]
 
@@ -242,8 +248,8 @@ def remember(e: ir.MemoryCall, x: list[ScalarValue], last: Any, t_ns: int) -> tu
         case ir.MemoryFunction.FALLING:
             return bool(not x[0] and last), x[0]
         case ir.MemoryFunction.HELD:  # remembers the last time at which b was true
-            seen = t_ns if x[0] else last
-            return bool(x[0]) or (seen is not None and t_ns - seen < e.duration_ns), seen
+            last_true = t_ns if x[0] else last
+            return bool(x[0]) or (last_true is not None and t_ns - last_true < e.duration_ns), last_true
         case ir.MemoryFunction.ELAPSED:  # remembers when b became true, None while it is false
             since = None if not x[0] else t_ns if last is None else last
             return (0.0 if since is None else (t_ns - since) / 1e9), since

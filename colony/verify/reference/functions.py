@@ -90,10 +90,10 @@ def function(f: Function, x: Sequence[ScalarValue]) -> ScalarValue:
         case Function.ANGLE_DIFFERENCE:
             return angle_difference(x[0], x[1])
         case _:
-            return of_one(f, x[0])
+            return unary_function(f, x[0])
 
 
-def of_one(f: Function, x: float) -> float:
+def unary_function(f: Function, x: float) -> float:
     """Return the value of a function of one number."""
     match f:
         case Function.ABS:

@@ -1,7 +1,7 @@
 """The reference interpreter: executes the source program, frame by frame and wire by wire.
 
 It defines the meaning of a program, and shares no code with the compiler. It is plain rather than fast:
-`Interpreter._run_frame` computes a frame step by step, each step one section of the language reference.
+`Interpreter._run_frame` computes a frame step by step, one section of the language reference after another.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from colony.verify.reference.boundary import (
     default_of,
     sense,
 )
-from colony.verify.reference.expressions import Memory, Moment, evaluate, missing, scalar
+from colony.verify.reference.expressions import FrameValues, Memory, evaluate, missing, scalar
 from colony.verify.reference.memory import restored_memory
 
 
 class Interpreter:
-    """An executor of `program` (see `ir.frame.Executor`). Mutable: it holds all of the program's memory.
+    """An executor of `program` (see `ir.frame.Executor`). Stateful: holds all of the program's memory.
 
     With `answers_given` it runs no Python modules: `step` takes their answers instead.
 
@@ -40,7 +40,9 @@ class Interpreter:
     def __init__(self, program: ir.Program, *, answers_given: bool = False) -> None:
         self.program = program
         self._memory: Memory = {}
-        self._last_active_ns: dict[tuple[str | int, ...], int] = {}  # by node: its dominant side's last
+        self._last_active_ns: dict[
+            tuple[str | int, ...], int
+        ] = {}  # by node: when its dominant side was last active
         self._states: dict[str, ScalarValue] = {s.name: start for s, start in _memory_cells(program)}
         self._next_states: dict[str, ScalarValue] = {}
         actuators = {a.name: a for a in program.robot.actuators}
@@ -50,12 +52,12 @@ class Interpreter:
             if isinstance(m, ir.PythonModule) and not answers_given
         }
         self._answers: Mapping[str, Answer] = {}
-        self._moment: Moment | None = None
+        self._moment: FrameValues | None = None
         self._lost: frozenset[str] = frozenset()
         self._silent: set[str] = set()
 
     def resume(self, memory: ProgramMemory) -> None:
-        """Continue from the memory of another executor; to be called before the first frame only.
+        """Continue from the memory of another executor; call it only before the first frame.
 
         Raises:
             ValueError: the memory has a cell that the program lacks, or the interpreter runs Python modules,
@@ -66,7 +68,7 @@ class Interpreter:
         if memory.first_ns is None:
             return
         self._memory, self._last_active_ns, self._states = restored_memory(self.program, memory, self._states)
-        self._moment = Moment(t_ns=memory.first_ns, first_ns=memory.first_ns, states=self._states)
+        self._moment = FrameValues(t_ns=memory.first_ns, first_ns=memory.first_ns, states=self._states)
 
     def step(
         self, frame: Frame, lost: frozenset[str] = frozenset(), answers: Mapping[str, Answer] | None = None
@@ -93,9 +95,9 @@ class Interpreter:
 
         Each call advances the memory of the expression: call it at most once a frame.
         """
-        moment = self._moment
-        assert moment is not None, "no frame yet"
-        return None if missing(expression, moment) else evaluate(expression, moment, self._memory)
+        frame_values = self._moment
+        assert frame_values is not None, "no frame yet"
+        return None if missing(expression, frame_values) else evaluate(expression, frame_values, self._memory)
 
     def is_active(self, name: str) -> bool:
         """Return True if a module or wire put a command on its output in the last frame."""
@@ -108,22 +110,22 @@ class Interpreter:
 
     def _run_frame(self, t_ns: int, readings: Mapping[str, Reading], factors: dict[str, float]) -> Outcome:
         first_ns = t_ns if self._moment is None else self._moment.first_ns
-        moment = self._moment = Moment(t_ns=t_ns, first_ns=first_ns, states=self._states)
+        frame_values = self._moment = FrameValues(t_ns=t_ns, first_ns=first_ns, states=self._states)
         self._next_states, self._silent = {}, set()
         records: list[Record] = []
-        self._read_sensors(moment, readings, factors, records)
-        self._compute_derived_values(moment)
-        self._run_modules(moment, records)
-        self._run_network(moment)
+        self._read_sensors(frame_values, readings, factors, records)
+        self._compute_derived_values(frame_values)
+        self._run_modules(frame_values, records)
+        self._run_network(frame_values)
         limits = self._applicable_limits()
-        decisions = [self._decide(a, moment, limits, records) for a in self.program.robot.actuators]
+        decisions = [self._decide(a, frame_values, limits, records) for a in self.program.robot.actuators]
         breaches = [c.name for c in self.program.contracts if self.value_of(c.expression) is False]
         self._states = self._states | self._next_states
         return Outcome(tuple(decisions), tuple(records), tuple(breaches))
 
     def _read_sensors(
         self,
-        moment: Moment,
+        frame_values: FrameValues,
         readings: Mapping[str, Reading],
         factors: dict[str, float],
         records: list[Record],
@@ -133,36 +135,36 @@ class Interpreter:
             if kind is not None:
                 records.append(Record(kind, sensor.name))
             if value is not None:
-                moment.fresh.add(sensor.name)
+                frame_values.fresh.add(sensor.name)
             else:
                 value = default_of(sensor)
             if value is not None:
-                moment.sensors[sensor.name] = value
+                frame_values.sensors[sensor.name] = value
 
     # --- derived values --------------------------------------------------------------------------
 
-    def _compute_derived_values(self, moment: Moment) -> None:
+    def _compute_derived_values(self, frame_values: FrameValues) -> None:
         for derived in self.program.derived:
             match derived:
                 case ir.Let(name=name, expression=expression):
-                    if not missing(expression, moment):
-                        moment.derived[name] = evaluate(expression, moment, self._memory)
+                    if not missing(expression, frame_values):
+                        frame_values.derived[name] = evaluate(expression, frame_values, self._memory)
                 case ir.State(next=update):
-                    if update is not None and not missing(update, moment):
-                        self._next_states[derived.name] = scalar(evaluate(update, moment, self._memory))
+                    if update is not None and not missing(update, frame_values):
+                        self._next_states[derived.name] = scalar(evaluate(update, frame_values, self._memory))
                 case ir.Machine():
-                    self._step_machine(derived, moment)
+                    self._step_machine(derived, frame_values)
                 case _:
                     assert_never(derived)
 
-    def _step_machine(self, machine: ir.Machine, moment: Moment) -> None:
+    def _step_machine(self, machine: ir.Machine, frame_values: FrameValues) -> None:
         """Take the first transition from the current phase; advance the memory of every condition."""
-        phase = scalar(moment.states[machine.name])
+        phase = scalar(frame_values.states[machine.name])
         taken: float | None = None
         for transition in machine.transitions:
-            if missing(transition.condition, moment):
+            if missing(transition.condition, frame_values):
                 continue
-            holds = evaluate(transition.condition, moment, self._memory)
+            holds = evaluate(transition.condition, frame_values, self._memory)
             if holds and phase in transition.sources and taken is None:
                 taken = transition.target
         if taken is not None:
@@ -170,80 +172,84 @@ class Interpreter:
 
     # --- modules ---------------------------------------------------------------------------------
 
-    def _run_modules(self, moment: Moment, records: list[Record]) -> None:
+    def _run_modules(self, frame_values: FrameValues, records: list[Record]) -> None:
         for module in self.program.modules:
             match module:
                 case ir.Module():
-                    command = self._run_module(module, moment)
+                    command = self._run_module(module, frame_values)
                 case ir.PythonModule():
-                    command = self._run_python_module(module, moment, records)
+                    command = self._run_python_module(module, frame_values, records)
                 case _:
                     assert_never(module)
             if command is not None:
-                moment.commands[module.name] = command
+                frame_values.commands[module.name] = command
             reaches_network = command is not None and not (module.actuator and module.name in self._lost)
-            moment.outputs[module.name] = module.name if reaches_network else None
+            frame_values.outputs[module.name] = module.name if reaches_network else None
 
-    def _run_module(self, module: ir.Module, moment: Moment) -> tuple[ScalarValue, ...] | None:
+    def _run_module(self, module: ir.Module, frame_values: FrameValues) -> tuple[ScalarValue, ...] | None:
         """Return the module's command, empty if it has no `do`; None if the module is not active.
 
         Unless the module is silent, everything in it is evaluated, whether or not its predicate holds.
         """
         fields = module.command.fields if module.command else ()
         updates = [(s.name, s.next) for s in module.states if s.next is not None]
-        everything = [
+        evaluated = [
             *(let.expression for let in module.lets),
             module.when,
             *fields,
             *(e for _, e in updates),
         ]
         own = {let.name for let in module.lets}
-        if any(missing(e, moment, own) for e in everything):
+        if any(missing(e, frame_values, own) for e in evaluated):
             self._silent.add(module.name)
             return None
         for let in module.lets:
-            moment.locals[let.name] = evaluate(let.expression, moment, self._memory)
-        applicable = evaluate(module.when, moment, self._memory)
-        command = tuple(scalar(evaluate(e, moment, self._memory)) for e in fields)
+            frame_values.locals[let.name] = evaluate(let.expression, frame_values, self._memory)
+        applicable = evaluate(module.when, frame_values, self._memory)
+        command = tuple(scalar(evaluate(e, frame_values, self._memory)) for e in fields)
         for name, e in updates:
-            self._next_states[name] = scalar(evaluate(e, moment, self._memory))
+            self._next_states[name] = scalar(evaluate(e, frame_values, self._memory))
         return command if applicable else None
 
     def _run_python_module(
-        self, module: ir.PythonModule, moment: Moment, records: list[Record]
+        self, module: ir.PythonModule, frame_values: FrameValues, records: list[Record]
     ) -> tuple[ScalarValue, ...] | None:
-        if any(missing(r.expression, moment) for r in module.reads):
+        if any(missing(r.expression, frame_values) for r in module.reads):
             self._silent.add(module.name)
             return None
-        values = {r.name: evaluate(r.expression, moment, self._memory) for r in module.reads}
-        frame = ModuleFrame((moment.t_ns - moment.first_ns) / 1e9, values)
+        values = {r.name: evaluate(r.expression, frame_values, self._memory) for r in module.reads}
+        frame = ModuleFrame((frame_values.t_ns - frame_values.first_ns) / 1e9, values)
         runner = self._python.get(module.name)
-        command, failed = self._answers[module.name] if runner is None else runner.step(moment.t_ns, frame)
+        command, failed = (
+            self._answers[module.name] if runner is None else runner.step(frame_values.t_ns, frame)
+        )
         if failed:
             records.append(Record("python error", module.name))
         return command
 
     # --- network ---------------------------------------------------------------------------------
 
-    def _run_network(self, moment: Moment) -> None:
+    def _run_network(self, frame_values: FrameValues) -> None:
         for actuator in self.program.robot.actuators:
-            moment.winners[actuator.name] = None
+            frame_values.winners[actuator.name] = None
         for wire in self.program.wires:
-            output = self._output_of(wire.wiring, moment, (wire.name,))
+            output = self._output_of(wire.wiring, frame_values, (wire.name,))
             if wire.actuator is None:
-                moment.outputs[wire.name] = output
+                frame_values.outputs[wire.name] = output
             else:
-                moment.winners[wire.actuator] = output
+                frame_values.winners[wire.actuator] = output
 
-    def _output_of(self, wiring: ir.Wiring, moment: Moment, node: tuple[str | int, ...]) -> str | None:
+    def _output_of(
+        self, wiring: ir.Wiring, frame_values: FrameValues, node: tuple[str | int, ...]
+    ) -> str | None:
         """Return the module whose output gets through `wiring`; None if none does."""
         if isinstance(wiring, ir.Use):
-            return moment.outputs[wiring.name]
+            return frame_values.outputs[wiring.name]
         last = len(wiring.operands) - 1
-        inferior = self._output_of(wiring.operands[last], moment, (*node, last))
+        inferior = self._output_of(wiring.operands[last], frame_values, (*node, last))
         for i in reversed(range(last)):
-            dominant = self._output_of(wiring.operands[i], moment, (*node, i))
-            if self._dominates(dominant is not None, wiring.windows_ns[i], moment, (*node, i)):
+            dominant = self._output_of(wiring.operands[i], frame_values, (*node, i))
+            if self._dominates(dominant is not None, wiring.windows_ns[i], frame_values, (*node, i)):
                 inferior = None
             match wiring.relation:
                 case "suppresses":
@@ -254,12 +260,14 @@ class Interpreter:
                     assert_never(wiring.relation)
         return inferior
 
-    def _dominates(self, active: bool, window_ns: int, moment: Moment, node: tuple[str | int, ...]) -> bool:
+    def _dominates(
+        self, active: bool, window_ns: int, frame_values: FrameValues, node: tuple[str | int, ...]
+    ) -> bool:
         """Return True if the dominant side is active, or was active less than `window_ns` ago."""
         if active:
-            self._last_active_ns[node] = moment.t_ns
+            self._last_active_ns[node] = frame_values.t_ns
         return active or (
-            node in self._last_active_ns and moment.t_ns - self._last_active_ns[node] < window_ns
+            node in self._last_active_ns and frame_values.t_ns - self._last_active_ns[node] < window_ns
         )
 
     # --- commands --------------------------------------------------------------------------------
@@ -279,24 +287,24 @@ class Interpreter:
     def _decide(
         self,
         actuator: ir.Actuator,
-        moment: Moment,
+        frame_values: FrameValues,
         limits: list[tuple[ir.Limit, float]],
         records: list[Record],
     ) -> Decision:
-        winner = moment.winners[actuator.name]
+        winner = frame_values.winners[actuator.name]
         if winner is None:
-            return self._decide_idle(actuator, None, None, moment)
-        command = moment.commands[winner]
+            return self._decide_idle(actuator, None, None, frame_values)
+        command = frame_values.commands[winner]
         own_limits = [(limit, bound) for limit, bound in limits if limit.actuator == actuator.name]
         changes: list[Record] = []
         sent = tuple(self._bound_field(actuator, i, x, own_limits, changes) for i, x in enumerate(command))
         declared = declared_command(actuator, sent)
         if not all(math.isfinite(x) for x in command + declared):
             records.append(Record("not finite", winner))
-            return self._decide_idle(actuator, winner, "not finite", moment)
+            return self._decide_idle(actuator, winner, "not finite", frame_values)
         records.extend(changes)
-        moment.commanded.add(actuator.name)
-        moment.sent.update({(actuator.name, i): x for i, x in enumerate(sent)})
+        frame_values.commanded.add(actuator.name)
+        frame_values.sent.update({(actuator.name, i): x for i, x in enumerate(sent)})
         return Decision(actuator.name, winner, declared)
 
     def _bound_field(
@@ -311,22 +319,22 @@ class Interpreter:
         field, limited = actuator.fields[i], False
         for limit, bound in limits:
             if limit.field_index == i:
-                beyond = x > bound if limit.relation == "<=" else x < bound
-                x, limited = (bound, True) if beyond else (x, limited)
-        inside = clamp(x, field.low, field.high)
+                exceeds = x > bound if limit.relation == "<=" else x < bound
+                x, limited = (bound, True) if exceeds else (x, limited)
+        in_range = clamp(x, field.low, field.high)
         if limited:
             records.append(Record("limited", f"{actuator.name}.{field.name}"))
-        if inside != x:
+        if in_range != x:
             records.append(Record("command clamped", f"{actuator.name}.{field.name}"))
-        return inside
+        return in_range
 
     def _decide_idle(
-        self, actuator: ir.Actuator, winner: str | None, fault: str | None, moment: Moment
+        self, actuator: ir.Actuator, winner: str | None, fault: str | None, frame_values: FrameValues
     ) -> Decision:
         """Return the decision for the idle command, unlimited and unclamped; no command for `idle hold`."""
         if actuator.idle is None:
             return Decision(actuator.name, winner, None, fault)
-        moment.sent.update({(actuator.name, i): x for i, x in enumerate(actuator.idle)})
+        frame_values.sent.update({(actuator.name, i): x for i, x in enumerate(actuator.idle)})
         return Decision(actuator.name, winner, declared_command(actuator, actuator.idle), fault)
 
 

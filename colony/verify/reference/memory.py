@@ -10,7 +10,7 @@ from colony.ir import program as ir
 from colony.ir.memory import ProgramMemory, state_cell, window_cell
 from colony.ir.types import ScalarValue
 from colony.ir.walk import all_subexpressions
-from colony.ir.wiring import joints_of
+from colony.ir.wiring import wiring_graph
 from colony.verify.reference.expressions import Memory
 
 Parts = dict[str, float | bool | int]
@@ -40,11 +40,11 @@ def restored_memory(
     cells, first_ns = dict(memory.cells), memory.first_ns or 0
     states = {name: cells.pop(state_cell(name), value) for name, value in initial.items()}
     last_active_ns: dict[tuple[str | int, ...], int] = {}
-    for joint in joints_of(program).joints:
-        wire, *operands = joint.place
-        until = cells.pop(f"{window_cell(wire, tuple(operands))} until", 0) if joint.window_ns else 0
+    for node in wiring_graph(program).nodes:
+        wire, *operands = node.path
+        until = cells.pop(f"{window_cell(wire, tuple(operands))} until", 0) if node.window_ns else 0
         if until > 0:
-            last_active_ns[joint.place] = first_ns + int(until) - joint.window_ns
+            last_active_ns[node.path] = first_ns + int(until) - node.window_ns
     calls = {call.cell: call for call in all_subexpressions(program) if isinstance(call, e.MemoryCall)}
     functions: dict[tuple[int, tuple[int, ...], int], Parts] = {}
     for name, value in cells.items():
@@ -67,7 +67,7 @@ def restored_memory(
 def _function_state(call: e.MemoryCall, parts: Parts, first_ns: int) -> Any:
     """Return the state that `expressions.remember` keeps for a call.
 
-    None if it is still initial, or if nothing depends on it and its cells are left out.
+    None if the state is still initial, or if nothing depends on it, so that its cells were omitted.
     """
     match call.function, parts:
         case _, {"started": False}:

@@ -1,7 +1,7 @@
 """Arithmetic that rounds or needs new constants: sums, products, quotients, remainders, rounding to integers.
 
 The result of a nonlinear operation is a constant of which only signs and bounds are assumed. Such assumptions
-are satisfiable whatever the operands are, and are about finite operands.
+are satisfiable for all operands, and concern finite operands only.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import z3
 
 from colony.ir.expression import Function
 from colony.text.source import Span
-from colony.verify.reference.functions import divide, modulo, of_one
+from colony.verify.reference.functions import divide, modulo, unary_function
 from colony.verify.symbolic import bounding
 from colony.verify.symbolic.builder import Builder
-from colony.verify.symbolic.cases import ANY_ZERO, by_cases, by_folding, constant, whole_of
+from colony.verify.symbolic.cases import ANY_ZERO, by_cases, constant, fold, whole_of
 from colony.verify.symbolic.logic import (
     FALSE,
     all_of,
@@ -42,10 +42,10 @@ from colony.verify.symbolic.numbers import (
     least,
     negated,
     negative_value,
-    of_whole,
     positive_value,
     scaled,
     select_number,
+    whole_number,
 )
 from colony.verify.symbolic.system import UNBOUNDED, Bounds, Inexact, Number, Operation, Reason
 
@@ -57,7 +57,7 @@ ZERO = constant(0.0)
 
 @dataclass(frozen=True, slots=True)
 class Arithmetic:
-    """Operations at one place of the program, which their reasons for inexactness name."""
+    """Operations at one span of the program, which appears in their reasons for inexactness."""
 
     builder: Builder
     span: Span
@@ -69,50 +69,50 @@ class Arithmetic:
         result = added(x, y)
         if result.cases or result is x or result is y or is_exact_whole(result.bounds):
             return result
-        return self._rounds(result, "a sum", grows=not (_is_small(x) or _is_small(y)))
+        return self._mark_rounded(result, "a sum", may_overflow=not (_is_small(x) or _is_small(y)))
 
     def subtract(self, x: Number, y: Number) -> Number:
         """Return `x - y`."""
         if x.cases and y.cases:
-            known = by_folding(lambda v, w: v - w, (x, y))
+            known = fold(lambda v, w: v - w, (x, y))
             if known is not None:
                 return known
         return self.add(x, negated(y))
 
-    def _rounds(self, x: Number, what: str, grows: bool = True) -> Number:
-        """Return a number that the program rounds; if `grows`, it may overflow though no operand does."""
-        return self._marked_inexact(x, Inexact.ROUNDING, f"{what}: reals in place of floats", grows)
+    def _mark_rounded(self, x: Number, what: str, may_overflow: bool = True) -> Number:
+        """Return a number that the program rounds; if `may_overflow`, also to infinity."""
+        return self._mark_inexact(x, Inexact.ROUNDING, f"{what}: reals in place of floats", may_overflow)
 
-    def _abstracted(self, x: Number, text: str, grows: bool = False) -> Number:
-        return self._marked_inexact(x, Inexact.ABSTRACTED, text, grows)
+    def _mark_abstracted(self, x: Number, text: str, may_overflow: bool = False) -> Number:
+        return self._mark_inexact(x, Inexact.ABSTRACTED, text, may_overflow)
 
-    def _marked_inexact(self, x: Number, kind: Inexact, text: str, grows: bool) -> Number:
+    def _mark_inexact(self, x: Number, kind: Inexact, text: str, may_overflow: bool) -> Number:
         self.builder.mark_number_inexact(
-            replace(x, bounds=bounding.of_floats(x.bounds)), Reason(kind, self.span, text)
+            replace(x, bounds=bounding.float_bounds(x.bounds)), Reason(kind, self.span, text)
         )
         x = replace(x, bounds=bounding.rounded(x.bounds))
-        if not grows or bounding.within_floats(x.bounds):
+        if not may_overflow or bounding.within_floats(x.bounds):
             return x
-        beyond = self.builder.overflow(replace(x, nan=FALSE, infinite=FALSE), self.span)
-        return replace(x, infinite=either(x.infinite, beyond))
+        overflows = self.builder.overflow(replace(x, nan=FALSE, infinite=FALSE), self.span)
+        return replace(x, infinite=either(x.infinite, overflows))
 
     # --- products --------------------------------------------------------------------------------
 
     def multiply(self, x: Number, y: Number) -> Number:
         """Return `x * y`."""
-        known = by_folding(lambda v, w: v * w, (x, y))
+        known = fold(lambda v, w: v * w, (x, y))
         if known is not None:
             return known
-        few, other = (x, y) if x.cases and (not y.cases or len(x.cases) <= len(y.cases)) else (y, x)
-        if few.cases:
-            return self._per_case(few, lambda v: self._times(other, v))
+        enumerated, other = (x, y) if x.cases and (not y.cases or len(x.cases) <= len(y.cases)) else (y, x)
+        if enumerated.cases:
+            return self._per_case(enumerated, lambda v: self._times(other, v))
         return self._product(x, y)
 
-    def _per_case(self, few: Number, of: Callable[[float], Number]) -> Number:
-        *first, (last, _) = few.cases
-        result = of(last)
-        for v, condition in reversed(first):
-            result = select_number(condition, of(v), result)
+    def _per_case(self, enumerated: Number, result_for: Callable[[float], Number]) -> Number:
+        *others, (last, _) = enumerated.cases
+        result = result_for(last)
+        for v, condition in reversed(others):
+            result = select_number(condition, result_for(v), result)
         return result
 
     def _times(self, x: Number, factor: float) -> Number:
@@ -130,7 +130,7 @@ class Arithmetic:
         result = scaled(x, Fraction(factor))
         if factor == -1 or is_exact_whole(result.bounds):
             return result
-        return self._rounds(result, "a product", grows=abs(factor) > 1)
+        return self._mark_rounded(result, "a product", may_overflow=abs(factor) > 1)
 
     def _product(self, x: Number, y: Number) -> Number:
         if x.value.get_id() > y.value.get_id():
@@ -139,12 +139,12 @@ class Arithmetic:
         infinite = either(x.infinite, y.infinite)
         bounds = bounding.product(x.bounds, y.bounds)
         if self.builder.precise:
-            return self._rounds(Number(x.value * y.value, nan, infinite, bounds), "a product")
+            return self._mark_rounded(Number(x.value * y.value, nan, infinite, bounds), "a product")
         term, new = self.builder.auxiliary(Operation.PRODUCT, (x, y), z3.RealSort())
         if new:
-            self._assume(term, bounding.of_product(term, x, y, bounds))
+            self._assume(term, bounding.product_facts(term, x, y, bounds))
         text = "a product of two values that vary: only its sign and bounds are known"
-        return self._abstracted(Number(term, nan, infinite, bounds), text, grows=True)
+        return self._mark_abstracted(Number(term, nan, infinite, bounds), text, may_overflow=True)
 
     def _assume(self, term: z3.ArithRef, known: Iterable[bounding.Known]) -> None:
         for formula, of_reals in known:
@@ -154,7 +154,7 @@ class Arithmetic:
 
     def divide(self, x: Number, y: Number) -> Number:
         """Return `x / y`."""
-        known = by_folding(divide, (x, y))
+        known = fold(divide, (x, y))
         if known is not None:
             return known
         if y.cases:
@@ -176,30 +176,36 @@ class Arithmetic:
         if divisor == 1:
             return x
         result = scaled(x, 1 / Fraction(divisor))
-        return result if divisor == -1 else self._rounds(result, "a quotient", grows=abs(divisor) < 1)
+        return (
+            result
+            if divisor == -1
+            else self._mark_rounded(result, "a quotient", may_overflow=abs(divisor) < 1)
+        )
 
     def _quotient(self, x: Number, y: Number) -> Number:
         by_zero = both(negation(y.infinite), compared(y, ZERO, "=="))
-        none = both(negation(x.infinite), compared(x, ZERO, "=="))
-        nan = any_of((x.nan, y.nan, both(by_zero, none), both(x.infinite, y.infinite)))
+        zero_dividend = both(negation(x.infinite), compared(x, ZERO, "=="))
+        nan = any_of((x.nan, y.nan, both(by_zero, zero_dividend), both(x.infinite, y.infinite)))
         infinite = either(by_zero, x.infinite)
         term, new = self.builder.auxiliary(Operation.QUOTIENT, (x, y), z3.RealSort())
         bounds = bounding.quotient(x.bounds, y.bounds)
         if new:
             precise = self.builder.precise
-            self._assume(term, bounding.of_quotient(term, x, y, by_zero, nan, bounds, precise))
+            self._assume(term, bounding.quotient_facts(term, x, y, by_zero, nan, bounds, precise))
         result = Number(term, nan, infinite, bounds)
         if self.builder.precise and is_false(by_zero):
-            return self._rounds(result, "a quotient")
-        return self._abstracted(
-            result, "a quotient of two values that vary: only its sign and bounds are known", grows=True
+            return self._mark_rounded(result, "a quotient")
+        return self._mark_abstracted(
+            result,
+            "a quotient of two values that vary: only its sign and bounds are known",
+            may_overflow=True,
         )
 
     # --- remainders ------------------------------------------------------------------------------
 
     def modulo(self, x: Number, y: Number) -> Number:
         """Return `mod(x, y)`."""
-        known = by_folding(modulo, (x, y))
+        known = fold(modulo, (x, y))
         if known is not None:
             return known
         if y.cases:
@@ -208,25 +214,25 @@ class Arithmetic:
         by_zero = both(negation(y.infinite), compared(y, ZERO, "=="))
         nan = any_of((x.nan, y.nan, x.infinite, by_zero))
         # mod(x, inf) is x, or inf where the signs differ
-        away = both(cast(z3.BoolRef, x.value != real(0)), negation(equal_signs(x, y)))
-        infinite = both(y.infinite, away)
+        opposite_signs = both(cast(z3.BoolRef, x.value != real(0)), negation(equal_signs(x, y)))
+        infinite = both(y.infinite, opposite_signs)
         if new:
-            self._assume(term, bounding.of_modulo(term, x, y, nan))
+            self._assume(term, bounding.modulo_facts(term, x, y, nan))
         bounds = bounding.modulo(y.bounds)
-        return self._abstracted(Number(term, nan, infinite, bounds), "`mod` by a value that varies")
+        return self._mark_abstracted(Number(term, nan, infinite, bounds), "`mod` by a value that varies")
 
     def _modulo_constant(self, x: Number, divisor: float) -> Number:
         if math.isnan(divisor) or divisor == 0:
             return constant(math.nan)
         nan = either(x.nan, x.infinite)
         if math.isinf(divisor):
-            away = negative_value(x) if divisor > 0 else positive_value(x)
-            inside = select_number(away, constant(divisor), replace(x, infinite=FALSE))
-            return _or_nan(nan, inside)
+            opposite_sign = negative_value(x) if divisor > 0 else positive_value(x)
+            by_infinity = select_number(opposite_sign, constant(divisor), replace(x, infinite=FALSE))
+            return _or_nan(nan, by_infinity)
         exact = Fraction(divisor)
-        there = replace(x, nan=FALSE, infinite=FALSE, cases=())
-        times = self.floor_of(scaled(there, 1 / exact))
-        remainder = added(there, scaled_or_cases(negated(times), exact))
+        finite_x = replace(x, nan=FALSE, infinite=FALSE, cases=())
+        multiple = self.floor_of(scaled(finite_x, 1 / exact))
+        remainder = added(finite_x, scaled_or_cases(negated(multiple), exact))
         ends = (min(exact, Fraction(0)), max(exact, Fraction(0)))
         high = ends[1] - 1 if x.bounds.whole and exact.denominator == 1 and exact > 0 else ends[1]
         bounds = Bounds(ends[0], high, x.bounds.whole and exact.denominator == 1)
@@ -234,13 +240,17 @@ class Arithmetic:
             return _or_nan(nan, remainder)
         result = replace(remainder, nan=nan, bounds=bounds)
         same_side = x.bounds.low is not None and x.bounds.low >= 0 and divisor > 0
-        return result if same_side or is_exact_whole(bounds) else self._rounds(result, "`mod`", grows=False)
+        return (
+            result
+            if same_side or is_exact_whole(bounds)
+            else self._mark_rounded(result, "`mod`", may_overflow=False)
+        )
 
     def angle_difference(self, a: Number, b: Number) -> Number:
         """Return the angle from `b` to `a` in degrees: above -180, up to 180."""
         turned = self.modulo(self.subtract(a, b), constant(360.0))
         if turned.cases:
-            known = by_folding(lambda d: d - 360.0 if d > 180.0 else d, (turned,))
+            known = fold(lambda d: d - 360.0 if d > 180.0 else d, (turned,))
             assert known is not None
             return known
         wrapped = self.add(turned, constant(-360.0))
@@ -263,7 +273,7 @@ class Arithmetic:
 
     def _whole(self, x: Number, function: Function, of: Callable[[Number], Number]) -> Number:
         """Return a number rounded to an integer; NaN and infinities are unchanged."""
-        known = by_folding(lambda v: of_one(function, v), (x,))
+        known = fold(lambda v: unary_function(function, v), (x,))
         if known is not None:
             return known
         if x.bounds.whole:
@@ -278,31 +288,33 @@ class Arithmetic:
         """Return the floor of a finite number; few possible values are enumerated, which solves faster."""
         if x.bounds.whole:
             return x
-        low, high = bounding.floors(x.bounds)
+        low, high = bounding.floor_bounds(x.bounds)
         if low is not None and high is not None and high - low < MAX_ENUMERATED:
             return self._steps(low, high, lambda n: cast(z3.BoolRef, x.value >= integer_value(n)))
         term, new = self.builder.auxiliary(Operation.FLOOR, (x,), z3.IntSort())
         if new:
             self.builder.define(term, cast(z3.BoolRef, z3.ToReal(term) <= x.value))
             self.builder.define(term, cast(z3.BoolRef, x.value < z3.ToReal(term) + 1))
-        return of_whole(term, _whole_bounds(low, high))
+        return whole_number(term, _whole_bounds(low, high))
 
     def round_of(self, x: Number) -> Number:
         """Return the nearest whole number to a finite one, halves to even."""
         if x.bounds.whole:
             return x
-        low, high = bounding.rounds(x.bounds)
+        low, high = bounding.round_bounds(x.bounds)
         if low is not None and high is not None and high - low < MAX_ENUMERATED:
             return self._steps(low, high, lambda n: _reaches(x.value, n))
         term, new = self.builder.auxiliary(Operation.ROUND, (x,), z3.IntSort())
         if new:
-            half, near = real(Fraction(1, 2)), z3.ToReal(term)
+            half, rounded = real(Fraction(1, 2)), z3.ToReal(term)
             even = cast(z3.BoolRef, term % 2 == 0)
-            self.builder.define(term, cast(z3.BoolRef, near - half <= x.value))
-            self.builder.define(term, cast(z3.BoolRef, x.value <= near + half))
-            tie = either(cast(z3.BoolRef, x.value == near - half), cast(z3.BoolRef, x.value == near + half))
+            self.builder.define(term, cast(z3.BoolRef, rounded - half <= x.value))
+            self.builder.define(term, cast(z3.BoolRef, x.value <= rounded + half))
+            tie = either(
+                cast(z3.BoolRef, x.value == rounded - half), cast(z3.BoolRef, x.value == rounded + half)
+            )
             self.builder.define(term, implied(tie, even))
-        return of_whole(term, _whole_bounds(low, high))
+        return whole_number(term, _whole_bounds(low, high))
 
     def _steps(self, low: int, high: int, reaches: Callable[[int], z3.BoolRef]) -> Number:
         """Return the greatest n in low .. high that `reaches` admits, by cases."""
@@ -318,7 +330,7 @@ class Arithmetic:
 
     def absolute(self, x: Number) -> Number:
         """Return `abs(x)`, exactly."""
-        known = by_folding(abs, (x,))
+        known = fold(abs, (x,))
         if known is not None:
             return known
         result = select_number(negative_value(x), negated(x), x)
@@ -328,30 +340,30 @@ class Arithmetic:
         return replace(result, bounds=Bounds(bottom, top, x.bounds.whole))
 
     def sign(self, x: Number) -> Number:
-        """Return -1, 0 or 1; NaN of NaN."""
-        known = by_folding(lambda v: of_one(Function.SIGN, v), (x,))
+        """Return -1, 0 or 1; NaN for NaN."""
+        known = fold(lambda v: unary_function(Function.SIGN, v), (x,))
         if known is not None:
             return known
-        there = negation(x.nan)
-        up, down = both(there, positive_value(x)), both(there, negative_value(x))
-        zero = all_of((there, negation(up), negation(down)))
+        is_number = negation(x.nan)
+        up, down = both(is_number, positive_value(x)), both(is_number, negative_value(x))
+        zero = all_of((is_number, negation(up), negation(down)))
         return by_cases(((math.nan, x.nan), (1.0, up), (-1.0, down), (0.0, zero)))
 
     def square_root(self, x: Number) -> Number:
         """Return `sqrt(x)`; NaN below 0."""
-        known = by_folding(lambda v: of_one(Function.SQRT, v), (x,))
+        known = fold(lambda v: unary_function(Function.SQRT, v), (x,))
         if known is not None:
             return known
         nan = either(x.nan, negative_value(x))
         term, new = self.builder.auxiliary(Operation.SQRT, (x,), z3.RealSort())
         if new:
-            self._assume(term, bounding.of_square_root(term, x, nan))
+            self._assume(term, bounding.square_root_facts(term, x, nan))
         bounds = bounding.square_root(x.bounds)
-        return self._abstracted(Number(term, nan, x.infinite, bounds), "`sqrt`: only bounds are known")
+        return self._mark_abstracted(Number(term, nan, x.infinite, bounds), "`sqrt`: only bounds are known")
 
     def sine(self, x: Number, function: Function) -> Number:
-        """Return `sin(x)` or `cos(x)`; NaN of an infinity."""
-        known = by_folding(lambda v: of_one(function, v), (x,))
+        """Return `sin(x)` or `cos(x)`; NaN for an infinity."""
+        known = fold(lambda v: unary_function(function, v), (x,))
         if known is not None:
             return known
         operation = Operation.SIN if function is Function.SIN else Operation.COS
@@ -360,28 +372,28 @@ class Arithmetic:
             self.builder.assume(term, all_of((cast(z3.BoolRef, term >= -1), cast(z3.BoolRef, term <= 1))))
         bounds = Bounds(Fraction(-1), Fraction(1))
         text = f"`{function.value}`: only bounds are known"
-        return self._abstracted(Number(term, either(x.nan, x.infinite), FALSE, bounds), text)
+        return self._mark_abstracted(Number(term, either(x.nan, x.infinite), FALSE, bounds), text)
 
     def arc_tangent(self, y: Number, x: Number) -> Number:
         """Return `atan2(y, x)` in degrees."""
-        known = by_folding(lambda v, w: math.degrees(math.atan2(v, w)), (y, x))
+        known = fold(lambda v, w: math.degrees(math.atan2(v, w)), (y, x))
         if known is not None:
             return known
         term, new = self.builder.auxiliary(Operation.ATAN2, (y, x), z3.RealSort())
         nan = either(y.nan, x.nan)
         if new:
-            for formula in bounding.of_arc_tangent(term, y, x):
+            for formula in bounding.arc_tangent_facts(term, y, x):
                 self.builder.assume(term, implied(negation(nan), formula))
         bounds = bounding.arc_tangent(y, x)
         text = "`atan2`: only bounds are known"
-        return self._abstracted(Number(term, nan, FALSE, bounds), text)
+        return self._mark_abstracted(Number(term, nan, FALSE, bounds), text)
 
     def clamp(self, x: Number, low: Number, high: Number) -> Number:
         """Return `min(max(x, low), high)`."""
         return least((greatest((x, low)), high))
 
 
-# --- parts ---------------------------------------------------------------------------------------
+# --- helpers -------------------------------------------------------------------------------------
 
 
 def _is_small(x: Number) -> bool:
@@ -405,14 +417,14 @@ def not_nan(x: Number) -> z3.BoolRef:
 
 
 def _or_nan(nan: z3.BoolRef, x: Number) -> Number:
-    """Return `x`, or NaN."""
+    """Return `x`, or NaN where `nan` holds."""
     if is_false(nan):
         return x
     return select_number(nan, constant(math.nan), x) if x.cases else replace(x, nan=either(nan, x.nan))
 
 
 def scaled_or_cases(x: Number, factor: Fraction) -> Number:
-    """Return `x` times a real, without cases: their products need not be floats."""
+    """Return `x` times a real, without cases, as products of cases need not be floats."""
     whole = whole_of(x)
     if whole is None:
         return scaled(x, factor)

@@ -29,7 +29,7 @@ def within_floats(x: Bounds) -> bool:
     return x.low is not None and x.high is not None and x.low >= -_FLOATS and x.high <= _FLOATS
 
 
-def of_floats(x: Bounds) -> Bounds:
+def float_bounds(x: Bounds) -> Bounds:
     """Return the bounds of a number within `x` after rounding; no bound where it may become infinite."""
     low = None if x.low is None or x.low < -_FLOATS else _nearest(x.low)
     high = None if x.high is None or x.high > _FLOATS else _nearest(x.high)
@@ -42,7 +42,7 @@ def _nearest(x: Fraction) -> Fraction:
 
 def rounded(x: Bounds) -> Bounds:
     """Return bounds that hold for a number within `x` both before and after rounding."""
-    floats = of_floats(x)
+    floats = float_bounds(x)
     low = None if floats.low is None or x.low is None else min(x.low, floats.low)
     high = None if floats.high is None or x.high is None else max(x.high, floats.high)
     return Bounds(low, high, x.whole)
@@ -104,7 +104,7 @@ def arc_tangent(y: Number, x: Number) -> Bounds:
     return Bounds(Fraction(low), Fraction(high))
 
 
-def floors(x: Bounds) -> tuple[int | None, int | None]:
+def floor_bounds(x: Bounds) -> tuple[int | None, int | None]:
     """Return the bounds of the floor."""
     return (
         None if x.low is None else math.floor(x.low),
@@ -112,7 +112,7 @@ def floors(x: Bounds) -> tuple[int | None, int | None]:
     )
 
 
-def rounds(x: Bounds) -> tuple[int | None, int | None]:
+def round_bounds(x: Bounds) -> tuple[int | None, int | None]:
     """Return the bounds of the nearest whole number, halves to even."""
     return None if x.low is None else round(x.low), None if x.high is None else round(x.high)
 
@@ -140,13 +140,15 @@ def _zero(x: Number) -> z3.BoolRef:
 
 def _sign_rules(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
     """Yield rules for the sign of a product or quotient; small ones may round to 0."""
-    like = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
-    unlike = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
-    yield implied(like, cast(z3.BoolRef, p >= 0))
-    yield implied(unlike, cast(z3.BoolRef, p <= 0))
+    same_sign = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
+    opposite_sign = either(
+        both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y))
+    )
+    yield implied(same_sign, cast(z3.BoolRef, p >= 0))
+    yield implied(opposite_sign, cast(z3.BoolRef, p <= 0))
 
 
-def of_product(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator[Known]:
+def product_facts(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator[Known]:
     """Yield facts about a product: its sign, zero operands, and linear bounds."""
     both_finite = both(finite(x), finite(y))
     known = [*_sign_rules(p, x, y), implied(either(_zero(x), _zero(y)), cast(z3.BoolRef, p == 0))]
@@ -160,16 +162,18 @@ def of_product(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator
 
 
 def _infinite_sign(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """Yield the conditions that the sign of an infinite result follows from those of its operands."""
+    """Yield rules for the sign of an infinite result, from the signs of its operands."""
     infinite = either(x.infinite, y.infinite)
-    like = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
-    unlike = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
-    yield implied(both(infinite, like), cast(z3.BoolRef, p > 0))
-    yield implied(both(infinite, unlike), cast(z3.BoolRef, p < 0))
+    same_sign = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
+    opposite_sign = either(
+        both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y))
+    )
+    yield implied(both(infinite, same_sign), cast(z3.BoolRef, p > 0))
+    yield implied(both(infinite, opposite_sign), cast(z3.BoolRef, p < 0))
 
 
 def _envelope(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
-    """Yield McCormick's linear bounds of a product, one for each pair of ends."""
+    """Yield McCormick's linear bounds of a product, one for each pair of interval ends."""
     v, w, a, b = x.value, y.value, x.bounds, y.bounds
     for s, t, below in (
         (a.low, b.low, True),
@@ -182,7 +186,7 @@ def _envelope(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
             yield cast(z3.BoolRef, p >= plane if below else p <= plane)
 
 
-def of_quotient(
+def quotient_facts(
     q: z3.ArithRef, x: Number, y: Number, by_zero: z3.BoolRef, nan: z3.BoolRef, bounds: Bounds, precise: bool
 ) -> Iterator[Known]:
     """Yield facts about a quotient: its sign and bounds; division by zero gives either infinity."""
@@ -218,17 +222,19 @@ def _linear_quotient(q: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRe
         yield implied(down, cast(z3.BoolRef, q <= farthest))
 
 
-def of_modulo(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator[Known]:
-    """Yield facts about a remainder: between 0 and the divisor; modulo infinity the dividend or infinite."""
-    there = negation(nan)
-    usual = both(there, negation(y.infinite))
+def modulo_facts(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator[Known]:
+    """Yield facts about a remainder: between 0 and the divisor; by infinity, the dividend or infinite."""
+    is_number = negation(nan)
+    usual = both(is_number, negation(y.infinite))
     yield implied(both(usual, positive_value(y)), all_of(map(_bool, (r >= 0, r <= y.value)))), False
     yield implied(both(usual, negative_value(y)), all_of(map(_bool, (r <= 0, r >= y.value)))), False
     if not is_false(y.infinite):
-        away = either(both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y)))
-        beside = both(there, y.infinite)
-        yield implied(both(beside, away), has_sign_of(r, y)), False
-        yield implied(both(beside, negation(away)), _bool(r == x.value)), False
+        opposite_signs = either(
+            both(positive_value(x), negative_value(y)), both(negative_value(x), positive_value(y))
+        )
+        by_infinity = both(is_number, y.infinite)
+        yield implied(both(by_infinity, opposite_signs), has_sign_of(r, y)), False
+        yield implied(both(by_infinity, negation(opposite_signs)), _bool(r == x.value)), False
 
 
 def has_sign_of(r: z3.ArithRef, y: Number) -> z3.BoolRef:
@@ -240,21 +246,21 @@ def _bool(formula: object) -> z3.BoolRef:
     return cast(z3.BoolRef, formula)
 
 
-def of_square_root(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[Known]:
+def square_root_facts(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[Known]:
     """Yield facts about a square root: at least 0, and between 1 and the operand."""
-    there = negation(nan)
-    yield implied(there, _bool(r >= 0)), False
-    yield implied(both(there, _bool(x.value > 0)), _bool(r > 0)), False
-    plain = both(there, negation(x.infinite))
-    yield implied(both(plain, _bool(x.value <= 1)), all_of(map(_bool, (r >= x.value, r <= 1)))), False
-    yield implied(both(plain, _bool(x.value >= 1)), all_of(map(_bool, (r <= x.value, r >= 1)))), False
+    is_number = negation(nan)
+    yield implied(is_number, _bool(r >= 0)), False
+    yield implied(both(is_number, _bool(x.value > 0)), _bool(r > 0)), False
+    finite_root = both(is_number, negation(x.infinite))
+    yield implied(both(finite_root, _bool(x.value <= 1)), all_of(map(_bool, (r >= x.value, r <= 1)))), False
+    yield implied(both(finite_root, _bool(x.value >= 1)), all_of(map(_bool, (r <= x.value, r >= 1)))), False
     high = square_root(x.bounds).high
     if high is not None:
-        yield implied(plain, _bool(r <= real(high))), False
+        yield implied(finite_root, _bool(r <= real(high))), False
 
 
-def of_arc_tangent(r: z3.ArithRef, y: Number, x: Number) -> Iterator[z3.BoolRef]:
-    """Yield facts about an angle: its quadrant, and at times its octant; the sign of zero is unknown."""
+def arc_tangent_facts(r: z3.ArithRef, y: Number, x: Number) -> Iterator[z3.BoolRef]:
+    """Yield facts about an angle: its quadrant, in some cases its octant; the sign of zero is unknown."""
     yield all_of(map(_bool, (r >= -180, r <= 180)))
     yield implied(positive_value(y), _bool(r >= 0))
     yield implied(negative_value(y), _bool(r <= 0))

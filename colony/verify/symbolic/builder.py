@@ -25,7 +25,7 @@ from colony.verify.symbolic.system import (
     Scalar,
 )
 
-Made = TypeVar("Made")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +39,10 @@ class Shape:
 
 @dataclass(frozen=False, slots=True, kw_only=True)
 class Builder:
-    """Collects the parts of a `System`. Mutable. It keeps terms alive, so that their ids stay unique."""
+    """Collects the parts of a `System`. Mutable. Keeps terms alive, so that their ids stay unique."""
 
     precise: bool
-    shapes: Mapping[str, Shape]  # of memory, by name, as far as known
+    shapes: Mapping[str, Shape]  # known shapes of numbers in memory, by cell name
     facts: list[Fact] = field(default_factory=list)
     auxiliaries: list[Auxiliary] = field(default_factory=list)
     cells: list[Cell] = field(default_factory=list)
@@ -51,20 +51,22 @@ class Builder:
     numbers_in_memory: dict[str, tuple[Number, Number, Number]] = field(
         default_factory=dict
     )  # initial, old, new
-    _made: dict[tuple[Any, ...], Any] = field(default_factory=dict)
+    _cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     _names: dict[str, int] = field(default_factory=dict)
-    _opened: dict[str, int] = field(default_factory=dict)  # indices by name; `next` not set yet
+    _opened: dict[str, int] = field(
+        default_factory=dict
+    )  # indices of the cells whose `next` is not set yet, by name
 
     def name(self, hint: str) -> str:
         """Return a unique name for a constant."""
         count = self._names[hint] = self._names.get(hint, 0) + 1
         return hint if count == 1 else f"{hint}#{count}"
 
-    def once(self, key: tuple[Any, ...], make: Callable[[], Made]) -> Made:
+    def once(self, key: tuple[Any, ...], make: Callable[[], Result]) -> Result:
         """Return the result of `make`, which is called once for each `key`."""
-        if key not in self._made:
-            self._made[key] = make()
-        return cast(Made, self._made[key])
+        if key not in self._cache:
+            self._cache[key] = make()
+        return cast(Result, self._cache[key])
 
     def keep(self, *terms: z3.ExprRef) -> tuple[int, ...]:
         """Return the ids of terms and keep the terms alive, so that no other term gets these ids."""
@@ -81,7 +83,7 @@ class Builder:
     # --- facts -----------------------------------------------------------------------------------
 
     def assume(self, about: z3.ExprRef, formula: z3.BoolRef, of_reals: bool = False) -> None:
-        """Assume a formula about a term; `of_reals`: it holds only for reals, not for floats."""
+        """Assume a formula about a term; with `of_reals`, it holds only for reals, not for floats."""
         self._add(Fact(FactKind.ASSUMPTION, about, formula, of_reals))
 
     def define(self, about: z3.ExprRef, formula: z3.BoolRef) -> None:
@@ -101,7 +103,7 @@ class Builder:
     ) -> tuple[z3.ArithRef, bool]:
         """Return the constant for this operation on these operands, and True if it is new."""
         key = (operation, self.key(*operands))
-        new = key not in self._made
+        new = key not in self._cache
 
         def make() -> z3.ArithRef:
             term = cast(z3.ArithRef, z3.Const(self.name(operation.name.lower()), sort))
@@ -113,13 +115,13 @@ class Builder:
     def overflow(self, x: Number, span: Span) -> z3.BoolRef:
         """Return the condition that the program's float is infinite but `x` is not; false for reals."""
         constant, new = self.auxiliary(Operation.OVERFLOW, (x,), z3.BoolSort())
-        beyond = cast(z3.BoolRef, constant)
+        overflows = cast(z3.BoolRef, constant)
         if new:
-            self.assume(beyond, negation(beyond), of_reals=True)
+            self.assume(overflows, negation(overflows), of_reals=True)
             self.mark_inexact(
-                beyond, Reason(Inexact.ROUNDING, span, "a number too large for a float becomes infinite")
+                overflows, Reason(Inexact.ROUNDING, span, "a number too large for a float becomes infinite")
             )
-        return beyond
+        return overflows
 
     def named(self, x: Scalar, hint: str) -> Scalar:
         """Return `x` with a constant in place of its value, unless that is a constant already."""
@@ -165,7 +167,7 @@ class Builder:
         self.cells.append(Cell(name=name, old=old, next=old, initial=initial))
         return old
 
-    def close_cell(self, name: str, following: z3.ExprRef) -> None:
+    def close_cell(self, name: str, next_value: z3.ExprRef) -> None:
         """Set the value of a cell after the frame."""
         index = self._opened.pop(name)
-        self.cells[index] = replace(self.cells[index], next=following)
+        self.cells[index] = replace(self.cells[index], next=next_value)

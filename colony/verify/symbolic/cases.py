@@ -51,9 +51,9 @@ ANY_ZERO = Number(real(0), FALSE, FALSE, Bounds(Fraction(0), Fraction(0), True),
 
 
 def by_cases(cases: Iterable[Case], loose_zero: bool = False) -> Number:
-    """Return the number that has the value of the case that applies; exactly one does.
+    """Return a number from its cases, exactly one of which applies.
 
-    `loose_zero`: the case 0 may be -0.0 as well.
+    With `loose_zero`, the case 0 may be -0.0 as well.
     """
     merged: dict[tuple[float, float] | None, list[z3.BoolRef]] = {}
     for x, condition in cases:
@@ -104,30 +104,30 @@ def whole_of(x: Number) -> z3.ArithRef | None:
 # --- functions of floats -------------------------------------------------------------------------
 
 
-def folded(of: Callable[..., Result], operands: Sequence[Number]) -> list[tuple[Result, z3.BoolRef]]:
+def case_results(apply: Callable[..., Result], operands: Sequence[Number]) -> list[tuple[Result, z3.BoolRef]]:
     """Return a function's result for each combination of cases; empty if there are too many.
 
     The function must not distinguish the two zeros.
     """
-    return [(of(*values), condition) for values, condition in _combinations(operands)]
+    return [(apply(*values), condition) for values, condition in _combinations(operands)]
 
 
-def by_folding(of: Callable[..., float], operands: Sequence[Number]) -> Number | None:
+def fold(apply: Callable[..., float], operands: Sequence[Number]) -> Number | None:
     """Apply a function to each combination of cases, bit for bit.
 
-    None if there are too many, or if the sign of a loose zero matters.
+    None if there are too many combinations, or if the sign of a loose zero matters.
     """
     cases: list[Case] = []
     loose = [x.loose_zero for x in operands]
     loose_zero = False
     for values, condition in _combinations(operands):
-        either = [(v, -v) if v == 0 and free else (v,) for v, free in zip(values, loose, strict=True)]
-        results = [of(*row) for row in product(*either)]
-        first = results[0]
-        if not all(x == first or (math.isnan(x) and math.isnan(first)) for x in results):
+        choices = [(v, -v) if v == 0 and free else (v,) for v, free in zip(values, loose, strict=True)]
+        results = [apply(*row) for row in product(*choices)]
+        result = results[0]
+        if not all(x == result or (math.isnan(x) and math.isnan(result)) for x in results):
             return None
-        loose_zero |= first == 0 and len({math.copysign(1.0, x) for x in results}) > 1
-        cases.append((first, condition))
+        loose_zero |= result == 0 and len({math.copysign(1.0, x) for x in results}) > 1
+        cases.append((result, condition))
     return by_cases(cases, loose_zero) if cases else None
 
 

@@ -34,23 +34,23 @@ def cone(system: System, terms: Iterable[z3.ExprRef]) -> Cone:
     visited: set[int] = set()
     facts: set[int] = set()
     constants: list[z3.ExprRef] = []
-    waiting = graph.add(terms)
-    while waiting:
-        key = waiting.pop()
+    pending = graph.add(terms)
+    while pending:
+        key = pending.pop()
         if key in visited:
             continue
         visited.add(key)
-        waiting.extend(graph.operands(key))
+        pending.extend(graph.operands(key))
         constant = graph.constant(key)
         if constant is None:
             continue
         if key in cells:
-            waiting.extend(graph.add([cells[key].next]))
+            pending.extend(graph.add([cells[key].next]))
         else:
             constants.append(constant)
         about = graph.add(fact.formula for fact in system.facts.get(key, ()))
         facts.update(about)
-        waiting.extend(about)
+        pending.extend(about)
     return Cone(
         system=system,
         cells=tuple(c for key, c in cells.items() if key in visited),

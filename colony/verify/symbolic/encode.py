@@ -8,11 +8,11 @@ from dataclasses import replace
 from colony.ir.program import Contract, Program
 from colony.verify.symbolic.builder import Builder, Shape
 from colony.verify.symbolic.expressions import Expressions
+from colony.verify.symbolic.frame_values import FrameValues, missing
 from colony.verify.symbolic.graph import Graph
 from colony.verify.symbolic.inputs import begin, sense
 from colony.verify.symbolic.logic import negation
 from colony.verify.symbolic.modules import Declarations
-from colony.verify.symbolic.moment import Moment, missing
 from colony.verify.symbolic.network import NetworkEncoder
 from colony.verify.symbolic.reasons import reasons_of
 from colony.verify.symbolic.sending import limits, send
@@ -35,21 +35,21 @@ def encode(program: Program, precise: bool = False) -> System:
 
 
 def _encode(program: Program, builder: Builder) -> System:
-    moment = begin(builder)
-    sensors = sense(program, builder, moment)
-    declarations = Declarations(program, builder, moment)
+    frame_values = begin(builder)
+    sensors = sense(program, builder, frame_values)
+    declarations = Declarations(program, builder, frame_values)
     declarations.states()
     declarations.derived()
     modules, python = declarations.modules()
-    NetworkEncoder(program, builder, moment).wires()
-    bounds = limits(program, builder, moment)
-    actuators = {a.name: send(a, modules, bounds, builder, moment) for a in program.robot.actuators}
-    claims = tuple(_claim(c, builder, moment) for c in program.contracts)
+    NetworkEncoder(program, builder, frame_values).wires()
+    bounds = limits(program, builder, frame_values)
+    actuators = {a.name: send(a, modules, bounds, builder, frame_values) for a in program.robot.actuators}
+    claims = tuple(_claim(c, builder, frame_values) for c in program.contracts)
     return System(
         program=program,
-        now=moment.now,
-        begun=moment.begun,
-        last=moment.last,
+        now=frame_values.now,
+        begun=frame_values.begun,
+        last=frame_values.last,
         sensors=sensors,
         python=python,
         cells=tuple(builder.cells),
@@ -60,32 +60,34 @@ def _encode(program: Program, builder: Builder) -> System:
         facts=by_constant(builder.facts),
         inexact=builder.inexact,
         graph=Graph(),
-        derived=moment.derived,
-        states=moment.states,
-        locals={name: value for name, (_, value) in moment.locals.items()},
+        derived=frame_values.derived,
+        states=frame_values.states,
+        locals={name: value for name, (_, value) in frame_values.locals.items()},
         modules=modules,
-        active=moment.active,
+        active=frame_values.active,
         actuators=actuators,
         claims=claims,
     )
 
 
-def _claim(contract: Contract, builder: Builder, moment: Moment) -> Claim:
-    speaks = negation(missing(contract.expression, moment))
-    asked = Expressions(builder=builder, moment=moment, moves=speaks, hint=f"contract {contract.name}")
-    holds = asked.boolean(contract.expression)
-    return Claim(name=contract.name, speaks=speaks, holds=holds, span=contract.span)
+def _claim(contract: Contract, builder: Builder, frame_values: FrameValues) -> Claim:
+    applies = negation(missing(contract.expression, frame_values))
+    expressions = Expressions(
+        builder=builder, frame_values=frame_values, advances=applies, hint=f"contract {contract.name}"
+    )
+    holds = expressions.boolean(contract.expression)
+    return Claim(name=contract.name, applies=applies, holds=holds, span=contract.span)
 
 
 def by_constant(facts: Sequence[Fact]) -> dict[int, tuple[Fact, ...]]:
     """Group facts by the id of their subject."""
-    found: dict[int, list[Fact]] = {}
+    groups: dict[int, list[Fact]] = {}
     for fact in facts:
-        found.setdefault(fact.about.get_id(), []).append(fact)
-    return {key: tuple(some) for key, some in found.items()}
+        groups.setdefault(fact.about.get_id(), []).append(fact)
+    return {key: tuple(group) for key, group in groups.items()}
 
 
 def with_reasons(system: System) -> System:
     """Return `system` with the inexact terms that each claim depends on."""
-    claims = (replace(c, inexact=reasons_of(system, c.speaks, c.holds)) for c in system.claims)
+    claims = (replace(c, inexact=reasons_of(system, c.applies, c.holds)) for c in system.claims)
     return replace(system, claims=tuple(claims))

@@ -1,4 +1,4 @@
-"""Expressions as terms; their memory advances where they are evaluated.
+"""Encoding of expressions as terms; their memory advances where they are evaluated.
 
 Evaluation is strict, as in the interpreter: every operand is evaluated wherever its expression is.
 """
@@ -17,10 +17,10 @@ from colony.ir.types import Array, ScalarValue, element_type
 from colony.verify.symbolic.arithmetic import Arithmetic
 from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.cases import by_cases, constant, whole_of
+from colony.verify.symbolic.frame_values import FrameValues, missing, needed_for
 from colony.verify.symbolic.functions import binary, boolean, function, index_of, number, reduction, unary
 from colony.verify.symbolic.logic import FALSE, TRUE, any_of, both, is_false, negation, truth
 from colony.verify.symbolic.memory import recall
-from colony.verify.symbolic.moment import Moment, missing, needed_for
 from colony.verify.symbolic.numbers import compared, finite, select
 from colony.verify.symbolic.seconds import seconds
 from colony.verify.symbolic.system import Number, Scalar, Term
@@ -31,27 +31,27 @@ Loop = tuple[tuple[str, int], ...]
 
 @dataclass(frozen=True, slots=True)
 class Positions:
-    """The meaning of an index: the condition that it is finite, and for each element that it is selected."""
+    """An index as conditions: that it is finite, and for each element that the index selects it."""
 
-    there: z3.BoolRef
-    at: tuple[z3.BoolRef, ...]
-
-
-def _positions(there: z3.BoolRef, at: Sequence[z3.BoolRef]) -> Positions:
-    return Positions(there, tuple(both(there, here) for here in at))
+    is_finite: z3.BoolRef
+    selects: tuple[z3.BoolRef, ...]
 
 
-def lifted(value: ScalarValue) -> Scalar:
+def _positions(is_finite: z3.BoolRef, selects: Sequence[z3.BoolRef]) -> Positions:
+    return Positions(is_finite, tuple(both(is_finite, selected) for selected in selects))
+
+
+def constant_term(value: ScalarValue) -> Scalar:
     """Return a value of the language as a constant term."""
     return truth(value) if isinstance(value, bool) else constant(value)
 
 
-def each(of: Callable[..., Scalar], *operands: Term) -> Term:
-    """Apply `of` element by element where an operand is an array; a scalar stands for all elements."""
+def each(apply: Callable[..., Scalar], *operands: Term) -> Term:
+    """Apply `apply` element by element where an operand is an array; a scalar stands for all elements."""
     sizes = [len(x) for x in operands if isinstance(x, tuple)]
     if not sizes:
-        return of(*operands)
-    return tuple(of(*(x[i] if isinstance(x, tuple) else x for x in operands)) for i in range(sizes[0]))
+        return apply(*operands)
+    return tuple(apply(*(x[i] if isinstance(x, tuple) else x for x in operands)) for i in range(sizes[0]))
 
 
 def scalar(value: Term) -> Scalar:
@@ -68,15 +68,15 @@ def elements(value: Term) -> tuple[Scalar, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expressions:
-    """Encodes expressions of one owner, evaluated where `moves` holds.
+    """Encodes expressions of one owner, whose memory advances where `advances` holds.
 
-    `own` are the owner's lets, which are present where it is evaluated. `hint` is the prefix for the names of
-    its memory.
+    `own` are the owner's lets, which are present where the owner is evaluated. `hint` is the prefix for the
+    names of its memory cells.
     """
 
     builder: Builder
-    moment: Moment
-    moves: z3.BoolRef
+    frame_values: FrameValues
+    advances: z3.BoolRef
     hint: str
     own: frozenset[str] = frozenset()
     loop: Loop = ()
@@ -122,49 +122,49 @@ class Expressions:
                 return self._leaf(e)
 
     def _leaf(self, e: ir.Expression) -> Term:
-        moment = self.moment
+        frame_values = self.frame_values
         match e:
             case ir.Constant(value=value):
-                return tuple(map(lifted, value)) if isinstance(value, tuple) else lifted(value)
+                return tuple(map(constant_term, value)) if isinstance(value, tuple) else constant_term(value)
             case ir.SensorValue(name=name):
-                return moment.sensors[name]
+                return frame_values.sensors[name]
             case ir.DerivedValue(name=name):
-                return moment.derived[name][1]
+                return frame_values.derived[name][1]
             case ir.LocalValue(name=name):
-                return moment.locals[name][1]
+                return frame_values.locals[name][1]
             case ir.StateValue(name=name):
-                return moment.states[name]
+                return frame_values.states[name]
             case ir.LoopIndex(name=name):
                 return constant(float([k for variable, k in self.loop if variable == name][-1]))
             case ir.Now():
-                return seconds(moment.now, self.builder, e.span)
+                return seconds(frame_values.now, self.builder, e.span)
             case ir.Fresh(name=name, derived=derived):
-                return negation(moment.derived[name][0]) if derived else moment.present[name]
+                return negation(frame_values.derived[name][0]) if derived else frame_values.present[name]
             case ir.SentField(actuator=actuator, field_index=i):
-                return moment.sent[actuator, i][1]
+                return frame_values.sent[actuator, i][1]
             case ir.WonBy(actuator=actuator, module=module):
-                return moment.wins[actuator].get(module, FALSE)
+                return frame_values.wins[actuator].get(module, FALSE)
             case ir.IsCommanded(actuator=actuator):
-                return moment.commanded[actuator]
+                return frame_values.commanded[actuator]
             case ir.IsIdle(actuator=actuator):
-                return negation(moment.commanded[actuator])
+                return negation(frame_values.commanded[actuator])
             case ir.IsActive(name=name):
-                return moment.active[name]
+                return frame_values.active[name]
             case _:
                 raise AssertionError(f"{type(e).__name__} has operands")
 
     def _memory(self, e: ir.MemoryCall) -> Term:
         types = [element_type(a.type) for a in e.arguments]
 
-        def one(*x: Scalar) -> Scalar:
-            return recall(e, x, types, self.builder, self.moment, self.moves, self.hint)
+        def recall_scalar(*x: Scalar) -> Scalar:
+            return recall(e, x, types, self.builder, self.frame_values, self.advances, self.hint)
 
-        return each(one, *(self.value(a) for a in e.arguments))
+        return each(recall_scalar, *(self.value(a) for a in e.arguments))
 
     def _value_or(self, e: ir.ValueOr) -> Term:
-        absent = missing(e.expression, self.moment, self.own)
-        inner = replace(self, moves=needed_for(self.moves, e.expression, self.moment, self.own))
-        first, second = _filled(inner.value(e.expression), e), _filled(self.value(e.other), e)
+        absent = missing(e.expression, self.frame_values, self.own)
+        inner = replace(self, advances=needed_for(self.advances, e.expression, self.frame_values, self.own))
+        first, second = _broadcast(inner.value(e.expression), e), _broadcast(self.value(e.other), e)
         return each(lambda x, y: select(absent, y, x), first, second)
 
     # --- parts of arrays -------------------------------------------------------------------------
@@ -184,24 +184,26 @@ class Expressions:
         """Return the conditions under which an index selects each element of an array."""
         x = self.number(index)
         builder = self.builder
-        return builder.once(("positions", builder.key(x), size), lambda: self._found(x, index, size))
+        return builder.once(
+            ("positions", builder.key(x), size), lambda: self._compute_positions(x, index, size)
+        )
 
-    def _found(self, x: Number, index: ir.Expression, size: int) -> Positions:
-        there = finite(x)
+    def _compute_positions(self, x: Number, index: ir.Expression, size: int) -> Positions:
+        is_finite = finite(x)
         if not x.cases:
             x = Arithmetic(self.builder, index.span).round_of(replace(x, nan=FALSE, infinite=FALSE))
         if x.cases:
-            means = [
+            conditions_by_element = [
                 [c for v, c in x.cases if math.isfinite(v) and round(v) % size == k] for k in range(size)
             ]
-            return _positions(there, [any_of(conditions) for conditions in means])
+            return _positions(is_finite, [any_of(conditions) for conditions in conditions_by_element])
         whole, low, high = whole_of(x), x.bounds.low, x.bounds.high
         assert whole is not None
         if low is None or high is None or high - low > 4 * size:
-            return _positions(there, [cast(z3.BoolRef, whole % size == k) for k in range(size)])
+            return _positions(is_finite, [cast(z3.BoolRef, whole % size == k) for k in range(size)])
         span = range(math.ceil(low), math.floor(high) + 1)
         equal = {n: cast(z3.BoolRef, whole == n) for n in span}
-        return _positions(there, [any_of(equal[n] for n in span if n % size == k) for k in range(size)])
+        return _positions(is_finite, [any_of(equal[n] for n in span if n % size == k) for k in range(size)])
 
     # --- functions -------------------------------------------------------------------------------
 
@@ -214,7 +216,7 @@ class Expressions:
             return function(e.function, flat, arithmetic)
         return each(lambda *x: function(e.function, x, arithmetic), *values)
 
-    def _index_function(self, of: ir.Function, e: ir.Expression) -> Number:
+    def _index_function(self, which: ir.Function, e: ir.Expression) -> Number:
         """Return the index of the least or greatest element; for a slice or window, in the whole array."""
         match e:
             case ir.Slice(indices=indices):
@@ -226,22 +228,22 @@ class Expressions:
             case _:
                 values = elements(self.value(e))
                 names = [constant(float(i)) for i in range(len(values))]
-        return index_of(of, [number(x) for x in values], names)
+        return index_of(which, [number(x) for x in values], names)
 
     def _reduce(self, e: ir.Reduce, arithmetic: Arithmetic) -> Scalar:
-        taken = []
+        items = []
         for k in range(e.low, e.high + 1):
             inner = replace(self, loop=(*self.loop, (e.variable, k)))
             body = inner.scalar(e.body)
-            taken.append((body, TRUE if e.condition is None else inner.boolean(e.condition)))
-        return reduction(e.function, taken, arithmetic)
+            items.append((body, TRUE if e.condition is None else inner.boolean(e.condition)))
+        return reduction(e.function, items, arithmetic)
 
 
 def _within(x: Scalar, low: Scalar, high: Scalar) -> z3.BoolRef:
     return both(compared(number(low), number(x), "<="), compared(number(x), number(high), "<="))
 
 
-def _filled(value: Term, e: ir.Expression) -> Term:
+def _broadcast(value: Term, e: ir.Expression) -> Term:
     """Return `value`, repeated where `e` is an array and the value a scalar."""
     if isinstance(e.type, Array) and not isinstance(value, tuple):
         return (value,) * e.type.size
@@ -255,17 +257,17 @@ def _size(e: ir.Expression) -> int:
 
 def _element(array: Sequence[Scalar], positions: Positions, offset: int) -> Scalar:
     """Return the element `offset` after the selected one; NaN or false if the index is not finite."""
-    none: Scalar = constant(math.nan) if isinstance(array[0], Number) else FALSE
+    undefined: Scalar = constant(math.nan) if isinstance(array[0], Number) else FALSE
     result: Scalar | None = None
-    for k, here in enumerate(positions.at):
-        if not is_false(here):
+    for k, selected in enumerate(positions.selects):
+        if not is_false(selected):
             value = array[(k + offset) % len(array)]
-            result = value if result is None else select(here, value, result)
-    return none if result is None else select(positions.there, result, none)
+            result = value if result is None else select(selected, value, result)
+    return undefined if result is None else select(positions.is_finite, result, undefined)
 
 
 def _index_at(positions: Positions, offset: int) -> Number:
     """Return the index `offset` after the selected one; NaN if it is not finite."""
-    size = len(positions.at)
-    cases = [(float((k + offset) % size), here) for k, here in enumerate(positions.at)]
-    return by_cases([*cases, (math.nan, negation(positions.there))])
+    size = len(positions.selects)
+    cases = [(float((k + offset) % size), selected) for k, selected in enumerate(positions.selects)]
+    return by_cases([*cases, (math.nan, negation(positions.is_finite))])

@@ -26,7 +26,7 @@ from colony.verify.symbolic.logic import (
 from colony.verify.symbolic.numbers import compared, equal, greatest, least, negated, select_number
 from colony.verify.symbolic.system import Number, Scalar
 
-Taken = tuple[Scalar, z3.BoolRef]
+ReductionItem = tuple[Scalar, z3.BoolRef]
 """A value of a reduction, and the condition that it is included."""
 
 
@@ -97,9 +97,9 @@ def _equal(x: Scalar, y: Scalar) -> z3.BoolRef:
     return equal(x, y) if isinstance(x, Number) else equivalent(x, boolean(y))
 
 
-def function(of: Function, x: Sequence[Scalar], arithmetic: Arithmetic) -> Scalar:
-    """Return function `of` applied to `x`: the values to reduce, or the arguments in order."""
-    match of:
+def function(which: Function, x: Sequence[Scalar], arithmetic: Arithmetic) -> Scalar:
+    """Return function `which` applied to `x`: the values to reduce, or the arguments in order."""
+    match which:
         case Function.CLAMP:
             return arithmetic.clamp(number(x[0]), number(x[1]), number(x[2]))
         case Function.MOD:
@@ -109,17 +109,17 @@ def function(of: Function, x: Sequence[Scalar], arithmetic: Arithmetic) -> Scala
         case Function.ANGLE_DIFFERENCE:
             return arithmetic.angle_difference(number(x[0]), number(x[1]))
         case Function.ABS | Function.SIGN | Function.SQRT | Function.FLOOR | Function.CEIL:
-            return _of_one(of, number(x[0]), arithmetic)
+            return _unary_function(which, number(x[0]), arithmetic)
         case Function.ROUND | Function.SIN | Function.COS:
-            return _of_one(of, number(x[0]), arithmetic)
+            return _unary_function(which, number(x[0]), arithmetic)
         case Function.INDEX_OF_MIN | Function.INDEX_OF_MAX:
-            return index_of(of, [number(v) for v in x], [constant(float(i)) for i in range(len(x))])
+            return index_of(which, [number(v) for v in x], [constant(float(i)) for i in range(len(x))])
         case _:
-            return reduction(of, [(v, TRUE) for v in x], arithmetic)
+            return reduction(which, [(v, TRUE) for v in x], arithmetic)
 
 
-def _of_one(of: Function, x: Number, arithmetic: Arithmetic) -> Number:
-    match of:
+def _unary_function(which: Function, x: Number, arithmetic: Arithmetic) -> Number:
+    match which:
         case Function.ABS:
             return arithmetic.absolute(x)
         case Function.SIGN:
@@ -133,31 +133,31 @@ def _of_one(of: Function, x: Number, arithmetic: Arithmetic) -> Number:
         case Function.ROUND:
             return arithmetic.round(x)
         case _:
-            return arithmetic.sine(x, of)
+            return arithmetic.sine(x, which)
 
 
 # --- reductions ----------------------------------------------------------------------------------
 
 
-def reduction(of: Function, taken: Sequence[Taken], arithmetic: Arithmetic) -> Scalar:
-    """Return function `of` applied to the values that are included."""
-    there = [(x, taken_) for x, taken_ in taken if not is_false(taken_)]
-    match of:
+def reduction(which: Function, items: Sequence[ReductionItem], arithmetic: Arithmetic) -> Scalar:
+    """Return function `which` applied to the values that are included."""
+    included = [(x, condition) for x, condition in items if not is_false(condition)]
+    match which:
         case Function.ANY:
-            return any_of(both(boolean(x), c) for x, c in there)
+            return any_of(both(boolean(x), c) for x, c in included)
         case Function.ALL:
-            return all_of(implied(c, boolean(x)) for x, c in there)
+            return all_of(implied(c, boolean(x)) for x, c in included)
         case Function.COUNT:
-            return count([both(boolean(x), c) for x, c in there], arithmetic)
+            return count([both(boolean(x), c) for x, c in included], arithmetic)
         case Function.SUM:
-            return _total([(number(x), c) for x, c in there], arithmetic)
+            return _total([(number(x), c) for x, c in included], arithmetic)
         case Function.MEAN:
-            numbers = [(number(x), c) for x, c in there]
-            return arithmetic.divide(_total(numbers, arithmetic), count([c for _, c in there], arithmetic))
+            numbers = [(number(x), c) for x, c in included]
+            return arithmetic.divide(_total(numbers, arithmetic), count([c for _, c in included], arithmetic))
         case Function.MIN | Function.MAX:
-            return _best(of, [(number(x), c) for x, c in there])
+            return _best(which, [(number(x), c) for x, c in included])
         case _:
-            raise AssertionError(f"{of.value} reduces nothing")
+            raise AssertionError(f"{which.value} is not a reduction")
 
 
 def count(truths: Sequence[z3.BoolRef], arithmetic: Arithmetic) -> Number:
@@ -168,33 +168,33 @@ def count(truths: Sequence[z3.BoolRef], arithmetic: Arithmetic) -> Number:
     return total
 
 
-def _total(taken: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -> Number:
+def _total(items: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -> Number:
     """Return the sum from left to right, starting with the first value (a lone -0.0 stays); 0 of nothing."""
     total = constant(-0.0)  # the neutral element of addition, even for -0.0
-    for i, (x, condition) in enumerate(taken):
+    for i, (x, condition) in enumerate(items):
         added = x if i == 0 else arithmetic.add(total, x)
         total = select_number(condition, added, total)
     if not total.cases:
         return total  # its zeros may have either sign
-    return select_number(any_of(condition for _, condition in taken), total, constant(0.0))
+    return select_number(any_of(condition for _, condition in items), total, constant(0.0))
 
 
-def _best(of: Function, taken: Sequence[tuple[Number, z3.BoolRef]]) -> Number:
+def _best(which: Function, items: Sequence[tuple[Number, z3.BoolRef]]) -> Number:
     """Return the least or greatest value; NaN if any is NaN, or there is none."""
-    choose = least if of is Function.MIN else greatest
-    best, some = constant(math.nan), FALSE
-    for x, condition in taken:
-        met = choose((best, x)) if not is_false(some) else x
-        met = select_number(some, met, x)
-        best, some = select_number(condition, met, best), either(some, condition)
+    choose = least if which is Function.MIN else greatest
+    best, any_included = constant(math.nan), FALSE
+    for x, condition in items:
+        candidate = choose((best, x)) if not is_false(any_included) else x
+        candidate = select_number(any_included, candidate, x)
+        best, any_included = select_number(condition, candidate, best), either(any_included, condition)
     return best
 
 
-def index_of(of: Function, values: Sequence[Number], indices: Sequence[Number]) -> Number:
+def index_of(which: Function, values: Sequence[Number], indices: Sequence[Number]) -> Number:
     """Return the index of the least or greatest value, the first among equals; any number beats NaN."""
     best, index = values[0], indices[0]
     for x, i in zip(values[1:], indices[1:], strict=True):
-        beats = compared(x, best, "<") if of is Function.INDEX_OF_MIN else compared(best, x, "<")
+        beats = compared(x, best, "<") if which is Function.INDEX_OF_MIN else compared(best, x, "<")
         better = either(beats, both(best.nan, negation(x.nan)))
         best, index = select_number(better, x, best), select_number(better, i, index)
     return index

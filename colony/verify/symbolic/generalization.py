@@ -35,15 +35,15 @@ from colony.verify.symbolic.system import (
     Term,
 )
 
-BEYOND = 2**1023
+OVERFLOW_BOUND = 2**1023
 """A bound below which no number overflows."""
 
 
-def generalized(system: System) -> System:
+def generalize(system: System) -> System:
     """Return `system` generalized so that claims that are valid in it hold bit for bit in floats.
 
-    In it, `inexact` of a claim has only terms that cannot be generalized, and modules in Python, which may
-    answer anything in either system. To be used only for proofs.
+    In it, `inexact` of a claim lists only terms that cannot be generalized, and modules in Python, whose
+    answers are arbitrary in both systems. Use it only for proofs.
     """
     generalization = _Generalization(system)
     changed = generalization.system()
@@ -54,31 +54,31 @@ class _Generalization:
     """A generalization in progress: `term` replaces the largest inexact parts of a term."""
 
     def __init__(self, system: System) -> None:
-        self.before = system
+        self.original = system
         self.terms = [b for b in system.inexact.values() if _can_be_free(b)]
         self.free = [z3.Const(f"rounded#{i}", b.term.sort()) for i, b in enumerate(self.terms)]
         self.term = Substitution([b.term for b in self.terms], self.free)
 
     def system(self) -> System:
-        before = self.before
+        original = self.original
         facts = [*self._facts(), *self._bounds(), *self._overflows()]
         return replace(
-            before,
-            cells=tuple(replace(c, next=self.term(c.next)) for c in before.cells),
+            original,
+            cells=tuple(replace(c, next=self.term(c.next)) for c in original.cells),
             assumptions=tuple(f.formula for f in facts if f.kind is FactKind.ASSUMPTION),
             definitions=tuple(f.formula for f in facts if f.kind is FactKind.DEFINITION),
             invariants=tuple(f.formula for f in facts if f.kind is FactKind.INVARIANT),
-            auxiliaries=tuple(self._auxiliary(a) for a in before.auxiliaries),
+            auxiliaries=tuple(self._auxiliary(a) for a in original.auxiliaries),
             facts=by_constant(facts),
-            inexact=self._left(),
+            inexact=self._still_inexact(),
             graph=Graph(),
-            derived={n: (self.term(m), self.value(v)) for n, (m, v) in before.derived.items()},
-            locals={n: self.value(v) for n, v in before.locals.items()},
-            modules={n: self._module(m) for n, m in before.modules.items()},
-            active={n: self.term(x) for n, x in before.active.items()},
-            actuators={n: self._actuator(a) for n, a in before.actuators.items()},
+            derived={n: (self.term(m), self.value(v)) for n, (m, v) in original.derived.items()},
+            locals={n: self.value(v) for n, v in original.locals.items()},
+            modules={n: self._module(m) for n, m in original.modules.items()},
+            active={n: self.term(x) for n, x in original.active.items()},
+            actuators={n: self._actuator(a) for n, a in original.actuators.items()},
             claims=tuple(
-                replace(c, speaks=self.term(c.speaks), holds=self.term(c.holds)) for c in before.claims
+                replace(c, applies=self.term(c.applies), holds=self.term(c.holds)) for c in original.claims
             ),
         )
 
@@ -129,7 +129,7 @@ class _Generalization:
 
     def _facts(self) -> Iterable[Fact]:
         """Yield the facts that also hold for floats."""
-        for facts in self.before.facts.values():
+        for facts in self.original.facts.values():
             for fact in facts:
                 if not fact.of_reals:
                     yield replace(fact, formula=self.term(fact.formula))
@@ -141,18 +141,18 @@ class _Generalization:
                     yield Fact(FactKind.ASSUMPTION, free, formula)
 
     def _overflows(self) -> Iterable[Fact]:
-        for auxiliary in self.before.auxiliaries:
+        for auxiliary in self.original.auxiliaries:
             if auxiliary.operation is Operation.OVERFLOW:
                 value = self.term(auxiliary.operands[0].value)
-                beyond = z3.Or(value >= real(BEYOND), value <= real(-BEYOND))
-                formula = implied(cast(z3.BoolRef, auxiliary.constant), beyond)
+                is_large = z3.Or(value >= real(OVERFLOW_BOUND), value <= real(-OVERFLOW_BOUND))
+                formula = implied(cast(z3.BoolRef, auxiliary.constant), is_large)
                 yield Fact(FactKind.ASSUMPTION, auxiliary.constant, formula)
 
-    def _left(self) -> dict[int, InexactTerm]:
+    def _still_inexact(self) -> dict[int, InexactTerm]:
         """Return the terms that are still inexact."""
         return {
             key: inexact_term
-            for key, inexact_term in self.before.inexact.items()
+            for key, inexact_term in self.original.inexact.items()
             if inexact_term.ambiguous or inexact_term.reason.kind is Inexact.PYTHON
         }
 

@@ -8,7 +8,7 @@ import z3
 
 
 class Graph:
-    """The structure of terms, recorded when they are first added. Mutable. It keeps terms alive."""
+    """The structure of terms, recorded when they are first added. Mutable. Keeps terms alive."""
 
     def __init__(self) -> None:
         self._operands: dict[int, tuple[int, ...]] = {}
@@ -18,16 +18,16 @@ class Graph:
     def add(self, terms: Iterable[z3.ExprRef]) -> list[int]:
         """Add terms with all their subterms; return the ids of the terms."""
         roots = list(terms)
-        waiting = list(roots)
-        while waiting:
-            term = waiting.pop()
+        pending = list(roots)
+        while pending:
+            term = pending.pop()
             key = term.get_id()
             if key in self._operands:
                 continue
             self._kept.append(term)
             operands = term.children()
             self._operands[key] = tuple(x.get_id() for x in operands)
-            waiting.extend(operands)
+            pending.extend(operands)
             if not operands and term.decl().kind() == z3.Z3_OP_UNINTERPRETED:
                 self._constants[key] = term
         return [term.get_id() for term in roots]

@@ -13,10 +13,10 @@ from colony.ir.types import Scalar as ScalarType
 from colony.verify.reference.boundary import default_of
 from colony.verify.symbolic.bounding import within
 from colony.verify.symbolic.builder import Builder
-from colony.verify.symbolic.expressions import lifted
+from colony.verify.symbolic.expressions import constant_term
+from colony.verify.symbolic.frame_values import FrameValues
 from colony.verify.symbolic.logic import FALSE, TRUE, any_of, choice, implied, integer, negation
 from colony.verify.symbolic.memory import enumerator
-from colony.verify.symbolic.moment import Moment
 from colony.verify.symbolic.numbers import select
 from colony.verify.symbolic.system import (
     UNBOUNDED,
@@ -30,8 +30,8 @@ from colony.verify.symbolic.system import (
 )
 
 
-def begin(builder: Builder) -> Moment:
-    """Start the encoding of a frame with time: 0 in the first frame, strictly increasing afterwards."""
+def begin(builder: Builder) -> FrameValues:
+    """Begin the encoding of a frame with its time: 0 in the first frame, then strictly increasing."""
     now = z3.Int("now")
     begun_name, last_name = builder.name("begun"), builder.name("last")
     begun = cast(z3.BoolRef, builder.open_cell(begun_name, z3.BoolSort(), FALSE))
@@ -41,45 +41,45 @@ def begin(builder: Builder) -> Moment:
     builder.assume(now, choice(begun, cast(z3.BoolRef, now > last), cast(z3.BoolRef, now == 0)))
     builder.invariant(last, cast(z3.BoolRef, last >= 0))
     builder.invariant(last, z3.Or(begun, last == 0))
-    return Moment(now=now, begun=begun, last=last)
+    return FrameValues(now=now, begun=begun, last=last)
 
 
 # --- sensors -------------------------------------------------------------------------------------
 
 
-def sense(program: Program, builder: Builder, moment: Moment) -> dict[str, SensorInput]:
+def sense(program: Program, builder: Builder, frame_values: FrameValues) -> dict[str, SensorInput]:
     """Encode every sensor: in range and of its type if present, else its default or missing."""
     inputs = {}
     for sensor in program.robot.sensors:
         present = z3.Bool(f"{sensor.name}?")
         inputs[sensor.name] = given = SensorInput(present=present, elements=_elements(sensor, builder))
         default = default_of(sensor)
-        moment.present[sensor.name] = present
-        moment.missing[sensor.name] = negation(present) if default is None else FALSE
-        standing = given.elements
+        frame_values.present[sensor.name] = present
+        frame_values.missing[sensor.name] = negation(present) if default is None else FALSE
+        values = given.elements
         if default is not None:
             defaults = default if isinstance(default, tuple) else (default,)
-            standing = tuple(
-                select(present, x, lifted(d)) for x, d in zip(given.elements, defaults, strict=True)
+            values = tuple(
+                select(present, x, constant_term(d)) for x, d in zip(given.elements, defaults, strict=True)
             )
-        moment.sensors[sensor.name] = standing if isinstance(sensor.type, Array) else standing[0]
+        frame_values.sensors[sensor.name] = values if isinstance(sensor.type, Array) else values[0]
     return inputs
 
 
 def _elements(sensor: Sensor, builder: Builder) -> tuple[Scalar, ...]:
-    of = element_type(sensor.type)
+    type_ = element_type(sensor.type)
     size = sensor.type.size if isinstance(sensor.type, Array) else 0
     names = [f"{sensor.name}[{i}]" for i in range(size)] if size else [sensor.name]
-    return tuple(_reading(name, of, sensor.low, sensor.high, builder) for name in names)
+    return tuple(_reading(name, type_, sensor.low, sensor.high, builder) for name in names)
 
 
-def _reading(name: str, of: ScalarType, low: float | None, high: float | None, builder: Builder) -> Scalar:
+def _reading(name: str, type_: ScalarType, low: float | None, high: float | None, builder: Builder) -> Scalar:
     """Return a reading of a type: never NaN, and infinite only if the range allows it."""
-    match of:
+    match type_:
         case Bool():
             return z3.Bool(name)
         case Enum():
-            return _member(name, of, builder)
+            return _member(name, type_, builder)
         case Quantity():
             value = z3.Real(name)
             bounds = Bounds(None if low is None else Fraction(low), None if high is None else Fraction(high))
@@ -93,19 +93,19 @@ def _reading(name: str, of: ScalarType, low: float | None, high: float | None, b
             builder.assume(value, implied(infinite, _beyond(value, low, high)))
             return number
         case _:
-            assert_never(of)
+            assert_never(type_)
 
 
 def _beyond(value: z3.ArithRef, low: float | None, high: float | None) -> z3.BoolRef:
-    """Return the condition that an infinite reading has a sign on whose side the range is unbounded."""
+    """Return the condition that an infinite reading is on an unbounded side of the range."""
     up = (cast(z3.BoolRef, value == 1),) if high is None else ()
     down = (cast(z3.BoolRef, value == -1),) if low is None else ()
     return any_of((*up, *down))
 
 
-def _member(name: str, of: Enum, builder: Builder) -> Number:
+def _member(name: str, type_: Enum, builder: Builder) -> Number:
     value = z3.Real(name)
-    member = enumerator(value, of)
+    member = enumerator(value, type_)
     builder.assume(value, any_of(condition for _, condition in member.cases))
     return member
 
@@ -117,25 +117,25 @@ def python_answers(module: PythonModule, actuator: Actuator | None, builder: Bui
     """Return an arbitrary answer of `step`: nothing, or fields of their types, including NaN."""
     answers = z3.Bool(f"{module.name}.answers")
     fields = actuator.fields if actuator else ()
-    made = tuple(_answer(f"{module.name}.{f.name}", f.type, builder) for f in fields)
+    values = tuple(_answer(f"{module.name}.{f.name}", f.type, builder) for f in fields)
     text = f"`{module.name}` is written in Python: it may answer anything"
     reason = Reason(Inexact.PYTHON, module.span, text)
     builder.mark_inexact(answers, reason)
-    for x in made:
+    for x in values:
         for term in (x.value, x.nan, x.infinite) if isinstance(x, Number) else (x,):
             builder.mark_inexact(term, reason)
-    return PythonInput(answers=answers, fields=made)
+    return PythonInput(answers=answers, fields=values)
 
 
-def _answer(name: str, of: ScalarType, builder: Builder) -> Scalar:
-    match of:
+def _answer(name: str, type_: ScalarType, builder: Builder) -> Scalar:
+    match type_:
         case Bool():
             return z3.Bool(name)
         case Enum():
-            return _member(name, of, builder)
+            return _member(name, type_, builder)
         case Quantity():
             value, nan, infinite = z3.Real(name), z3.Bool(f"{name}.nan"), z3.Bool(f"{name}.infinite")
             builder.assume(value, implied(infinite, z3.Or(value == 1, value == -1)))
             return Number(value, nan, infinite, UNBOUNDED)
         case _:
-            assert_never(of)
+            assert_never(type_)

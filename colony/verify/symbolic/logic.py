@@ -9,7 +9,7 @@ from typing import TypeVar, cast
 
 import z3
 
-Sorted = TypeVar("Sorted", bound=z3.ExprRef)
+TermT = TypeVar("TermT", bound=z3.ExprRef)
 
 TRUE: z3.BoolRef = z3.BoolVal(True)
 FALSE: z3.BoolRef = z3.BoolVal(False)
@@ -116,11 +116,11 @@ def equivalent(x: z3.BoolRef, y: z3.BoolRef) -> z3.BoolRef:
     """Return the equivalence of two formulas, simplified."""
     if same(x, y):
         return TRUE
-    for one, other in ((x, y), (y, x)):
-        if is_true(one):
-            return other
-        if is_false(one):
-            return negation(other)
+    for known, formula in ((x, y), (y, x)):
+        if is_true(known):
+            return formula
+        if is_false(known):
+            return negation(formula)
     return cast(z3.BoolRef, x == y)
 
 
@@ -141,7 +141,7 @@ def choice(condition: z3.BoolRef, yes: z3.BoolRef, no: z3.BoolRef) -> z3.BoolRef
     return _ite(condition, yes, no)
 
 
-def pick(condition: z3.BoolRef, yes: Sorted, no: Sorted) -> Sorted:
+def pick(condition: z3.BoolRef, yes: TermT, no: TermT) -> TermT:
     """Return `if condition then yes else no` for terms of one sort."""
     if is_true(condition) or same(yes, no):
         return yes
@@ -150,10 +150,10 @@ def pick(condition: z3.BoolRef, yes: Sorted, no: Sorted) -> Sorted:
     return _ite(condition, yes, no)
 
 
-def _ite(condition: z3.BoolRef, yes: Sorted, no: Sorted) -> Sorted:
+def _ite(condition: z3.BoolRef, yes: TermT, no: TermT) -> TermT:
     """Return the choice as a term of z3, without simplifying it."""
     ast = z3.Z3_mk_ite(_CONTEXT, condition.as_ast(), yes.as_ast(), no.as_ast())
-    return cast(Sorted, z3.BoolRef(ast, _MAIN) if isinstance(yes, z3.BoolRef) else z3.ArithRef(ast, _MAIN))
+    return cast(TermT, z3.BoolRef(ast, _MAIN) if isinstance(yes, z3.BoolRef) else z3.ArithRef(ast, _MAIN))
 
 
 @lru_cache(maxsize=4096)

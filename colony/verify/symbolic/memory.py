@@ -1,7 +1,7 @@
 """The memory functions of the language: their cells and values.
 
-The memory of a call advances in frames in which its owner is evaluated (`moves`). Cells with equal initial
-values and equal terms are always equal, so they are shared; thereby a contract may refer to the memory of a
+The memory of a call advances in frames in which its owner is evaluated (`advances`). Cells with equal initial
+values and equal terms are always equal, and are shared, so that a contract may refer to the memory of a
 module or node.
 """
 
@@ -18,6 +18,7 @@ from colony.ir.types import Scalar as ScalarType
 from colony.verify.symbolic.bounding import within
 from colony.verify.symbolic.builder import Builder, Shape
 from colony.verify.symbolic.cases import constant, constant_of, whole_of, with_cases
+from colony.verify.symbolic.frame_values import FrameValues
 from colony.verify.symbolic.logic import (
     FALSE,
     all_of,
@@ -33,7 +34,6 @@ from colony.verify.symbolic.logic import (
     pick,
     truth,
 )
-from colony.verify.symbolic.moment import Moment
 from colony.verify.symbolic.numbers import equal, select
 from colony.verify.symbolic.seconds import seconds
 from colony.verify.symbolic.system import Number, Scalar
@@ -44,12 +44,12 @@ def recall(
     x: Sequence[Scalar],
     types: Sequence[ScalarType],
     builder: Builder,
-    moment: Moment,
-    moves: z3.BoolRef,
+    frame_values: FrameValues,
+    advances: z3.BoolRef,
     hint: str,
 ) -> Scalar:
-    """Return the value of a memory function of scalars; its cells advance where `moves` holds."""
-    memory = Memory(builder, moment, moves, f"{hint}.{e.function.value}")
+    """Return the value of a memory function of scalars; its cells advance where `advances` holds."""
+    memory = Memory(builder, frame_values, advances, f"{hint}.{e.function.value}")
     match e.function:
         case ir.MemoryFunction.PREVIOUS:
             return memory.previous(x[0], types[0], x[1])
@@ -79,26 +79,26 @@ def _truth(x: Scalar) -> z3.BoolRef:
 
 
 class Memory:
-    """Creates cells that advance in every frame in which `moves` holds."""
+    """Creates cells that advance in every frame in which `advances` holds."""
 
-    def __init__(self, builder: Builder, moment: Moment, moves: z3.BoolRef, hint: str) -> None:
+    def __init__(self, builder: Builder, frame_values: FrameValues, advances: z3.BoolRef, hint: str) -> None:
         self.builder = builder
-        self.moment = moment
-        self.moves = moves
+        self.frame_values = frame_values
+        self.advances = advances
         self.hint = hint
 
     def evaluated(self) -> z3.BoolRef:
         """Return the condition that memory advanced in an earlier frame."""
-        if is_true(self.moves):
-            return self.moment.begun
-        key = ("evaluated", *self.builder.keep(self.moves))
-        return self.builder.once(key, lambda: self._ever("evaluated", self.moves))
+        if is_true(self.advances):
+            return self.frame_values.begun
+        key = ("evaluated", *self.builder.keep(self.advances))
+        return self.builder.once(key, lambda: self._ever("evaluated", self.advances))
 
     def _ever(self, what: str, event: z3.BoolRef) -> z3.BoolRef:
         """Return the condition that `event` was true in an earlier frame."""
         ever, close = self._flag(what)
         close(either(ever, event))
-        self.builder.invariant(ever, implied(ever, self.moment.begun))
+        self.builder.invariant(ever, implied(ever, self.frame_values.begun))
         return ever
 
     def _flag(self, what: str) -> tuple[z3.BoolRef, Callable[[z3.BoolRef], None]]:
@@ -112,11 +112,11 @@ class Memory:
     def last(self, x: Scalar, of: ScalarType, initial: ScalarValue | None = None) -> Scalar:
         """Return `x` in the last frame in which memory advanced; before the first, `initial` or any value."""
         start = any_value(of) if initial is None else initial
-        key = ("last", repr(start), *self.builder.keep(self.moves), *self.builder.key(x))
+        key = ("last", repr(start), *self.builder.keep(self.advances), *self.builder.key(x))
 
         def make() -> Scalar:
-            old, set_next = remembered(self.builder, f"{self.hint}.last", of, start)
-            set_next(select(self.moves, x, old))
+            old, set_next = open_scalar_cell(self.builder, f"{self.hint}.last", of, start)
+            set_next(select(self.advances, x, old))
             return old
 
         return self.builder.once(key, make)
@@ -132,21 +132,21 @@ class Memory:
         """Return `x` in the first frame with the current key."""
         known = _known(key)
         if known is not None:
-            stands = truth(known == known)  # a NaN is never the same key
+            same_key = truth(known == known)  # a NaN is never the same key
         else:
-            stands = equal(self.last(key, key_type), key)
-        kept = both(self.evaluated(), stands)
-        if is_false(kept):
+            same_key = equal(self.last(key, key_type), key)
+        keeps = both(self.evaluated(), same_key)
+        if is_false(keeps):
             return x
-        of_terms = (*self.builder.keep(self.moves, kept), *self.builder.key(x))
+        term_ids = (*self.builder.keep(self.advances, keeps), *self.builder.key(x))
 
         def make() -> Scalar:
-            old, set_next = remembered(self.builder, f"{self.hint}.value", of, any_value(of))
-            value = select(kept, old, x)
-            set_next(select(self.moves, value, old))
+            old, set_next = open_scalar_cell(self.builder, f"{self.hint}.value", of, any_value(of))
+            value = select(keeps, old, x)
+            set_next(select(self.advances, value, old))
             return value
 
-        return self.builder.once(("captured", *of_terms), make)
+        return self.builder.once(("captured", *term_ids), make)
 
     def latch(self, set_: z3.BoolRef, reset: z3.BoolRef) -> z3.BoolRef:
         """Return `v = (v or set) and not reset`, with immediate effect."""
@@ -154,10 +154,10 @@ class Memory:
         def make() -> z3.BoolRef:
             old, close = self._flag("set")
             latched = both(either(old, set_), negation(reset))
-            close(choice(self.moves, latched, old))
+            close(choice(self.advances, latched, old))
             return latched
 
-        return self.builder.once(("latch", *self.builder.keep(self.moves, set_, reset)), make)
+        return self.builder.once(("latch", *self.builder.keep(self.advances, set_, reset)), make)
 
     # --- times -----------------------------------------------------------------------------------
 
@@ -165,8 +165,8 @@ class Memory:
         """Return the condition that `b` is true, or was true less than `duration_ns` ago."""
         if duration_ns <= 0:
             return b
-        ever, time = self._time_of(both(self.moves, b))
-        recent = cast(z3.BoolRef, self.moment.now - time < integer(duration_ns))
+        ever, time = self._time_of(both(self.advances, b))
+        recent = cast(z3.BoolRef, self.frame_values.now - time < integer(duration_ns))
         return either(b, both(ever, recent))
 
     def _time_of(self, event: z3.BoolRef) -> tuple[z3.BoolRef, z3.ArithRef]:
@@ -180,43 +180,43 @@ class Memory:
     def _time(self, what: str, event: z3.BoolRef) -> z3.ArithRef:
         """Return the time of the last frame with `event`, 0 before the first."""
         time, close = self._open_time(what)
-        close(pick(event, self.moment.now, time))
+        close(pick(event, self.frame_values.now, time))
         return time
 
     def _open_time(self, what: str) -> tuple[z3.ArithRef, Callable[[z3.ArithRef], None]]:
         name = self.builder.name(f"{self.hint}.{what}")
         time = cast(z3.ArithRef, self.builder.open_cell(name, z3.IntSort(), integer(0)))
-        self.builder.invariant(time, z3.And(time >= 0, time <= self.moment.last))
+        self.builder.invariant(time, z3.And(time >= 0, time <= self.frame_values.last))
         return time, lambda x: self.builder.close_cell(name, x)
 
     def elapsed_ns(self, b: z3.BoolRef) -> z3.ArithRef:
         """Return the time since `b` became true, 0 while it is false."""
         on = _truth(self.last(b, Bool(), False))
-        became = all_of((self.moves, b, negation(on)))
+        became = all_of((self.advances, b, negation(on)))
         key = ("since", *self.builder.keep(became))
         since = self.builder.once(key, lambda: self._time("since", became))
-        return pick(both(b, on), self.moment.now - since, cast(z3.ArithRef, integer(0)))
+        return pick(both(b, on), self.frame_values.now - since, cast(z3.ArithRef, integer(0)))
 
     def every(self, duration_ns: int) -> z3.BoolRef:
         """Return the condition that is true initially, and then `duration_ns` after it was last true."""
 
         def make() -> z3.BoolRef:
             time, close = self._open_time("time")
-            passed = cast(z3.BoolRef, self.moment.now >= time + integer(duration_ns))
+            passed = cast(z3.BoolRef, self.frame_values.now >= time + integer(duration_ns))
             due = either(negation(self.evaluated()), passed)
-            close(pick(both(self.moves, due), self.moment.now, time))
+            close(pick(both(self.advances, due), self.frame_values.now, time))
             return due
 
-        return self.builder.once(("every", duration_ns, *self.builder.keep(self.moves)), make)
+        return self.builder.once(("every", duration_ns, *self.builder.keep(self.advances)), make)
 
 
 # --- cells of any type ---------------------------------------------------------------------------
 
 
-def remembered(
+def open_scalar_cell(
     builder: Builder, hint: str, of: ScalarType, initial: ScalarValue
 ) -> tuple[Scalar, Callable[[Scalar], None]]:
-    """Return a stored scalar's value before the frame, and the function that sets its value after it."""
+    """Open the cells of a scalar; return its old value and the function that sets its next value."""
     name = builder.name(hint)
     if isinstance(of, Bool):
         old = builder.open_cell(name, z3.BoolSort(), truth(bool(initial)))
@@ -246,7 +246,7 @@ def enumerator(term: z3.ArithRef, of: Enum) -> Number:
 
 
 def _number(builder: Builder, name: str, start: Number) -> tuple[Scalar, Callable[[Scalar], None]]:
-    """Return a number in memory; cells exist only for what its shape allows."""
+    """Open the cells of a number: `nan` and `infinite` have cells only if its shape allows them."""
     shape = builder.shapes.get(name, shape_of(start))
     nan = infinite = FALSE
     if shape.nan:

@@ -14,26 +14,28 @@ from colony.ir.types import ScalarValue
 from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.cases import constant
 from colony.verify.symbolic.expressions import Expressions
+from colony.verify.symbolic.frame_values import FrameValues, missing
 from colony.verify.symbolic.inputs import python_answers
 from colony.verify.symbolic.logic import FALSE, all_of, any_of, both, negation
-from colony.verify.symbolic.memory import remembered
-from colony.verify.symbolic.moment import Moment, missing
+from colony.verify.symbolic.memory import open_scalar_cell
 from colony.verify.symbolic.numbers import select
 from colony.verify.symbolic.system import ModuleTerms, Number, PythonInput, Scalar, Term
 
 
 class Declarations:
-    """Encodes a program's declarations in the order of a frame. Mutable: it fills `moment`."""
+    """Encodes a program's declarations in the order of a frame. Mutable: fills `frame_values`."""
 
-    def __init__(self, program: ir.Program, builder: Builder, moment: Moment) -> None:
+    def __init__(self, program: ir.Program, builder: Builder, frame_values: FrameValues) -> None:
         self.program = program
         self.builder = builder
-        self.moment = moment
+        self.frame_values = frame_values
         self._set_next: dict[str, Callable[[Scalar], None]] = {}
 
-    def expressions(self, moves: z3.BoolRef, hint: str, own: frozenset[str] = frozenset()) -> Expressions:
-        """Return an encoder of expressions whose memory advances where `moves` holds."""
-        return Expressions(builder=self.builder, moment=self.moment, moves=moves, hint=hint, own=own)
+    def expressions(self, advances: z3.BoolRef, hint: str, own: frozenset[str] = frozenset()) -> Expressions:
+        """Return an encoder of expressions whose memory advances where `advances` holds."""
+        return Expressions(
+            builder=self.builder, frame_values=self.frame_values, advances=advances, hint=hint, own=own
+        )
 
     # --- states ----------------------------------------------------------------------------------
 
@@ -53,11 +55,13 @@ class Declarations:
             for state in module.states if isinstance(module, ir.Module) else ():
                 self._state(state.name, state.type, state.initial)
 
-    def _state(self, name: str, of: ScalarType, initial: ScalarValue) -> None:
-        self.moment.states[name], self._set_next[name] = remembered(self.builder, name, of, initial)
+    def _state(self, name: str, type_: ScalarType, initial: ScalarValue) -> None:
+        self.frame_values.states[name], self._set_next[name] = open_scalar_cell(
+            self.builder, name, type_, initial
+        )
 
     def _unchanged(self, name: str) -> None:
-        self._set_next[name](self.moment.states[name])
+        self._set_next[name](self.frame_values.states[name])
 
     # --- derived values --------------------------------------------------------------------------
 
@@ -66,16 +70,16 @@ class Declarations:
         for derived in self.program.derived:
             match derived:
                 case ir.Let(name=name, expression=expression):
-                    absent = missing(expression, self.moment)
+                    absent = missing(expression, self.frame_values)
                     value = self.expressions(negation(absent), name).value(expression)
-                    self.moment.derived[name] = (absent, self._named(value, name))
+                    self.frame_values.derived[name] = (absent, self._named(value, name))
                 case ir.State(name=name, next=None):
                     self._unchanged(name)
-                case ir.State(name=name, next=following):
-                    assert following is not None
-                    there = negation(missing(following, self.moment))
-                    value = self.expressions(there, name).scalar(following)
-                    self._set_next[name](select(there, value, self.moment.states[name]))
+                case ir.State(name=name, next=update):
+                    assert update is not None
+                    present = negation(missing(update, self.frame_values))
+                    value = self.expressions(present, name).scalar(update)
+                    self._set_next[name](select(present, value, self.frame_values.states[name]))
                 case ir.Machine():
                     self._machine(derived)
                 case _:
@@ -87,15 +91,15 @@ class Declarations:
         return self.builder.named(value, name)
 
     def _machine(self, machine: ir.Machine) -> None:
-        """Take the first transition from the present phase whose condition is true."""
-        phase = cast(Number, self.moment.states[machine.name])
-        result, untaken = phase, negation(FALSE)
+        """Take the first transition from the current phase whose condition is true."""
+        phase = cast(Number, self.frame_values.states[machine.name])
+        result, none_taken = phase, negation(FALSE)
         for transition in machine.transitions:
-            there = negation(missing(transition.condition, self.moment))
-            holds = self.expressions(there, machine.name).boolean(transition.condition)
-            here = any_of(c for v, c in phase.cases if v in transition.sources)
-            taken = all_of((untaken, there, holds, here))
-            untaken = both(untaken, negation(taken))
+            present = negation(missing(transition.condition, self.frame_values))
+            holds = self.expressions(present, machine.name).boolean(transition.condition)
+            in_source = any_of(c for v, c in phase.cases if v in transition.sources)
+            taken = all_of((none_taken, present, holds, in_source))
+            none_taken = both(none_taken, negation(taken))
             result = cast(Number, select(taken, constant(transition.target), result))
         self._set_next[machine.name](result)
 
@@ -117,33 +121,36 @@ class Declarations:
                 case _:
                     assert_never(module)
             found[module.name] = terms
-            self.moment.active[module.name] = terms.active
+            self.frame_values.active[module.name] = terms.active
         return found, python
 
     def _module(self, module: ir.Module) -> ModuleTerms:
         """Encode a module: unless it is silent, all of it is evaluated, even if its predicate is false."""
         fields = module.command.fields if module.command else ()
-        following = [s.next for s in module.states if s.next is not None]
-        everything: list[Expression] = [let.expression for let in module.lets]
-        everything += [module.when, *fields, *following]
+        updates = [s.next for s in module.states if s.next is not None]
+        evaluated: list[Expression] = [let.expression for let in module.lets]
+        evaluated += [module.when, *fields, *updates]
         own = frozenset(let.name for let in module.lets)
-        silent = any_of(missing(e, self.moment, own) for e in everything)
-        runs = self.expressions(negation(silent), module.name, own)
+        silent = any_of(missing(e, self.frame_values, own) for e in evaluated)
+        encoder = self.expressions(negation(silent), module.name, own)
         for let in module.lets:
-            self.moment.locals[let.name] = (silent, self._named(runs.value(let.expression), let.name))
-        applicable = runs.boolean(module.when)
-        command = tuple(runs.scalar(e) for e in fields)
+            self.frame_values.locals[let.name] = (
+                silent,
+                self._named(encoder.value(let.expression), let.name),
+            )
+        applicable = encoder.boolean(module.when)
+        command = tuple(encoder.scalar(e) for e in fields)
         for state in module.states:
             if state.next is None:
                 self._unchanged(state.name)
             else:
-                old = self.moment.states[state.name]
-                self._set_next[state.name](select(silent, old, runs.scalar(state.next)))
+                old = self.frame_values.states[state.name]
+                self._set_next[state.name](select(silent, old, encoder.scalar(state.next)))
         active = both(applicable, negation(silent))
         return ModuleTerms(silent=silent, applicable=applicable, active=active, command=command)
 
     def _python_module(self, module: ir.PythonModule, given: PythonInput) -> ModuleTerms:
-        silent = any_of(missing(r.expression, self.moment) for r in module.reads)
+        silent = any_of(missing(r.expression, self.frame_values) for r in module.reads)
         return ModuleTerms(
             silent=silent,
             applicable=given.answers,

@@ -10,9 +10,9 @@ import z3
 
 from colony.ir import program as ir
 from colony.verify.symbolic.builder import Builder
+from colony.verify.symbolic.frame_values import FrameValues
 from colony.verify.symbolic.logic import TRUE, any_of, both, either, negation
 from colony.verify.symbolic.memory import Memory
-from colony.verify.symbolic.moment import Moment
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,23 +26,23 @@ class Output:
 class NetworkEncoder:
     """Encodes the wires, each after its operands. Mutable."""
 
-    def __init__(self, program: ir.Program, builder: Builder, moment: Moment) -> None:
+    def __init__(self, program: ir.Program, builder: Builder, frame_values: FrameValues) -> None:
         self.program = program
         self.builder = builder
-        self.moment = moment
-        self._outputs = {m.name: _of_module(m.name, moment.active[m.name]) for m in program.modules}
+        self.frame_values = frame_values
+        self._outputs = {m.name: _of_module(m.name, frame_values.active[m.name]) for m in program.modules}
 
     def wires(self) -> None:
-        """Encode all wires into the moment."""
+        """Encode all wires into `frame_values`."""
         for actuator in self.program.robot.actuators:
-            self.moment.wins[actuator.name] = {}
+            self.frame_values.wins[actuator.name] = {}
         for wire in self.program.wires:
             output = self._wiring(wire.wiring, wire.name)
             if wire.actuator is None:
                 self._outputs[wire.name] = output
-                self.moment.active[wire.name] = output.active
+                self.frame_values.active[wire.name] = output.active
             else:
-                self.moment.wins[wire.actuator] = dict(output.by)
+                self.frame_values.wins[wire.actuator] = dict(output.by)
 
     def _wiring(self, wiring: ir.Wiring, wire: str) -> Output:
         match wiring:
@@ -69,7 +69,7 @@ class NetworkEncoder:
 
     def _dominates(self, active: z3.BoolRef, window_ns: int, hint: str) -> z3.BoolRef:
         """Return the condition that the dominant side is active, or was active less than `window_ns` ago."""
-        return Memory(self.builder, self.moment, TRUE, hint).held(active, window_ns)
+        return Memory(self.builder, self.frame_values, TRUE, hint).held(active, window_ns)
 
 
 def _through(chain: ir.Chain, operands: list[Output], dominates: list[z3.BoolRef]) -> dict[str, z3.BoolRef]:
@@ -77,16 +77,16 @@ def _through(chain: ir.Chain, operands: list[Output], dominates: list[z3.BoolRef
 
     The output of a chain is that of the first operand that is not dominated.
     """
-    found: dict[str, list[z3.BoolRef]] = {}
-    clear = TRUE  # nothing before this operand dominates
+    conditions: dict[str, list[z3.BoolRef]] = {}
+    undominated = TRUE  # no operand before this one dominates
     for i, operand in enumerate(operands):
         last = i == len(operands) - 1
         if chain.relation == "suppresses" or last:
             for module, on in operand.by.items():
-                found.setdefault(module, []).append(both(clear, on))
+                conditions.setdefault(module, []).append(both(undominated, on))
         if not last:
-            clear = both(clear, negation(dominates[i]))
-    return {module: any_of(ways) for module, ways in found.items()}
+            undominated = both(undominated, negation(dominates[i]))
+    return {module: any_of(alternatives) for module, alternatives in conditions.items()}
 
 
 def _of_module(name: str, active: z3.BoolRef) -> Output:

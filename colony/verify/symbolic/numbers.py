@@ -1,6 +1,6 @@
 """Operations on extended reals that need no new constants.
 
-These are comparisons, choices, sums, minimum and maximum: linear arithmetic, plus NaN and the infinities.
+They are comparisons, choices, sums, minimum and maximum: linear arithmetic, plus NaN and the infinities.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ import z3
 from colony.verify.symbolic.cases import (
     MAX_CASES,
     by_cases,
-    by_folding,
+    case_results,
     constant,
     constant_of,
-    folded,
+    fold,
     hull,
     whole_of,
 )
@@ -47,7 +47,7 @@ EXACT_WHOLE = Fraction(2**53)
 """All integers up to this bound are floats, so their sums are exact."""
 
 
-def of_whole(term: z3.ArithRef, bounds: Bounds = UNBOUNDED) -> Number:
+def whole_number(term: z3.ArithRef, bounds: Bounds = UNBOUNDED) -> Number:
     """Return a term of sort Int as a number."""
     return Number(z3.ToReal(term), FALSE, FALSE, replace(bounds, whole=True), term)
 
@@ -74,11 +74,11 @@ def hull_of(x: Number, y: Number) -> Bounds:
     return hull(x.bounds, y.bounds)
 
 
-def bounds_apart(x: Number, old: Number) -> Bounds | None:
+def changed_bounds(x: Number, old: Number) -> Bounds | None:
     """Return the bounds of `x` where it differs from `old`; None if it never does."""
     if same(x.value, old.value):
         return None
-    parts = [bounds_apart(branch, old) for branch in x.branches]
+    parts = [changed_bounds(branch, old) for branch in x.branches]
     if all(part is not None for part in parts):
         return x.bounds
     known = [part for part in parts if part is not None]
@@ -97,20 +97,20 @@ def is_exact_whole(bounds: Bounds) -> bool:
 
 def compared(x: Number, y: Number, relation: str) -> z3.BoolRef:
     """Return `x relation y` for `<`, `<=`, `==`; false if one is NaN."""
-    rows = folded(_RELATIONS[relation], (x, y))
+    rows = case_results(_RELATIONS[relation], (x, y))
     if rows:
         return any_of(condition for holds, condition in rows if holds)
-    there = negation(either(x.nan, y.nan))
+    no_nan = negation(either(x.nan, y.nan))
     known = against_constants(x, y, relation)
     if known is None:
         known = _known(x, y, relation)
     if known is not None:
-        return both(there, known)
+        return both(no_nan, known)
     core = _finite_comparison(x, y, relation)
     for one, other, swapped in ((y, x, True), (x, y, False)):
         if not is_false(one.infinite):
             core = choice(one.infinite, _infinite_comparison(one, other, relation, swapped), core)
-    return both(there, core)
+    return both(no_nan, core)
 
 
 _RELATIONS: dict[str, Callable[[float, float], bool]] = {
@@ -137,9 +137,9 @@ def _known(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
 
 
 def _finite_comparison(x: Number, y: Number, relation: str) -> z3.BoolRef:
-    few, other = (x, y) if len(x.cases) > 1 else (y, x)
-    if relation == "==" and len(few.cases) > 1:
-        finite_cases = ((v, c) for v, c in few.cases if math.isfinite(v))
+    enumerated, other = (x, y) if len(x.cases) > 1 else (y, x)
+    if relation == "==" and len(enumerated.cases) > 1:
+        finite_cases = ((v, c) for v, c in enumerated.cases if math.isfinite(v))
         return any_of(both(c, other.value == constant(v).value) for v, c in finite_cases)
     a, b = whole_of(x), whole_of(y)
     left, right = (x.value, y.value) if a is None or b is None else (a, b)
@@ -169,12 +169,12 @@ def _infinite_comparison(one: Number, other: Number, relation: str, swapped: boo
 
 
 def positive_value(x: Number) -> z3.BoolRef:
-    """Return the condition that `value` is above 0."""
+    """Return the condition that `x.value` is above 0."""
     return _against_zero(x, ">")
 
 
 def negative_value(x: Number) -> z3.BoolRef:
-    """Return the condition that `value` is below 0."""
+    """Return the condition that `x.value` is below 0."""
     return _against_zero(x, "<")
 
 
@@ -236,7 +236,7 @@ def select_number(condition: z3.BoolRef, yes: Number, no: Number) -> Number:
 
 def negated(x: Number) -> Number:
     """Return `-x`, exactly."""
-    known = by_folding(lambda v: -v, (x,))
+    known = fold(lambda v: -v, (x,))
     if known is not None:
         return known
     low, high = x.bounds.low, x.bounds.high
@@ -248,7 +248,7 @@ def negated(x: Number) -> Number:
 
 def added(x: Number, y: Number) -> Number:
     """Return `x + y` over the reals."""
-    known = by_folding(lambda v, w: v + w, (x, y))
+    known = fold(lambda v, w: v + w, (x, y))
     if known is not None:
         return known
     if constant_of(y) == 0:
@@ -283,8 +283,8 @@ def scaled(x: Number, factor: Fraction) -> Number:
     """Return `x` times a real that is not 0, over the reals."""
     ends = [None if end is None else end * factor for end in (x.bounds.low, x.bounds.high)]
     low, high = ends if factor > 0 else ends[::-1]
-    times = whole_of(x) if factor.denominator == 1 else None
-    whole = None if times is None else times * integer(factor.numerator)
+    unscaled = whole_of(x) if factor.denominator == 1 else None
+    whole = None if unscaled is None else unscaled * integer(factor.numerator)
     bounds = Bounds(low, high, whole is not None)
     value = z3.ToReal(whole) if whole is not None else x.value * real(factor)
     return Number(value, x.nan, x.infinite, bounds, whole)
@@ -312,8 +312,8 @@ def _best(numbers: Sequence[Number], better: Callable[[Number, Number], z3.BoolR
         bounds = _best_bounds(best, x, lower)
         best = select_number(better(x, best), x, best)
         if not best.cases:
-            ended = bounds.low is not None and bounds.high is not None
-            best = replace(best, bounds=bounds, infinite=FALSE if ended else best.infinite)
+            is_bounded = bounds.low is not None and bounds.high is not None
+            best = replace(best, bounds=bounds, infinite=FALSE if is_bounded else best.infinite)
     if best.cases:
         return best if is_false(nan) else select_number(nan, constant(math.nan), best)
     return replace(best, nan=nan)

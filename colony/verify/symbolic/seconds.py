@@ -15,7 +15,7 @@ _NANOSECOND = real(Fraction(1, 10**9))
 
 
 def seconds(nanoseconds: z3.ArithRef, builder: Builder, span: Span) -> Number:
-    """Return a time that is at least 0, a term of sort Int in nanoseconds, as a number of seconds."""
+    """Return a time of at least 0 `nanoseconds` (a term of sort Int) as a number of seconds."""
     value = z3.ToReal(nanoseconds) * _NANOSECOND
     result = Number(value, FALSE, FALSE, Bounds(Fraction(0)), nanoseconds=nanoseconds)
     builder.mark_number_inexact(

@@ -13,39 +13,43 @@ from colony.ir import program as ir
 from colony.ir.types import Bool
 from colony.verify.symbolic.builder import Builder
 from colony.verify.symbolic.cases import constant
-from colony.verify.symbolic.expressions import Expressions, lifted
+from colony.verify.symbolic.expressions import Expressions, constant_term
+from colony.verify.symbolic.frame_values import FrameValues, missing
 from colony.verify.symbolic.functions import number
 from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, both, is_false, negation
-from colony.verify.symbolic.moment import Moment, missing
 from colony.verify.symbolic.numbers import compared, finite, greatest, least, negated, select, select_number
 from colony.verify.symbolic.system import ActuatorTerms, Inexact, ModuleTerms, Number, Reason, Scalar
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """A limit in the frame: the condition that it applies, and its bound, which is finite."""
+    """A limit as terms: the condition that it applies, and its finite bound."""
 
     limit: ir.Limit
     applies: z3.BoolRef
     bound: Number
 
 
-def limits(program: ir.Program, builder: Builder, moment: Moment) -> list[Bound]:
+def limits(program: ir.Program, builder: Builder, frame_values: FrameValues) -> list[Bound]:
     """Return all limits, in the order written."""
-    found = []
+    bounds = []
     for limit in program.limits:
         hint = f"limit {limit.actuator}"
-        absent = missing(limit.bound, moment)
-        moved = Expressions(builder=builder, moment=moment, moves=negation(absent), hint=hint)
-        value = number(moved.scalar(limit.bound))
+        absent = missing(limit.bound, frame_values)
+        bound_encoder = Expressions(
+            builder=builder, frame_values=frame_values, advances=negation(absent), hint=hint
+        )
+        value = number(bound_encoder.scalar(limit.bound))
         applies = TRUE
         if limit.condition is not None:
-            unknown = missing(limit.condition, moment)
-            asked = Expressions(builder=builder, moment=moment, moves=negation(unknown), hint=hint)
-            applies = any_of((unknown, absent, asked.boolean(limit.condition)))
-        standing = select_number(both(negation(absent), finite(value)), as_finite(value), constant(0.0))
-        found.append(Bound(limit, applies, standing))
-    return found
+            condition_missing = missing(limit.condition, frame_values)
+            condition_encoder = Expressions(
+                builder=builder, frame_values=frame_values, advances=negation(condition_missing), hint=hint
+            )
+            applies = any_of((condition_missing, absent, condition_encoder.boolean(limit.condition)))
+        bound = select_number(both(negation(absent), finite(value)), as_finite(value), constant(0.0))
+        bounds.append(Bound(limit, applies, bound))
+    return bounds
 
 
 def as_finite(x: Number) -> Number:
@@ -59,51 +63,54 @@ def send(
     modules: Mapping[str, ModuleTerms],
     bounds: Sequence[Bound],
     builder: Builder,
-    moment: Moment,
+    frame_values: FrameValues,
 ) -> ActuatorTerms:
     """Encode the command sent: the idle command if a field of the winner's command is not finite."""
-    wins = {m: w for m, w in moment.wins[actuator.name].items() if not is_false(w)}
+    wins = {m: w for m, w in frame_values.wins[actuator.name].items() if not is_false(w)}
     commands = [modules[m].command for m in wins]
-    fit = [
+    finite_wins = [
         both(w, all_of(finite(x) for x in command if isinstance(x, Number)))
         for w, command in zip(wins.values(), commands, strict=True)
     ]
     limited = []
     for i, field in enumerate(actuator.fields):
         own = [b for b in bounds if b.limit.actuator == actuator.name and b.limit.field_index == i]
-        limited.append(_field(field, fit, [command[i] for command in commands], own))
-    leaves = (_leaves(x, field, builder) for x, field in zip(limited, actuator.fields, strict=True))
-    commanded = moment.commanded[actuator.name] = both(any_of(fit), all_of(leaves))
+        limited.append(_field(field, finite_wins, [command[i] for command in commands], own))
+    sendable = (_is_sendable(x, field, builder) for x, field in zip(limited, actuator.fields, strict=True))
+    commanded = frame_values.commanded[actuator.name] = both(any_of(finite_wins), all_of(sendable))
     sent = []
     for i, (field, x) in enumerate(zip(actuator.fields, limited, strict=True)):
-        standing = x if actuator.idle is None else select(commanded, x, lifted(actuator.idle[i]))
-        named = builder.named(standing, f"{actuator.name}.{field.name}")
-        moment.sent[actuator.name, i] = (negation(commanded) if actuator.idle is None else FALSE, named)
+        value = x if actuator.idle is None else select(commanded, x, constant_term(actuator.idle[i]))
+        named = builder.named(value, f"{actuator.name}.{field.name}")
+        frame_values.sent[actuator.name, i] = (negation(commanded) if actuator.idle is None else FALSE, named)
         sent.append(named)
     return ActuatorTerms(wins=wins, commanded=commanded, sent=tuple(sent))
 
 
 def _field(
-    field: ir.ActuatorField, fit: Sequence[z3.BoolRef], values: Sequence[Scalar], bounds: Sequence[Bound]
+    field: ir.ActuatorField,
+    finite_wins: Sequence[z3.BoolRef],
+    values: Sequence[Scalar],
+    bounds: Sequence[Bound],
 ) -> Scalar:
-    """Return one field of the winner's command, taken to be finite, within limits and range."""
+    """Return one field of the winner's command, taken to be finite, within its limits and range."""
     if not values:
         return FALSE if isinstance(field.type, Bool) else constant(0.0)
-    result = _plain(values[-1])
-    for condition, value in zip(reversed(fit[:-1]), reversed(values[:-1]), strict=True):
-        result = select(condition, _plain(value), result)
+    result = _as_finite_scalar(values[-1])
+    for condition, value in zip(reversed(finite_wins[:-1]), reversed(values[:-1]), strict=True):
+        result = select(condition, _as_finite_scalar(value), result)
     return _bounded(result, field, bounds) if isinstance(result, Number) else result
 
 
-def _plain(x: Scalar) -> Scalar:
+def _as_finite_scalar(x: Scalar) -> Scalar:
     return as_finite(x) if isinstance(x, Number) else x
 
 
 def _bounded(x: Number, field: ir.ActuatorField, bounds: Sequence[Bound]) -> Number:
     """Return a finite field within its limits, in the order written, then within the actuator's range."""
     for b in bounds:
-        beyond = compared(b.bound, x, "<") if b.limit.relation == "<=" else compared(x, b.bound, "<")
-        x = select_number(both(b.applies, beyond), b.bound, x)
+        exceeds = compared(b.bound, x, "<") if b.limit.relation == "<=" else compared(x, b.bound, "<")
+        x = select_number(both(b.applies, exceeds), b.bound, x)
     if field.low is not None:
         x = greatest((x, constant(field.low)))
     if field.high is not None:
@@ -111,12 +118,12 @@ def _bounded(x: Number, field: ir.ActuatorField, bounds: Sequence[Bound]) -> Num
     return x
 
 
-def _leaves(x: Scalar, field: ir.ActuatorField, builder: Builder) -> z3.BoolRef:
+def _is_sendable(x: Scalar, field: ir.ActuatorField, builder: Builder) -> z3.BoolRef:
     """Return the condition that a field is finite in its declared unit, in which it is sent."""
     if not isinstance(x, Number) or field.factor >= 1:
         return TRUE
-    most = constant(sys.float_info.max * field.factor)
-    leaves = both(compared(x, most, "<="), compared(negated(most), x, "<="))
+    maximum = constant(sys.float_info.max * field.factor)
+    sendable = both(compared(x, maximum, "<="), compared(negated(maximum), x, "<="))
     text = f"`{field.name}` may be too large for a float in {field.unit}"
-    builder.mark_inexact(leaves, Reason(Inexact.ROUNDING, field.span, text))
-    return leaves
+    builder.mark_inexact(sendable, Reason(Inexact.ROUNDING, field.span, text))
+    return sendable

@@ -1,9 +1,9 @@
 """Possible values of numbers in memory, by abstract interpretation: widening, then one narrowing.
 
 Each number is first assumed to keep its initial value. A frame is encoded repeatedly; each time the values
-that it writes are added and moving bounds are dropped, until every frame preserves the result. That is mostly
-too wide, as one wide number widens others. So the search narrows once, to the values written to memory, and
-takes those if every frame preserves them, too.
+that it writes are added and moving bounds are dropped, until every frame preserves the result. The result
+is usually too wide, as one wide number widens others. So the search narrows once, to the values written to
+memory, and takes these if every frame preserves them, too.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from colony.verify.symbolic.builder import Builder, Shape
 from colony.verify.symbolic.cases import hull
 from colony.verify.symbolic.logic import is_true
 from colony.verify.symbolic.memory import shape_of
-from colony.verify.symbolic.numbers import bounds_apart
+from colony.verify.symbolic.numbers import changed_bounds
 from colony.verify.symbolic.system import Bounds, System
 
 EncodeWithShapes = Callable[[Mapping[str, Shape]], tuple[Builder, System]]
 """A function that encodes a frame with given shapes of memory, by name; others keep their initial shape."""
 
-DESCENTS = 3
-"""Number of attempts to narrow."""
+MAX_NARROWINGS = 3
+"""Maximum number of encodings in which narrower shapes may become stable."""
 
 
 def with_stable_shapes(encode_with: EncodeWithShapes) -> System:
@@ -42,7 +42,7 @@ def with_stable_shapes(encode_with: EncodeWithShapes) -> System:
 
 
 def _narrowed(encode_with: EncodeWithShapes, shapes: dict[str, Shape]) -> System | None:
-    for _ in range(DESCENTS):
+    for _ in range(MAX_NARROWINGS):
         builder, system = encode_with(shapes)
         wider = _wider(builder)
         if not wider:
@@ -52,21 +52,21 @@ def _narrowed(encode_with: EncodeWithShapes, shapes: dict[str, Shape]) -> System
 
 
 def _written(builder: Builder) -> dict[str, Shape]:
-    """Return the shapes of memory that changes by the values written to it, which are taken to be finite."""
+    """Return the shapes of changing memory according to the values written to it, assumed to be finite."""
     found = {}
     for name, (start, _, _) in builder.numbers_in_memory.items():
         if name in builder.shapes:
-            first = shape_of(start)
-            found[name] = Shape(first.nan, first.infinite, _needed(builder, name).bounds)
+            initial = shape_of(start)
+            found[name] = Shape(initial.nan, initial.infinite, _needed(builder, name).bounds)
     return found
 
 
 def _needed(builder: Builder, name: str) -> Shape:
     """Return the shape of a number's initial value and of the values that a frame changes it to."""
     start, old, after = builder.numbers_in_memory[name]
-    bounds, apart = start.bounds, bounds_apart(after, old)
-    if apart is not None:
-        bounds = apart if is_true(start.nan) else hull(bounds, apart)
+    bounds, changed = start.bounds, changed_bounds(after, old)
+    if changed is not None:
+        bounds = changed if is_true(start.nan) else hull(bounds, changed)
     before, new = shape_of(old), shape_of(after)
     return Shape(before.nan or new.nan, before.infinite or new.infinite, bounds)
 

@@ -5,8 +5,8 @@ All formulas are over constants of three kinds: the *inputs* of the frame (free 
 `assumptions` tie to the rest. A trace is unrolled by renaming them frame by frame (`unrolling.py`).
 
 Time is an integer (z3's Int) of nanoseconds since the first frame, which is at 0. Numbers are extended reals:
-they have NaN, the infinities and the sign of zero, but no rounding and no overflow. `Reason` states where a
-formula depends on that.
+they have NaN, the infinities and the sign of zero, but no rounding and no overflow. A `Reason` states where a
+formula depends on this difference.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from colony.verify.symbolic.graph import Graph
 class Bounds:
     """Bounds of a number that is not NaN: both included, None for unbounded.
 
-    A bound also rules out the infinity beyond it. `whole`: the number is an integer, or infinite.
+    A bound also rules out the infinity beyond it. With `whole`, the number is an integer, or infinite.
     """
 
     low: Fraction | None = None
@@ -88,7 +88,7 @@ class Inexact(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """A reason for inexactness: `kind`, the place in the program, and a description."""
+    """A reason for inexactness: `kind`, the span in the program, and a description."""
 
     kind: Inexact
     span: Span
@@ -201,7 +201,7 @@ class Claim:
     """A contract in the frame: if it `speaks` (nothing that it reads is missing), `holds` must be true."""
 
     name: str
-    speaks: z3.BoolRef
+    applies: z3.BoolRef
     holds: z3.BoolRef
     inexact: tuple[Reason, ...] = ()  # of all terms that it depends on, over all frames
     span: Span = field(default=NOWHERE)
@@ -218,7 +218,7 @@ class FactKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A formula that constrains the term `about`. `of_reals`: floats need not satisfy it."""
+    """A formula that constrains the term `about`; with `of_reals`, floats need not satisfy it."""
 
     kind: FactKind
     about: z3.ExprRef
@@ -231,12 +231,12 @@ class System:
     """A program as a transition system.
 
     `now` is the time of the frame and an input, 0 in the first; `begun` is a cell, false before the first
-    frame, and `last` the cell with the time of the last frame. `assumptions` (sensors in range, time rising,
-    what bounds abstracted functions) and `definitions` (`constant == term`) hold in every frame. `invariants`
-    hold for the cells before every reachable frame, and are inductive: they may be assumed in an induction.
-    `facts` gives, by the id of a term, those of the three that are about it; a formula without the term needs
-    none of them. `inexact` gives, by id, the inexact terms. `graph` stores the structure of terms, which
-    makes the search for cones fast.
+    frame, and `last` the cell with the time of the last frame. `assumptions` (sensors in range, increasing
+    time, bounds of abstracted functions) and `definitions` (`constant == term`) hold in every frame.
+    `invariants` hold for the cells before every reachable frame, and are inductive: they may be assumed in an
+    induction. `facts` gives, by the id of a term, the formulas of the three groups that are about it; a
+    formula without the term needs none of them. `inexact` gives, by id, the inexact terms. `graph` stores the
+    structure of terms, which makes the search for cones fast.
     """
 
     program: Program

@@ -10,13 +10,13 @@ from colony.verify.symbolic.cones import Cone, whole_cone
 from colony.verify.symbolic.substitution import Substitution
 from colony.verify.symbolic.system import System
 
-Sorted = TypeVar("Sorted", bound=z3.ExprRef)
+TermT = TypeVar("TermT", bound=z3.ExprRef)
 
 
 class Unrolling:
     """Frames 0, 1, ... of the part of `system` in `cone` (of all of it if None).
 
-    Mutable: it caches renamed terms. Constants of frame i are called `name@i`; a cell at i has its value
+    Mutable: caches renamed terms. The constants of frame i are called `name@i`; a cell at i has its value
         before
     frame i.
     """
@@ -27,7 +27,7 @@ class Unrolling:
         self._constants = (*self.cone.constants, *(c.old for c in self.cone.cells))
         self._renamings: list[Substitution] = []
 
-    def at(self, i: int, term: Sorted) -> Sorted:
+    def at(self, i: int, term: TermT) -> TermT:
         """Return `term`, which must be within the cone, in frame i."""
         while len(self._renamings) <= i:
             frame = len(self._renamings)
@@ -37,13 +37,13 @@ class Unrolling:
 
     def step(self, i: int) -> tuple[z3.BoolRef, ...]:
         """Return the formulas of frame i and of its transition to frame i + 1."""
-        return (*self.frame(i), *self.moves(i))
+        return (*self.frame(i), *self.transition(i))
 
     def frame(self, i: int) -> tuple[z3.BoolRef, ...]:
         """Return the assumptions and definitions of frame i."""
         return tuple(self.at(i, x) for x in (*self.cone.assumptions, *self.cone.definitions))
 
-    def moves(self, i: int) -> tuple[z3.BoolRef, ...]:
+    def transition(self, i: int) -> tuple[z3.BoolRef, ...]:
         """Return the equations between each cell at i + 1 and its value after frame i."""
         return tuple(cast(z3.BoolRef, self.at(i + 1, c.old) == self.at(i, c.next)) for c in self.cone.cells)
 

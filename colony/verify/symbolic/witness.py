@@ -15,7 +15,7 @@ from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.system import Number, Scalar, SensorInput
 from colony.verify.symbolic.unrolling import Unrolling
 
-_DIGITS = 30  # digits of an algebraic number; more than a float has
+_DIGITS = 30  # of approximations of algebraic numbers; more than a float has
 
 
 def snapshots(model: z3.ModelRef, unrolling: Unrolling, count: int) -> tuple[Snapshot, ...]:
@@ -61,17 +61,17 @@ def _depends(given: SensorInput, visited: frozenset[int]) -> bool:
 
 
 def _reading(model: z3.ModelRef, unrolling: Unrolling, i: int, sensor: Sensor, given: SensorInput) -> Value:
-    of = element_type(sensor.type)
-    values = [_sensed(value_in(model, unrolling, i, x), of, sensor) for x in given.elements]
+    type_ = element_type(sensor.type)
+    values = [_valid_value(value_in(model, unrolling, i, x), type_, sensor) for x in given.elements]
     return tuple(values) if isinstance(sensor.type, Array) else values[0]
 
 
-def _sensed(x: ScalarValue, of: ScalarType, sensor: Sensor) -> ScalarValue:
+def _valid_value(x: ScalarValue, type_: ScalarType, sensor: Sensor) -> ScalarValue:
     """Return a value that the sensor can have: a model is arbitrary where nothing depends on it."""
-    if isinstance(of, Enum):
-        members = [v for _, v in of.members]
+    if isinstance(type_, Enum):
+        members = [v for _, v in type_.members]
         return x if x in members else members[0]
-    return x if isinstance(of, Bool) else clamp(x, sensor.low, sensor.high)
+    return x if isinstance(type_, Bool) else clamp(x, sensor.low, sensor.high)
 
 
 # --- values --------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Agreement of all executors of a program: each is compared to the reference interpreter.
+"""Agreement of all executors of a program: each is compared with the reference interpreter.
 
 Outcomes are compared bit for bit: -0.0 is not 0.0, and NaN is NaN.
 """
@@ -19,7 +19,7 @@ from colony.ir.program import Program, in_declared_units
 from colony.verify.reference.interpreter import Interpreter
 
 Factory = Callable[[Compilation], Executor]
-"""A maker of an executor of a compiled program, in its initial memory."""
+"""A function that makes an executor of a compiled program, with its initial memory."""
 
 
 def _clients(compilation: Compilation) -> Executor:
@@ -48,7 +48,7 @@ EXECUTORS: Mapping[str, Factory] = MappingProxyType(
 class Disagreement:
     """The first frame in which the outcome of `executor` is not that of the reference interpreter.
 
-    `trace` ends with that frame. `found` is an outcome, or the exception raised instead of one. `str` renders
+    `trace` ends with that frame. `found` is an outcome, or the exception raised instead of one. `str` shows
     the frames and what differs.
     """
 
@@ -58,7 +58,7 @@ class Disagreement:
     found: Outcome | str
 
     def __str__(self) -> str:
-        """Return the frame, the trace, and what was expected and found."""
+        """Return the trace, and what was expected and found."""
         lines = [f"{self.executor}: differs from the reference in frame {len(self.trace) - 1}"]
         lines += [f"  frame {i}: t = {f.t_ns} ns, {dict(f.readings)}" for i, f in enumerate(self.trace)]
         if isinstance(self.found, str):
@@ -82,9 +82,9 @@ def disagreement(
     expected: Sequence[Outcome] | None = None,
     compilation: Compilation | None = None,
 ) -> Disagreement | None:
-    """Return the disagreement of the first executor that differs from the reference over `trace`, if any.
+    """Return the disagreement of the first executor that differs from the reference, if any does.
 
-    Each executor starts from its initial memory. An exception of an executor is a disagreement, too; one of
+    Each executor starts from its initial memory. An exception in an executor is a disagreement, too; one in
     the compiler is raised. `expected` (from `reference`) and `compilation` are computed if not given.
     """
     outcomes = reference(program, trace) if expected is None else expected
@@ -92,9 +92,9 @@ def disagreement(
     for name, make in executors.items():
         found = _first_difference(make, compilation, trace, outcomes)
         if found is not None:
-            at, outcome = found
+            index, outcome = found
             return Disagreement(
-                executor=name, trace=tuple(trace[: at + 1]), expected=outcomes[at], found=outcome
+                executor=name, trace=tuple(trace[: index + 1]), expected=outcomes[index], found=outcome
             )
     return None
 
@@ -102,27 +102,27 @@ def disagreement(
 def _first_difference(
     make: Factory, compilation: Compilation, trace: Sequence[Frame], expected: Sequence[Outcome]
 ) -> tuple[int, Outcome | str] | None:
-    at = 0
+    index = 0
     try:
         executor = make(compilation)
-        for at, frame in enumerate(trace):
+        for index, frame in enumerate(trace):
             outcome = executor.step(frame)
-            if repr(outcome) != repr(expected[at]):
-                return at, outcome
-    except Exception as raised:  # whatever an executor raises is what it is tested for
-        return at, f"{type(raised).__name__}: {raised}"
+            if repr(outcome) != repr(expected[index]):
+                return index, outcome
+    except Exception as raised:  # an exception of any kind is a finding
+        return index, f"{type(raised).__name__}: {raised}"
     return None
 
 
-# --- clients that know only their own view -------------------------------------------------------
+# --- clients that have only their own view -------------------------------------------------------
 
 
 class Clients:
-    """The clients of a program (an `ir.frame.Executor`). Mutable: it holds all memory.
+    """The clients of a program (an `ir.frame.Executor`). Stateful: holds all memory.
 
-    They run as in the runtime, each on its own view of the program, or all in one process. A decision is what
-    the server would make of their requests: in each frame exactly the winner must find itself active, with a
-    command or the reason why it has none. Python modules run alone, and the clients receive their answers.
+    They run as in the runtime, each on its own view of the program, or all in one process. A decision is the
+    one that the server would make from their requests: in each frame only the winner must be active, with a
+    command or the fault that it has instead. Python modules run alone, and the clients receive their answers.
     Records and breaches are the reference's, since clients have none.
 
     Raises:
@@ -133,24 +133,25 @@ class Clients:
         self._program = compilation.program
         self._interpreter = Interpreter(compilation.program)
         keys = [(actuator, module) for actuator, module, _ in compilation.compiled.clients]
-        together = [(key,) for key in keys] if alone else [tuple(keys)]
-        self._processes = [ClientsExecutor(compilation.compiled, clients) for clients in together]
+        groups = [(key,) for key in keys] if alone else [tuple(keys)]
+        self._processes = [ClientsExecutor(compilation.compiled, clients) for clients in groups]
         self._modules = {
-            module: ModuleExecutor(compilation.compiled, module) for module in compilation.compiled.announced
+            module: ModuleExecutor(compilation.compiled, module)
+            for module in compilation.compiled.python_modules
         }
 
     def step(self, frame: Frame) -> Outcome:
         """Decide one frame."""
         expected = self._interpreter.step(frame)
-        inside = frame_in_base_units(self._program, frame)
-        answers = {name: module.step(inside) for name, module in self._modules.items()}
+        base_frame = frame_in_base_units(self._program, frame)
+        answers = {name: module.step(base_frame) for name, module in self._modules.items()}
         steps = {
             client: step
             for process in self._processes
-            for client, step in zip(process.clients, process.step(inside, answers), strict=True)
+            for client, step in zip(process.clients, process.step(base_frame, answers), strict=True)
         }
         return expected._replace(
-            decisions=tuple(_decided(self._program, d, steps) for d in expected.decisions)
+            decisions=tuple(_decide(self._program, d, steps) for d in expected.decisions)
         )
 
     def restart(self) -> None:
@@ -163,7 +164,7 @@ class Clients:
 
 
 def frame_in_base_units(program: Program, frame: Frame) -> Frame:
-    """Return a frame in base units, as the executors of clients take it."""
+    """Return a frame in base units, for the executors of clients."""
     factors = {s.name: s.factor for s in program.robot.sensors if s.factor != 1.0}
     readings = {
         name: converted(reading, factors[name].__mul__) if name in factors else reading
@@ -186,7 +187,7 @@ def client_disagreement(program: Program, trace: Sequence[Frame]) -> Disagreemen
     return disagreement(program, trace, CLIENTS)
 
 
-def _decided(program: Program, expected: Decision, steps: Mapping[tuple[str, str], ClientStep]) -> Decision:
+def _decide(program: Program, expected: Decision, steps: Mapping[tuple[str, str], ClientStep]) -> Decision:
     """Return the decision that the server would make from all requests of an actuator's clients."""
     active = [(m, step) for (a, m), step in steps.items() if a == expected.actuator and step.active]
     actuator = next(a for a in program.robot.actuators if a.name == expected.actuator)

@@ -4,13 +4,13 @@
         print(report.drawn)
     report.disagreement, report.breaches, report.modules
 
-Traces come from a seed. Each is guided by what earlier traces and the program's own tests reached
-(`guided.py`), so that rare situations are tested, too. A trace that shows a fault is shrunk.
+Traces are determined by a seed. Each is guided by the patterns that earlier traces and the program's own
+tests reached (`guided.py`), so that rare situations are tested, too. A trace that shows a fault is shrunk.
 
-Modules in Python are run, by every executor with an object of its own. The answers of such a module must
-depend on its params and on its inputs since it was built, and on nothing else: no clock, no randomness, no
-file that changes. Otherwise no two executors could agree. So two reference interpreters are compared first,
-and a module that answers differently in them is reported.
+Modules in Python are run; every executor has its own instances. The answers of such a module must depend only
+on its params and on its inputs since it was built: no clock, no randomness, no file that changes. Otherwise
+no two executors could agree. So two reference interpreters are compared first, and a module that answers
+differently in them is reported.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from colony.verify.testing.agreement import ALL_EXECUTORS, Disagreement, Factory
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.example_frames import frames_of
 from colony.verify.testing.guided import MAX_PREFIX_FRAMES, Guide
-from colony.verify.testing.shrinking import shrunk
+from colony.verify.testing.shrinking import shrink_trace
 
 FRAMES = 12
 """Maximum number of frames of a new trace."""
 
 Trial = Callable[[Compilation, Sequence[Frame], int], Disagreement | None]
-"""A check over a trace, given a seed for its own random draws, such as faults."""
+"""A check of a trace, with a seed for its own random draws, such as faults."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +65,7 @@ class Breach:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nondeterministic:
-    """A Python class whose two instances answered the last of the same frames differently."""
+    """A Python module whose two instances answered the last frame of a trace differently."""
 
     module: PythonModule
     trace: tuple[Frame, ...]
@@ -73,7 +73,7 @@ class Nondeterministic:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """The findings after `drawn` of `asked` traces with `frames` frames in all.
+    """The findings after `drawn` of `asked` traces, with `frames` frames in total.
 
     `finished` is true if no report follows: all traces are drawn, or there is a disagreement, or a module
     that is not deterministic.
@@ -91,7 +91,7 @@ class Report:
 
     @property
     def never_won(self) -> tuple[str, ...]:
-        """Modules that no trace let through to an actuator although they command one."""
+        """Modules that command an actuator but won in no trace."""
         return tuple(m.name for m in self.modules if m.won == 0)
 
 
@@ -107,7 +107,7 @@ def try_traces(
     """Draw `count` traces of `program`, and yield a report after each. The last one is `finished`.
 
     The reports are the same for the same program, count and seed. A finding is reported as it was drawn, and
-    again when it is shrunk. `executors` are compared with the reference interpreter, and `trials` are run in
+    again once it is shrunk. `executors` are compared with the reference interpreter, and `trials` are run in
     addition. A disagreement ends the test; a broken contract does not.
 
     Raises:
@@ -124,13 +124,13 @@ def try_traces(
 
 @runtime_checkable
 class _Restartable(Executor, Protocol):
-    """An executor that can restart for another trace, which is faster than making a new one."""
+    """An executor that can be restarted, which is faster than making a new one."""
 
     def restart(self) -> None: ...
 
 
 class _Run(NamedTuple):
-    """The reference's run over a trace: outcomes, and by frame the active and the silent modules."""
+    """The reference's run over a trace: the outcome, active and silent modules, and pattern of each frame."""
 
     outcomes: tuple[Outcome, ...]
     active: tuple[tuple[str, ...], ...]
@@ -139,7 +139,7 @@ class _Run(NamedTuple):
 
 
 class _TraceTest:
-    """A test of one program over many traces. Mutable: the report, and executors that are reused."""
+    """A test of one program over many traces. Stateful: holds the report, and executors to be reused."""
 
     def __init__(
         self,
@@ -157,16 +157,16 @@ class _TraceTest:
         self._machines = [
             StateValue(type=d.type, name=d.name) for d in program.derived if isinstance(d, Machine)
         ]
-        for example in program.tests:  # situations that an author found worth a test
-            written = frames_of(program, example)[:MAX_PREFIX_FRAMES]
-            self._guide.learn(written, self._reference(written).patterns)
+        for example in program.tests:  # situations that an author considered worth a test
+            test_frames = frames_of(program, example)[:MAX_PREFIX_FRAMES]
+            self._guide.learn(test_frames, self._reference(test_frames).patterns)
         self._python = [m for m in program.modules if isinstance(m, PythonModule)]
         self._to_shrink: list[Callable[[], None]] = []
         self._counts: Counter[tuple[str, str]] = Counter()
         self.report = Report(seed=seed, asked=count, drawn=0, frames=0, modules=self._modules())
 
     def advance(self) -> None:
-        """Test another trace, or shrink a finding of the last one."""
+        """Test another trace, or shrink a finding from the last one."""
         if self._to_shrink:
             self._to_shrink.pop(0)()
         elif self.report.disagreement is None and self.report.drawn < self.report.asked:
@@ -216,24 +216,24 @@ class _TraceTest:
         if not self._python:
             return None
         again = self._reference(trace)
-        for at, (one, other) in enumerate(zip(run.outcomes, again.outcomes, strict=True)):
-            if repr(one) != repr(other) or run.active[at] != again.active[at]:
-                module = self._suspect(run, again, at)
-                return Nondeterministic(module=module, trace=tuple(trace[: at + 1]))
+        for i, (first, second) in enumerate(zip(run.outcomes, again.outcomes, strict=True)):
+            if repr(first) != repr(second) or run.active[i] != again.active[i]:
+                module = self._suspect(run, again, i)
+                return Nondeterministic(module=module, trace=tuple(trace[: i + 1]))
         return None
 
-    def _suspect(self, one: _Run, other: _Run, at: int) -> PythonModule:
+    def _suspect(self, first: _Run, second: _Run, i: int) -> PythonModule:
         """Return the module whose activity, command or exception differs between two runs."""
         for module in self._python:
-            seen = [
+            answers = [
                 (
-                    module.name in run.active[at],
-                    repr([d for d in run.outcomes[at].decisions if d.by == module.name]),
-                    [r for r in run.outcomes[at].records if r.subject == module.name],
+                    module.name in run.active[i],
+                    repr([d for d in run.outcomes[i].decisions if d.by == module.name]),
+                    [r for r in run.outcomes[i].records if r.subject == module.name],
                 )
-                for run in (one, other)
+                for run in (first, second)
             ]
-            if seen[0] != seen[1]:
+            if answers[0] != answers[1]:
                 return module
         return self._python[0]
 
@@ -259,14 +259,14 @@ class _TraceTest:
         )
 
     def _breach(self, name: str, trace: tuple[Frame, ...], run: _Run) -> None:
-        """Count how often a contract is broken; the trace that shows it first is shrunk later."""
-        at = [i for i, outcome in enumerate(run.outcomes) if name in outcome.breaches]
+        """Count how often a contract is broken; the first trace that shows it is shrunk later."""
+        breached = [i for i, outcome in enumerate(run.outcomes) if name in outcome.breaches]
         known = {b.contract.name: b for b in self.report.breaches}
         if name in known:
-            self._put_breach(replace(known[name], frames=known[name].frames + len(at)))
+            self._put_breach(replace(known[name], frames=known[name].frames + len(breached)))
             return
         contract = next(c for c in self._program.contracts if c.name == name)
-        self._put_breach(Breach(contract=contract, trace=trace[: at[0] + 1], frames=len(at)))
+        self._put_breach(Breach(contract=contract, trace=trace[: breached[0] + 1], frames=len(breached)))
 
         def broken(frames: tuple[Frame, ...]) -> int | None:
             interpreter = Interpreter(self._program)
@@ -274,12 +274,12 @@ class _TraceTest:
 
         def shrink() -> None:
             found = next(b for b in self.report.breaches if b.contract.name == name)
-            self._put_breach(replace(found, trace=shrunk(self._program, found.trace, broken)))
+            self._put_breach(replace(found, trace=shrink_trace(self._program, found.trace, broken)))
 
         self._to_shrink.append(shrink)
 
     def _put_breach(self, breach: Breach) -> None:
-        """Insert a breach in the order of the program."""
+        """Insert or replace a breach, in the order of the program's contracts."""
         known = {b.contract.name: b for b in self.report.breaches} | {breach.contract.name: breach}
         self._update(breaches=tuple(known[c.name] for c in self._program.contracts if c.name in known))
 
@@ -305,13 +305,13 @@ class _TraceTest:
         return False
 
     def _reused_executor(self, name: str, compilation: Compilation) -> Executor:
-        """Return an executor in its initial memory: the last one if it can restart, or a new one."""
+        """Return an executor with its initial memory: the previous one, restarted, or a new one."""
         used = self._executors_in_use.get(name)
         if isinstance(used, _Restartable):
             used.restart()
             return used
-        made = self._executors_in_use[name] = self._executors[name](compilation)
-        return made
+        executor = self._executors_in_use[name] = self._executors[name](compilation)
+        return executor
 
     def _run_trials(self, trace: tuple[Frame, ...], number: int) -> None:
         for name, trial in self._trials.items():
@@ -334,7 +334,7 @@ class _TraceTest:
         trace: tuple[Frame, ...],
         attempt: Callable[[tuple[Frame, ...]], Disagreement | None],
     ) -> None:
-        """Record that executors disagree, and have it shrunk if it recurs without the traces before."""
+        """Record a disagreement, to be shrunk if it recurs without the earlier traces."""
         self._update(disagreement=found)
 
         def fails(frames: tuple[Frame, ...]) -> int | None:
@@ -344,6 +344,6 @@ class _TraceTest:
             if fails(trace) is None:
                 self._update(disagreement=replace(found, executor=f"{found.executor}, after other traces"))
             else:
-                self._update(disagreement=attempt(shrunk(self._program, trace, fails)) or found)
+                self._update(disagreement=attempt(shrink_trace(self._program, trace, fails)) or found)
 
         self._to_shrink.append(shrink)

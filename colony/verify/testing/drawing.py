@@ -1,4 +1,4 @@
-"""The random choices of which all strategies are built."""
+"""The random choices on which all strategies are built."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ T = TypeVar("T")
 
 
 class Choices:
-    """Choices from a source of random numbers: `random`, or one of hypothesis, which can shrink them.
+    """Choices from a source of random numbers: `random`, or one from hypothesis, which can shrink them.
 
-    A choice shrinks to the first option, the smallest number, or False. All choices are drawn from one
-    `randoms()` rather than each by a strategy of its own: those cost more, and hypothesis repeats what equal
-    strategies drew, which makes five of six drawn programs nearly the same.
+    A choice shrinks to the first option, the smallest number, or False. All choices come from one
+    `randoms()` rather than each from its own strategy: many strategies cost more, and hypothesis repeats the
+    draws of equal strategies, which makes five of six drawn programs nearly the same.
     """
 
     def __init__(self, random: Random) -> None:
         self._random = random
 
-    def upto(self, most: int) -> int:
-        """Choose a number from 0 to `most`."""
-        return self._random.randint(0, most) if most > 0 else 0
+    def up_to(self, high: int) -> int:
+        """Choose a number from 0 to `high`."""
+        return self._random.randint(0, high) if high > 0 else 0
 
-    def between(self, fewest: int, most: int) -> int:
-        """Return a number between two ends, both included."""
-        return fewest + self.upto(most - fewest)
+    def between(self, low: int, high: int) -> int:
+        """Choose a number from `low` to `high`."""
+        return low + self.up_to(high - low)
 
-    def several(self, fewest: int, most: int) -> int:
-        """Choose a number from `fewest` to `most`, more often a large one."""
-        return fewest + max(self.upto(most - fewest), self.upto(most - fewest))
+    def mostly_large(self, low: int, high: int) -> int:
+        """Choose a number from `low` to `high`, more often a large one."""
+        return low + max(self.up_to(high - low), self.up_to(high - low))
 
-    def one(self, of: Sequence[T]) -> T:
-        """Choose one of the options, of which there is at least one."""
-        return of[self.upto(len(of) - 1)]
+    def pick(self, options: Sequence[T]) -> T:
+        """Choose one of the options, which must not be empty."""
+        return options[self.up_to(len(options) - 1)]
 
-    def rarely(self, times: int = 3) -> bool:
-        """Choose True about once in `times`."""
-        return self.upto(times - 1) == times - 1
+    def one_in(self, times: int) -> bool:
+        """Choose True about once in `times` calls."""
+        return self.up_to(times - 1) == times - 1

@@ -1,4 +1,4 @@
-"""The frames of a `test` block, as frames that any executor takes."""
+"""Conversion of a `test` block to frames for any executor."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from colony.verify.snapshot import Snapshot
 
 
 def snapshots_of(program: Program, example: Example) -> tuple[Snapshot, ...]:
-    """Return what an example gives in each of its frames.
+    """Return the snapshots of an example, one per frame.
 
     Assignments to elements of a missing array are left out, as are the expectations.
     """
@@ -40,7 +40,7 @@ def _given(program: Program, example: Example) -> Iterator[tuple[int, dict[str, 
 
 
 def assigned(sensor: Sensor, given: Given, before: Value | None) -> Value | None:
-    """Return what a sensor gives after an assignment; an array that is missing has no elements to set."""
+    """Return a sensor's value after an assignment; setting an element of a missing array has no effect."""
     value = given.value
     if isinstance(value, tuple) or value is None:
         return value

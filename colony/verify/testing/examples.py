@@ -39,7 +39,7 @@ class ExampleFailure:
     """A failed expectation or contract of an example, at the first frame in which it fails.
 
     `expected` is the condition as written (a contract with its name); `found` lists the actual values, one
-    fact a line. `frames` is the number of frames of the step (of the example, for a contract) with this
+    fact per line. `frames` is the number of frames of the step (of the example, for a contract) with this
     failure.
     """
 
@@ -53,7 +53,7 @@ class ExampleFailure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExampleResult:
-    """The result of an example; it passed when nothing failed. `frames` is its number of frames."""
+    """The result of an example; it passed if nothing failed. `frames` is its number of frames."""
 
     name: str
     span: Span
@@ -86,7 +86,7 @@ def run_example(program: Program, example: Example) -> ExampleResult:
 
 
 def facts_of_breach(program: Program, contract: str, snapshots: Iterable[Snapshot]) -> tuple[str, ...]:
-    """Return the values that a contract names in the frame of a run that breaks it, one fact each."""
+    """Return the values that a contract reads in the frame of a run that breaks it, one fact each."""
     names = [s.name for s in program.robot.sensors]
     steps = tuple(
         Step(
@@ -111,14 +111,14 @@ def failures_as_diagnostics(results: Iterable[ExampleResult]) -> tuple[Diagnosti
 
 def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
     when = f'in "{result.name}" at {_number(failure.t_ns / 1e9)} s'
-    more = f", and in {counted(failure.frames - 1, 'more frame')}" if failure.frames > 1 else ""
+    repeated = f", and in {counted(failure.frames - 1, 'more frame')}" if failure.frames > 1 else ""
     match failure.kind:
         case "false":
-            message = f"{when}{more}: expected `{failure.expected}`"
+            message = f"{when}{repeated}: expected `{failure.expected}`"
         case "says nothing":
-            message = f"{when}{more}: `{failure.expected}` has no value: it reads something missing"
+            message = f"{when}{repeated}: `{failure.expected}` has no value: it reads something missing"
         case "contract broken":
-            message = f"{when}{more}: contract {failure.expected} does not hold"
+            message = f"{when}{repeated}: contract {failure.expected} does not hold"
         case "no array to set an element in":
             message = f"{when}: `{failure.expected}` is missing, so none of its elements can be set"
         case _:
@@ -130,7 +130,7 @@ def _diagnostic(result: ExampleResult, failure: ExampleFailure) -> Diagnostic:
 
 
 class _Run:
-    """An example being run. Mutable: the readings given so far, and what failed."""
+    """An example being run. Stateful: remembers the readings given so far, and the failures."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
@@ -154,7 +154,7 @@ class _Run:
                 self.expect(expectation, (id(step), i), t_ns, outcome)
 
     def give(self, given: Given, t_ns: int) -> None:
-        """Apply an assignment; it stays until the sensor is assigned again."""
+        """Apply an assignment, which holds until the sensor is assigned again."""
         sensor = self.sensors[given.sensor]
         before = self.readings.get(sensor.name)
         self.readings[sensor.name] = assigned(sensor, given, before)
@@ -250,20 +250,20 @@ def _decider(decision: Decision) -> str:
 _MAX_ELEMENTS = 8
 
 
-def shown(value: Value, of: Type, unit: str = "") -> str:
-    """Return a value in this unit, else the base unit, or an enumerator by its name.
+def shown(value: Value, type_: Type, unit: str = "") -> str:
+    """Return the text of a value in this unit (or the base unit), or the name of an enumerator.
 
-    Of long arrays it shows the first elements.
+    Long arrays are truncated.
     """
     if not isinstance(value, tuple):
-        return _scalar(value, element_type(of), unit)
-    assert isinstance(of, Array)
-    parts = [_scalar(x, of.element, unit) for x in value[:_MAX_ELEMENTS]]
+        return _scalar(value, element_type(type_), unit)
+    assert isinstance(type_, Array)
+    parts = [_scalar(x, type_.element, unit) for x in value[:_MAX_ELEMENTS]]
     return f"[{', '.join(parts)}{', ...' if len(value) > _MAX_ELEMENTS else ''}]"
 
 
-def _scalar(value: ScalarValue, of: Scalar, unit: str) -> str:
-    match of:
+def _scalar(value: ScalarValue, type_: Scalar, unit: str) -> str:
+    match type_:
         case Bool():
             return "true" if value else "false"
         case Enum(name=name, members=members):
@@ -274,7 +274,7 @@ def _scalar(value: ScalarValue, of: Scalar, unit: str) -> str:
             base = str(dimension)
             return _number(value) if base == "number" else f"{_number(value)} {base}"
         case _:
-            assert_never(of)
+            assert_never(type_)
 
 
 def _number(x: float) -> str:

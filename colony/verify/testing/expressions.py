@@ -1,7 +1,7 @@
-"""Expressions of a wanted type, as text that the front end accepts.
+"""Random expressions of a given type, as text that the front end accepts.
 
-Types, dimensions and array lengths are right by construction. Compound expressions are in parentheses, so
-precedence does not matter here (the parser's own tests cover it).
+Types, dimensions and array lengths are correct by construction. Compound expressions are in parentheses, so
+that precedence does not matter here (the parser's own tests cover it).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from colony.verify.testing.scope import (
 
 
 class Expressions:
-    """A writer of expressions over one scope. `depth` bounds the nesting of operators."""
+    """Draws expressions over one scope. `depth` bounds the nesting of operators."""
 
     def __init__(self, choices: Choices, scope: Scope) -> None:
         self.choices = choices
@@ -34,7 +34,7 @@ class Expressions:
     def any_scalar(self) -> Scalar:
         """Draw a type that expressions of this scope can have."""
         scalars: list[Scalar] = [BOOL, *(Quantity(d) for d in LITERALS), *self.scope.enums]
-        return self.choices.one(scalars)
+        return self.choices.pick(scalars)
 
     def scalar(self, of: Scalar, depth: int) -> str:
         """Return the text of an expression of a scalar type."""
@@ -56,20 +56,20 @@ class Expressions:
 
     def bool(self, depth: int) -> str:
         """Return the text of a condition."""
-        if depth <= 0 or self.choices.rarely(5):
-            there = [f"fresh({n.text})" for n in self.scope.names if n.fresh]
-            if there and self.choices.rarely(6):
-                return self.choices.one(there)
-            read = [*self.atoms(BOOL), *self.scope.promises]
-            return self.choices.one(("true", "false") if not read or self.choices.rarely(8) else read)
+        if depth <= 0 or self.choices.one_in(5):
+            fresh = [f"fresh({n.text})" for n in self.scope.names if n.fresh]
+            if fresh and self.choices.one_in(6):
+                return self.choices.pick(fresh)
+            read = [*self.atoms(BOOL), *self.scope.contract_conditions]
+            return self.choices.pick(("true", "false") if not read or self.choices.one_in(8) else read)
         makers: list[Callable[[int], str]] = [self._comparison, self._logic, self._comparison]
         if self.scope.memory:
             makers += [self._bool_memory, self._bool_memory]
         makers += [self._bool_reduction, self._in_range, self._bool_other]
-        return self.choices.one(makers)(depth - 1)
+        return self.choices.pick(makers)(depth - 1)
 
     def _logic(self, depth: int) -> str:
-        operator = self.choices.one(("not", "and", "or", "implies", "==", "!="))
+        operator = self.choices.pick(("not", "and", "or", "implies", "==", "!="))
         if operator == "not":
             return f"(not {self.bool(depth)})"
         return f"({self.bool(depth)} {operator} {self.bool(depth)})"
@@ -77,13 +77,13 @@ class Expressions:
     def _comparison(self, depth: int) -> str:
         enums = [n for n in self.scope.names if isinstance(n.type, Enum)]
         operators = ("<", "<=", ">", ">=", "==", "!=")
-        if enums and self.choices.rarely():
-            one = self.choices.one(enums)
+        if enums and self.choices.one_in(3):
+            one = self.choices.pick(enums)
             assert isinstance(one.type, Enum)
-            return f"({one.text} {self.choices.one(operators[-2:])} {self.member(one.type)})"
+            return f"({one.text} {self.choices.pick(operators[-2:])} {self.member(one.type)})"
         dimension = self.dimension()
-        right = "0" if self.choices.rarely(4) else self.quantity(dimension, depth - 1)
-        return f"({self.quantity(dimension, depth)} {self.choices.one(operators)} {right})"
+        right = "0" if self.choices.one_in(4) else self.quantity(dimension, depth - 1)
+        return f"({self.quantity(dimension, depth)} {self.choices.pick(operators)} {right})"
 
     def _in_range(self, depth: int) -> str:
         d = self.dimension()
@@ -91,14 +91,14 @@ class Expressions:
         return f"({self.quantity(d, depth)} in {low} .. {high})"
 
     def _bool_reduction(self, depth: int) -> str:
-        function = self.choices.one(("any", "all"))
+        function = self.choices.pick(("any", "all"))
         array = self.some_array(BOOL, depth)
-        if array is not None and not self.choices.rarely(4):
+        if array is not None and not self.choices.one_in(4):
             return f"{function}({array})"
         return self._comprehension(function, BOOL, depth)
 
     def _bool_memory(self, depth: int) -> str:
-        kind = self.choices.one(
+        kind = self.choices.pick(
             ("held", "rising", "latch", "changed", "falling", "every", "previous", "captured")
         )
         match kind:
@@ -119,9 +119,9 @@ class Expressions:
 
     def _bool_other(self, depth: int) -> str:
         arrays = self.arrays(BOOL)
-        which = self.choices.upto(2)
+        which = self.choices.up_to(2)
         if which == 0 and arrays:
-            return self._element(self.choices.one(arrays), depth)
+            return self._element(self.choices.pick(arrays), depth)
         if which == 1:
             return f"value_or({self.bool(depth)}, {self.bool(depth - 1)})"
         return f"(if {self.bool(depth - 1)} then {self.bool(depth)} else {self.bool(depth)})"
@@ -130,14 +130,14 @@ class Expressions:
 
     def member(self, of: Enum) -> str:
         """Return the text of an enumerator."""
-        return f"{of.name}.{self.choices.one(of.members)[0]}"
+        return f"{of.name}.{self.choices.pick(of.members)[0]}"
 
     def enum(self, of: Enum, depth: int) -> str:
         """Return the text of an expression of an enum."""
-        if depth <= 0 or of.kind == "machine" or self.choices.rarely():
-            return self.choices.one((*self.atoms(of), f"{of.name}.{of.members[0][0]}", self.member(of)))
+        if depth <= 0 or of.kind == "machine" or self.choices.one_in(3):
+            return self.choices.pick((*self.atoms(of), f"{of.name}.{of.members[0][0]}", self.member(of)))
         condition, yes, no = self.bool(depth - 1), self.enum(of, depth - 1), self.enum(of, depth - 1)
-        if self.scope.memory and self.choices.rarely():
+        if self.scope.memory and self.choices.one_in(3):
             return f"captured({yes}, {condition})"
         return f"(if {condition} then {yes} else {no})"
 
@@ -148,38 +148,40 @@ class Expressions:
         read = [e.dimension for n in self.scope.names if isinstance(e := element_type(n.type), Quantity)]
         known = [d for d in read if d in LITERALS]
         return (
-            self.choices.one(known) if known and not self.choices.rarely(5) else self.choices.one([*LITERALS])
+            self.choices.pick(known)
+            if known and not self.choices.one_in(5)
+            else self.choices.pick([*LITERALS])
         )
 
     def literal(self, of: Dimension) -> str:
         """Return the text of a constant of a dimension."""
-        text = self.choices.one(LITERALS[of])
-        return f"(-{text})" if self.choices.rarely(4) else text
+        text = self.choices.pick(LITERALS[of])
+        return f"(-{text})" if self.choices.one_in(4) else text
 
     def quantity(self, of: Dimension, depth: int) -> str:
         """Return the text of an expression of a dimension."""
-        if depth <= 0 or self.choices.rarely(5):
+        if depth <= 0 or self.choices.one_in(5):
             return self._quantity_leaf(of)
         makers: list[Callable[[Dimension, int], str]] = [self._sum, self._product, self._several]
         makers += [self._choice, self._array_reduction, self._own, self._own]
         if self.scope.memory:
             makers += [self._quantity_memory]
-        return self.choices.one(makers)(of, depth - 1)
+        return self.choices.pick(makers)(of, depth - 1)
 
     def _quantity_leaf(self, of: Dimension) -> str:
         """Return mostly a value that changes each frame; made from a bool if nothing has the dimension."""
         params = self.scope.constants.get(of, ())
-        if self.choices.rarely(4):
-            return self.choices.one(params) if params else self.literal(of)
-        if self.choices.rarely(8):
-            return f"({self.choices.one(ODD_NUMBERS)} * {self.literal(of)})"
+        if self.choices.one_in(4):
+            return self.choices.pick(params) if params else self.literal(of)
+        if self.choices.one_in(8):
+            return f"({self.choices.pick(ODD_NUMBERS)} * {self.literal(of)})"
         atoms = self.atoms(Quantity(of))
         if atoms:
-            return self.choices.one(atoms)
+            return self.choices.pick(atoms)
         if of == TIME:
-            return self.choices.one(("now", "now()"))
+            return self.choices.pick(("now", "now()"))
         bools = self.atoms(BOOL) or ["true"]
-        return f"(if {self.choices.one(bools)} then {self.literal(of)} else {self.literal(of)})"
+        return f"(if {self.choices.pick(bools)} then {self.literal(of)} else {self.literal(of)})"
 
     def atoms(self, of: Scalar) -> list[str]:
         """Return what can be read of a scalar type: names, and elements of arrays."""
@@ -190,7 +192,7 @@ class Expressions:
 
     def _sum(self, of: Dimension, depth: int) -> str:
         left, right = self.quantity(of, depth), self.quantity(of, depth)
-        match self.choices.upto(4):
+        match self.choices.up_to(4):
             case 0:
                 return f"({left} + {right})"
             case 1:
@@ -203,7 +205,7 @@ class Expressions:
                 return f"({left} + 0)"
 
     def _product(self, of: Dimension, depth: int) -> str:
-        match self.choices.upto(3):
+        match self.choices.up_to(3):
             case 0:
                 return f"({self.quantity(of, depth)} * {self.quantity(NUMBER, depth - 1)})"
             case 1:
@@ -217,7 +219,7 @@ class Expressions:
 
     def _several(self, of: Dimension, depth: int) -> str:
         """Return a function of numbers of one dimension that gives one of it."""
-        function = self.choices.one(
+        function = self.choices.pick(
             ("min", "max", "round", "sum", "abs", "clamp", "max", "ceil", "min", "mean", "sqrt", "floor")
         )
         count = {"abs": 1, "round": 1, "floor": 1, "ceil": 1, "clamp": 3}.get(function, 2)
@@ -228,33 +230,33 @@ class Expressions:
 
     def _choice(self, of: Dimension, depth: int) -> str:
         one, other = self.quantity(of, depth), self.quantity(of, depth - 1)
-        if self.choices.rarely():
+        if self.choices.one_in(3):
             return f"value_or({one}, {other})"
         return f"(if {self.bool(depth)} then {one} else {other})"
 
     def _array_reduction(self, of: Dimension, depth: int) -> str:
         arrays = self.arrays(Quantity(of))
-        which = self.choices.upto(3)
+        which = self.choices.up_to(3)
         if arrays and which == 0:
-            return self._element(self.choices.one(arrays), depth)
-        function = self.choices.one(("min", "max", "sum", "mean"))
+            return self._element(self.choices.pick(arrays), depth)
+        function = self.choices.pick(("min", "max", "sum", "mean"))
         array = self.some_array(Quantity(of), depth)
         if array is not None and which <= 2:
             return f"{function}({array})"
         return self._comprehension(function, Quantity(of), depth)
 
     def _own(self, of: Dimension, depth: int) -> str:
-        """Return the text of an expression that only numbers, angles or times have."""
+        """Return the text of an expression that exists only for numbers, angles or times."""
         if of == ANGLE:
             d = self.dimension()
-            if self.choices.rarely(2):
+            if self.choices.one_in(2):
                 return f"atan2({self.quantity(d, depth)}, {self.quantity(d, depth)})"
             return f"angle_difference({self.quantity(ANGLE, depth)}, {self.quantity(ANGLE, depth)})"
         if of == TIME:
             return f"elapsed({self.bool(depth)})" if self.scope.memory else "now()"
         if of != NUMBER:
             return self._sum(of, depth)
-        match self.choices.upto(8):
+        match self.choices.up_to(8):
             case 8:
                 return f"round({self.quantity(NUMBER, depth)} + 0.5)"  # halves: where roundings differ
             case 0 | 6:
@@ -263,7 +265,7 @@ class Expressions:
             case 1 | 7:
                 return self._index_function(depth)
             case 2:
-                return f"{self.choices.one(('sin', 'cos'))}({self.quantity(ANGLE, depth)})"
+                return f"{self.choices.pick(('sin', 'cos'))}({self.quantity(ANGLE, depth)})"
             case 3:
                 return f"sign({self.quantity(self.dimension(), depth)})"
             case 4:
@@ -273,7 +275,7 @@ class Expressions:
                 return f"count({self.bool(depth)}, {self.bool(depth - 1)})"
 
     def _quantity_memory(self, of: Dimension, depth: int) -> str:
-        if self.choices.rarely(2):
+        if self.choices.one_in(2):
             return f"captured({self.quantity(of, depth)}, {self.key(depth)})"
         return f"previous({self.quantity(of, depth)}, {self.quantity(of, 0)})"
 
@@ -288,43 +290,42 @@ class Expressions:
         ]
 
     def some_array(self, of: Scalar, depth: int) -> str | None:
-        """Draw an array of `of` of any length that can be made here."""
+        """Draw an array with elements of type `of`, of any available length; None if there is none."""
         sizes = [n.type.size for n in self.scope.names if isinstance(n.type, Array)]
-        can = self.arrays(of) or (of == BOOL and sizes)
-        if not can:
+        if not self.arrays(of) and not (of == BOOL and sizes):
             return None
-        match self.choices.upto(3):
+        match self.choices.up_to(3):
             case 0 if self.arrays(of):
                 return self._slice(of)
             case 1 if self.arrays(of):
                 return self._window(of, depth)
             case _:
-                size = self.choices.one(sizes if of == BOOL else [n.type.size for n in self.arrays(of)])
+                size = self.choices.pick(sizes if of == BOOL else [n.type.size for n in self.arrays(of)])
                 return self.array(of, size, depth)
 
     def _slice(self, of: Scalar) -> str:
-        one = self.choices.one(self.arrays(of))
+        one = self.choices.pick(self.arrays(of))
         last = one.type.size - 1
-        return f"{one.text}[{self.choices.upto(last)}..{self.choices.upto(last)}]"
+        return f"{one.text}[{self.choices.up_to(last)}..{self.choices.up_to(last)}]"
 
     def _window(self, of: Scalar, depth: int) -> str:
-        one = self.choices.one(self.arrays(of))
-        reach = self.choices.upto((one.type.size - 1) // 2)
+        one = self.choices.pick(self.arrays(of))
+        reach = self.choices.up_to((one.type.size - 1) // 2)
         return f"window({one.text}, {self.quantity(NUMBER, min(depth, 1))}, {reach})"
 
     def array(self, of: Scalar, size: int, depth: int) -> str:
-        """Draw an array of exactly `size` elements; there must be one of that size to start from."""
+        """Draw an array of exactly `size` elements; the scope must have an array of that size."""
         named = [n.text for n in self.scope.names if n.type == Array(of, size)]
         if not named and isinstance(of, Bool):
             return self._compared(size, depth)
         assert named
-        if depth <= 0 or self.choices.rarely(2):
-            return self.choices.one(named)
+        if depth <= 0 or self.choices.one_in(2):
+            return self.choices.pick(named)
         return self._bool_array(size, depth - 1) if of == BOOL else self._number_array(of, size, depth - 1)
 
     def _compared(self, size: int, depth: int) -> str:
-        """Return an array of bools from one of numbers, element by element."""
-        one = self.choices.one(
+        """Return an array of bools that compares the elements of an array in scope."""
+        one = self.choices.pick(
             [n for n in self.scope.names if isinstance(n.type, Array) and n.type.size == size]
         )
         element = element_type(one.type)
@@ -333,19 +334,19 @@ class Expressions:
         if isinstance(element, Enum):
             return f"({one.text} == {self.member(element)})"
         assert isinstance(element, Quantity)
-        operator = self.choices.one(("<", ">=", "==", "!="))
+        operator = self.choices.pick(("<", ">=", "==", "!="))
         compared = f"({one.text} {operator} {self.quantity(element.dimension, depth - 1)})"
-        if self.scope.memory and self.choices.rarely(2):
+        if self.scope.memory and self.choices.one_in(2):
             return self._bool_array_memory(compared, depth)
         return compared
 
     def _bool_array(self, size: int, depth: int) -> str:
         one = self.array(BOOL, size, depth)
-        match self.choices.upto(4):
+        match self.choices.up_to(4):
             case 0:
                 return f"(not {one})"
             case 1:
-                return f"({one} {self.choices.one(('and', 'or', 'implies', '!='))} {self.bool(depth)})"
+                return f"({one} {self.choices.pick(('and', 'or', 'implies', '!='))} {self.bool(depth)})"
             case 2 if self.scope.memory:
                 return self._bool_array_memory(one, depth)
             case 3:
@@ -354,11 +355,11 @@ class Expressions:
                 return f"value_or({one}, {self.bool(depth - 1)})"
 
     def _bool_array_memory(self, one: str, depth: int) -> str:
-        match self.choices.upto(4):
+        match self.choices.up_to(4):
             case 0:
                 return f"held({one}, {self.duration()})"
             case 1:
-                return f"{self.choices.one(('rising', 'falling', 'changed'))}({one})"
+                return f"{self.choices.pick(('rising', 'falling', 'changed'))}({one})"
             case 2:
                 return f"latch({one}, {self.bool(depth - 1)})"
             case 3:
@@ -370,15 +371,15 @@ class Expressions:
         if not isinstance(of, Quantity):
             return self.array(of, size, 0)
         one, other = self.array(of, size, depth), self.quantity(of.dimension, depth - 1)
-        match self.choices.upto(6):
+        match self.choices.up_to(6):
             case 0:
-                return f"({one} {self.choices.one(('+', '-'))} {other})"
+                return f"({one} {self.choices.pick(('+', '-'))} {other})"
             case 1:
                 return f"({other} - {one})"
             case 2:
                 return f"({one} * {self.quantity(NUMBER, depth - 1)})"
             case 3:
-                return f"{self.choices.one(('abs', 'floor'))}({one})"
+                return f"{self.choices.pick(('abs', 'floor'))}({one})"
             case 4 if self.scope.memory:
                 return f"previous({one}, {self.quantity(of.dimension, 0)})"
             case 5 if self.scope.memory:
@@ -387,23 +388,23 @@ class Expressions:
                 return f"(if {self.bool(depth)} then {one} else {other})"
 
     def _index_function(self, depth: int) -> str:
-        """Return the index of the least or greatest element of an array of numbers; `now()` if none."""
+        """Return the index of the least or greatest element of an array of numbers, or else `now()`."""
         have = [
             e for n in self.scope.names if isinstance(e := element_type(n.type), Quantity) and e != n.type
         ]
         if not have:
             return "(now() / 1 s)"
-        array = self.some_array(self.choices.one(have), depth)
-        return f"{self.choices.one(('index_of_min', 'index_of_max'))}({array})"
+        array = self.some_array(self.choices.pick(have), depth)
+        return f"{self.choices.pick(('index_of_min', 'index_of_max'))}({array})"
 
     def _element(self, one: NamedArray, depth: int) -> str:
-        """Return an element by a constant index, or by one that is computed from a reading."""
+        """Return an element at a constant or computed index."""
         numbers = self.scope.of(DIMENSIONLESS)
-        if numbers and self.choices.rarely(3):
-            return f"{one.text}[{self.choices.one(numbers)} + {self.quantity(NUMBER, depth - 1)}]"
-        if self.choices.rarely(2):
-            return f"{one.text}[{self._index_function(depth)} + {self.choices.upto(one.type.size)}]"
-        return f"{one.text}[{self.choices.upto(one.type.size - 1)}]"
+        if numbers and self.choices.one_in(3):
+            return f"{one.text}[{self.choices.pick(numbers)} + {self.quantity(NUMBER, depth - 1)}]"
+        if self.choices.one_in(2):
+            return f"{one.text}[{self._index_function(depth)} + {self.choices.up_to(one.type.size)}]"
+        return f"{one.text}[{self.choices.up_to(one.type.size - 1)}]"
 
     def _comprehension(self, function: str, of: Scalar, depth: int) -> str:
         if self.scope.loops >= 2:
@@ -416,15 +417,15 @@ class Expressions:
         )
         writer = Expressions(self.choices, inner)
         body = writer.scalar(of, depth)
-        condition = f" if {writer.bool(depth - 1)}" if self.choices.rarely(2) else ""
+        condition = f" if {writer.bool(depth - 1)}" if self.choices.one_in(2) else ""
         return f"{function}({body} for {variable} in {low} .. {high}{condition})"
 
     # --- parts -----------------------------------------------------------------------------------
 
     def duration(self) -> str:
         """Return the text of a duration."""
-        return f"{self.choices.one(DURATIONS_MS)} ms"
+        return f"{self.choices.pick(DURATIONS_MS)} ms"
 
     def key(self, depth: int) -> str:
-        """Draw the value whose change `captured` waits for."""
+        """Draw the key of `captured`, whose change it waits for."""
         return self.scalar(self.any_scalar(), depth - 1)

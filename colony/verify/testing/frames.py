@@ -7,7 +7,7 @@ from colony.ir.frame import Frame
 from colony.ir.program import Program, PythonModule
 from colony.ir.types import Quantity
 from colony.ir.walk import all_subexpressions
-from colony.ir.wiring import joints_of
+from colony.ir.wiring import wiring_graph
 from colony.text.units import TIME
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.example_frames import frames_of
@@ -23,34 +23,36 @@ def draw_frame(choices: Choices, program: Program, t_ns: int) -> Frame:
 def draw_trace(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
     """Draw a trace; see `colony.verify.testing.strategies.traces`."""
     thresholds = thresholds_of(program)
-    # Few readings a sensor, used again and again, since memory has effects only where values recur. In a calm
-    # trace most sensors do not change: conditions that need several readings at once hold only there.
-    # Sensors that nothing reads matter only for what is recorded of them.
-    is_calm, read = choices.rarely(3), sensors_read(program)
+    # Few readings per sensor, used repeatedly, since memory has effects only if values recur. In a calm trace
+    # most sensors do not change: conditions that need several readings at once hold only there. Sensors that
+    # nothing reads matter only for the records about them.
+    is_calm, read = choices.one_in(3), sensors_read(program)
     pools = {}
     for s in program.robot.sensors:
-        is_constant = s.name not in read or (is_calm and not choices.rarely(4))
-        count = 1 if is_constant else choices.several(1, 4)
+        is_constant = s.name not in read or (is_calm and not choices.one_in(4))
+        count = 1 if is_constant else choices.mostly_large(1, 4)
         pools[s.name] = [draw_reading(choices, s, thresholds) for _ in range(count)]
     gaps = gaps_of(program)
-    frames = [*_written(choices, program, max_frames)]
-    t_ns = frames[-1].t_ns + choices.one(gaps) if frames else choices.one((0, 1_000_000_000, 1, -50_000_001))
-    while not frames or (len(frames) < max_frames and choices.upto(14) > 0):
-        frames.append(Frame(t_ns, {name: choices.one(pool) for name, pool in pools.items()}))
-        t_ns += choices.one(gaps)
+    frames = [*_beginning_of_test(choices, program, max_frames)]
+    t_ns = (
+        frames[-1].t_ns + choices.pick(gaps) if frames else choices.pick((0, 1_000_000_000, 1, -50_000_001))
+    )
+    while not frames or (len(frames) < max_frames and choices.up_to(14) > 0):
+        frames.append(Frame(t_ns, {name: choices.pick(pool) for name, pool in pools.items()}))
+        t_ns += choices.pick(gaps)
     return tuple(frames)
 
 
-def _written(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
-    """Return, now and then, the beginning of a test of the program, which leads to interesting places."""
-    if not program.tests or not choices.rarely(3):
+def _beginning_of_test(choices: Choices, program: Program, max_frames: int) -> tuple[Frame, ...]:
+    """Return, occasionally, the beginning of a test of the program, which leads to interesting situations."""
+    if not program.tests or not choices.one_in(3):
         return ()
-    written = frames_of(program, choices.one(program.tests))
-    return written[: choices.upto(min(len(written), max_frames - 1))]
+    written = frames_of(program, choices.pick(program.tests))
+    return written[: choices.up_to(min(len(written), max_frames - 1))]
 
 
 def thresholds_of(program: Program) -> Thresholds:
-    """Return the numbers that the program's expressions name, by dimension."""
+    """Return the constants in the program's expressions, by dimension."""
     return thresholds_among(all_subexpressions(program))
 
 
@@ -70,7 +72,7 @@ def sensors_read(program: Program) -> frozenset[str]:
 
 
 def gaps_of(program: Program) -> list[int]:
-    """Return times between frames: one to three periods, and the program's durations give or take 1 ns."""
+    """Return times between frames: one to three periods, and the program's durations, exactly or 1 ns off."""
     frame = program.robot.frame_ns
     gaps = {frame: None, 2 * frame: None, 3 * frame: None, 1: None}
     for duration in (*durations_of(program), *_times_compared(program)):
@@ -83,8 +85,8 @@ def gaps_of(program: Program) -> list[int]:
 def durations_of(program: Program) -> list[int]:
     """Return the durations that the program measures, in nanoseconds, each once."""
     found: dict[int, None] = {}
-    for joint in joints_of(program).joints:
-        found[joint.window_ns] = None
+    for wiring_node in wiring_graph(program).nodes:
+        found[wiring_node.window_ns] = None
     for node in all_subexpressions(program):
         if isinstance(node, ir.MemoryCall):
             found[node.duration_ns] = None
@@ -101,12 +103,12 @@ def _times_compared(program: Program) -> list[int]:
     for node in all_subexpressions(program):
         match node:
             case ir.Constant(type=Quantity(dimension=dimension), value=float(seconds)):
-                if dimension == TIME and 0 < seconds < _LONGEST_S:
+                if dimension == TIME and 0 < seconds < _MAX_WAIT_S:
                     found[round(seconds * 1e9)] = None
             case _:
                 pass
     return list(found)[:8]
 
 
-_LONGEST_S = 86_400.0
-"""Longest time, in seconds, that counts as a waiting time."""
+_MAX_WAIT_S = 86_400.0
+"""Maximum time, in seconds, that is taken as a waiting time."""

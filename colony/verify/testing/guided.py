@@ -2,7 +2,7 @@
 
 Most of what a behavior can do needs several conditions in sequence, which independent random traces rarely
 produce. So the shortest trace to every pattern of activity is kept as a prefix. Later traces begin with such
-a prefix, more often one to a rare pattern, and change a few readings a frame.
+a prefix, more often with one to a rare pattern, and change a few readings per frame.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from colony.verify.testing.readings import draw_reading
 MAX_PREFIX_FRAMES = 48
 """Maximum number of frames of a prefix; a trace that continues from it may have a few more."""
 
-_FEW = 4
+_MIN_EXTENSION_FRAMES = 4
 
 
 @dataclass(frozen=False, slots=True)
@@ -31,7 +31,7 @@ class _KnownPattern:
 
 
 class Guide:
-    """A generator of traces that learns from their outcomes. Mutable: the patterns that it knows.
+    """A generator of traces that learns from their outcomes. Stateful: remembers patterns.
 
     Args:
         program: the program to draw traces for.
@@ -49,12 +49,12 @@ class Guide:
 
     def draw(self, choices: Choices) -> tuple[Frame, ...]:
         """Draw a trace: a new one, or one that continues from a known pattern."""
-        if not self._known or choices.rarely(3):
+        if not self._known or choices.one_in(3):
             return draw_trace(choices, self._program, self._max_frames)
         frames = list(self._pick_known(choices).prefix)
-        for _ in range(choices.between(1, max(_FEW, self._max_frames - len(frames)))):
+        for _ in range(choices.between(1, max(_MIN_EXTENSION_FRAMES, self._max_frames - len(frames)))):
             last = frames[-1]
-            frames.append(Frame(last.t_ns + choices.one(self._gaps), self._next(choices, last)))
+            frames.append(Frame(last.t_ns + choices.pick(self._gaps), self._next(choices, last)))
         return tuple(frames)
 
     def learn(self, trace: Sequence[Frame], patterns: Sequence[Hashable]) -> None:
@@ -71,18 +71,18 @@ class Guide:
     def _pick_known(self, choices: Choices) -> _KnownPattern:
         """Return the rarest of three randomly chosen patterns."""
         patterns = [*self._known.values()]
-        return min((choices.one(patterns) for _ in range(3)), key=lambda known: known.frames)
+        return min((choices.pick(patterns) for _ in range(3)), key=lambda known: known.frames)
 
     def _next(self, choices: Choices, last: Frame) -> dict[str, Reading]:
-        """Return the readings of the next frame: a few change, at random or to those of another pattern."""
+        """Return the next frame's readings: a few change, at random or to those of another pattern."""
         readings = dict(last.readings)
-        if not self._sensors or choices.rarely(4):
+        if not self._sensors or choices.one_in(4):
             return readings
-        elsewhere = self._pick_known(choices).prefix[-1].readings if choices.rarely(3) else None
+        other_readings = self._pick_known(choices).prefix[-1].readings if choices.one_in(3) else None
         for _ in range(choices.between(1, 3)):
-            sensor = choices.one(self._sensors)
-            if elsewhere is not None:
-                readings[sensor.name] = elsewhere.get(sensor.name)
+            sensor = choices.pick(self._sensors)
+            if other_readings is not None:
+                readings[sensor.name] = other_readings.get(sensor.name)
             else:
                 readings[sensor.name] = draw_reading(choices, sensor, self._thresholds)
         return readings

@@ -1,4 +1,4 @@
-"""Random wirings as directed acyclic graphs, of every shape that the network language can express.
+"""Random wirings: directed acyclic graphs of every shape that the network language can express.
 
 Wires are drawn one after the other, each over the modules and wires before it. So sharing (fan-out) is common
 and cycles are impossible.
@@ -35,14 +35,14 @@ WINDOWS_NS = (0, 0, 100_000_000, 50_000_000, 150_000_000, 1)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Port:
-    """A module or wire, and the actuators (None: nothing) of the commands that may be on its output."""
+    """A module or wire, and the actuators (None for nothing) that its output may command."""
 
     name: str
     actuators: frozenset[str | None]
 
 
 class Wirings:
-    """A drawer of wirings over a growing list of ports. Mutable: `add` extends it."""
+    """A generator of wirings over a growing list of ports. Mutable: `add` extends the list."""
 
     def __init__(
         self, choices: Choices, ports: Sequence[Port], windows_ns: Sequence[int] = WINDOWS_NS
@@ -50,10 +50,10 @@ class Wirings:
         self.choices = choices
         self.ports = list(ports)
         self.windows_ns = windows_ns
-        self._before = ""
+        self._previous = ""
 
     def commanding(self, actuator: str | None) -> list[Port]:
-        """Return the ports whose every output commands `actuator`."""
+        """Return the ports whose output always commands `actuator`."""
         return [p for p in self.ports if p.actuators == {actuator}]
 
     def add(self, name: str, wiring: Wiring) -> None:
@@ -70,39 +70,38 @@ class Wirings:
             case Chain(operands=operands):
                 return frozenset[str | None]().union(*map(self.outputs, operands))
 
-    def _another(self, among: Sequence[Port]) -> Port:
-        """Return one of `among`, mostly not the last one: a module wired to itself tests nothing."""
-        others = [p for p in among if p.name != self._before] or list(among)
-        port = self.choices.one(among if self.choices.rarely(6) else others)
-        self._before = port.name
+    def _another(self, ports: Sequence[Port]) -> Port:
+        """Return one of `ports`, mostly not the previous one: a module wired to itself tests nothing."""
+        others = [p for p in ports if p.name != self._previous] or list(ports)
+        port = self.choices.pick(ports if self.choices.one_in(6) else others)
+        self._previous = port.name
         return port
 
-    def draw(self, among: Sequence[Port], depth: int) -> Wiring:
-        """Draw a wiring whose outputs come from ports in `among`; what only inhibits may be any port."""
-        kind = self.choices.upto(7) if depth > 0 else 0
+    def draw(self, passing: Sequence[Port], depth: int) -> Wiring:
+        """Draw a wiring whose outputs come from the ports `passing`; inhibiting operands may be any port."""
+        kind = self.choices.up_to(7) if depth > 0 else 0
         if kind <= 1:
-            return Use(name=self._another(among).name)
+            return Use(name=self._another(passing).name)
         relation: Literal["suppresses", "inhibits"] = "suppresses" if kind <= 5 else "inhibits"
         count = self.choices.between(2, 3)
-        inhibiting = self.ports[
-            ::-1
-        ]  # the latest first: rarely a part of what they inhibit, which would never be active
+        # The latest first: they are rarely part of what they inhibit, which would then never be active.
+        inhibiting = self.ports[::-1]
         operands = [
-            self.draw(among if relation == "suppresses" or i == count - 1 else inhibiting, depth - 1)
+            self.draw(passing if relation == "suppresses" or i == count - 1 else inhibiting, depth - 1)
             for i in range(count)
         ]
         return Chain(
             relation=relation,
             operands=tuple(operands),
-            windows_ns=tuple(self.choices.one(self.windows_ns) for _ in range(count - 1)),
+            windows_ns=tuple(self.choices.pick(self.windows_ns) for _ in range(count - 1)),
         )
 
 
-def draw_wires(wirings: Wirings, actuators: Sequence[str], most: int, depth: int) -> list[Wire]:
-    """Draw up to `most` named wires, each for one actuator, and one that drives each actuator."""
+def draw_wires(wirings: Wirings, actuators: Sequence[str], max_wires: int, depth: int) -> list[Wire]:
+    """Draw up to `max_wires` named wires, each for one actuator, and one that drives each actuator."""
     wires: list[Wire] = []
-    for i in range(wirings.choices.several(0, most)):
-        among = wirings.commanding(wirings.choices.one(actuators))
+    for i in range(wirings.choices.mostly_large(0, max_wires)):
+        among = wirings.commanding(wirings.choices.pick(actuators))
         if among:
             wire = Wire(name=f"w{i}", wiring=wirings.draw(among, depth))
             wirings.add(wire.name, wire.wiring)
@@ -110,7 +109,7 @@ def draw_wires(wirings: Wirings, actuators: Sequence[str], most: int, depth: int
     for actuator in actuators:
         among = wirings.commanding(actuator)
         if among:
-            # The latest wires first: what is drawn simplest then uses all that was drawn before.
+            # The latest wires first: the simplest choice then uses everything drawn before.
             wiring = wirings.draw(list(reversed(among)), depth)
             wires.append(Wire(name=actuator, wiring=wiring, actuator=actuator))
     return wires
@@ -119,11 +118,11 @@ def draw_wires(wirings: Wirings, actuators: Sequence[str], most: int, depth: int
 def draw_network(choices: Choices, max_modules: int, max_wires: int) -> Program:
     """Draw a program; see `colony.verify.testing.strategies.networks`."""
     actuators = ("drive", "arm")[: choices.between(1, 2)]
-    count = choices.several(1, max_modules)
-    modules = tuple(_module(i, choices.one((*actuators, *actuators, None))) for i in range(count))
+    count = choices.mostly_large(1, max_modules)
+    modules = tuple(_module(i, choices.pick((*actuators, *actuators, None))) for i in range(count))
     ports = [Port(name=m.name, actuators=frozenset({m.actuator})) for m in modules]
     wires = draw_wires(Wirings(choices, ports), actuators, max_wires, 2)
-    watched = [m.name for m in modules] + [w.name for w in wires if w.actuator is None]
+    observed = [m.name for m in modules] + [w.name for w in wires if w.actuator is None]
     return Program(
         robot=Robot(
             name="robot",
@@ -134,12 +133,12 @@ def draw_network(choices: Choices, max_modules: int, max_wires: int) -> Program:
         ),
         modules=modules,
         wires=tuple(wires),
-        contracts=tuple(_silence(name) for name in watched),
+        contracts=tuple(_inactivity(name) for name in observed),
     )
 
 
 def _module(i: int, actuator: str | None) -> Module:
-    """Return a module that is applicable where the sensor `p<i>` is true, and commands its own number."""
+    """Return a module whose predicate is the sensor `p<i>`, and which commands its own number."""
     number = Constant(type=DIMENSIONLESS, value=float(i + 1))
     return Module(
         name=f"m{i}",
@@ -158,11 +157,11 @@ def _actuator(name: str) -> Actuator:
     )
 
 
-def _silence(name: str) -> Contract:
-    """Return a contract that is broken where `name` is active, so that activity shows in outcomes."""
+def _inactivity(name: str) -> Contract:
+    """Return a contract that is broken whenever `name` is active, so that activity shows in outcomes."""
     active = IsActive(type=BOOL, name=name)
     return Contract(
-        name=f"{name}_is_silent", expression=UnaryOperation(type=BOOL, operator=Unary.NOT, operand=active)
+        name=f"{name}_is_inactive", expression=UnaryOperation(type=BOOL, operator=Unary.NOT, operand=active)
     )
 
 

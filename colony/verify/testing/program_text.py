@@ -1,6 +1,6 @@
 """Whole programs as source text: a robot, derived values, modules, wiring, limits and contracts.
 
-Declarations are drawn in an order in which each may read those before it, and written in that order.
+Declarations are drawn and written in an order in which each may read those before it.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ def draw_text(choices: Choices, python: bool) -> str:
 Constants = dict[Dimension, tuple[str, ...]]
 
 
-def _more(constants: Constants, dimension: Dimension, name: str) -> Constants:
-    """Return `constants` with one more param."""
+def _with_constant(constants: Constants, dimension: Dimension, name: str) -> Constants:
+    """Return `constants` with a param added."""
     return {**constants, dimension: (*constants.get(dimension, ()), name)}
 
 
 class _Text:
-    """A program being written. Mutable: its lines, and the names declared so far."""
+    """A program being written. Mutable."""
 
     def __init__(self, choices: Choices, python: bool) -> None:
         self.choices = choices
@@ -50,8 +50,8 @@ class _Text:
         self.lines: list[str] = []
         self.scope = Scope(enums=(MOOD,))
         self.light = False
-        self.probes = choices.several(0, 2)
-        self.seen: list[Quantity] = []  # what the probes send
+        self.probes = choices.mostly_large(0, 2)
+        self.probe_types: list[Quantity] = []  # what the probes send
         self.ports: list[Port] = []
         self.parts: list[Named] = []  # `module.name`, for contracts
         self.params: Constants = {}
@@ -60,7 +60,7 @@ class _Text:
     def program(self) -> str:
         self.robot()
         self.file_level()
-        for i in range(self.choices.several(1, 4)):
+        for i in range(self.choices.mostly_large(1, 4)):
             self.module(i)
         self.variations()
         self.watches()
@@ -83,96 +83,96 @@ class _Text:
     def robot(self) -> None:
         self.add("enum mood { calm = 0, alert = 67, lost = -2.5 }")
         self.add("robot drawn {")
-        self.add(f"  frame {self.choices.one(('50', '100', '20'))} ms")
+        self.add(f"  frame {self.choices.pick(('50', '100', '20'))} ms")
         self.add("  sensor b0 : bool from DServer.b0")
         self.readable("b0", BOOL, fresh=True)
-        for i in range(self.choices.several(0, 4)):
+        for i in range(self.choices.mostly_large(0, 4)):
             self.sensor(f"d{i}")
-        velocity = self.choices.one(("mm/s", "m/s", "ft/s"))
-        turn = self.choices.one(("deg/s", "rad/s", "rad/min"))
+        velocity = self.choices.pick(("mm/s", "m/s", "ft/s"))
+        turn = self.choices.pick(("deg/s", "rad/s", "rad/min"))
         fields = f"velocity : {velocity}{self.range(4)}, turn : {turn}{self.range(2)}"
         self.add(f"  actuator drive {{ {fields} }}")
-        moving = "range" not in fields and self.choices.rarely(2)
+        moving = "range" not in fields and self.choices.one_in(2)
         idle = "velocity = -10 mm/s, turn = 1 rad/s" if moving else "velocity = 0, turn = 0"
         self.add(f"    to RServer.drive idle drive({idle}){self.on_loss()}")
-        self.light = self.choices.rarely(2)
+        self.light = self.choices.one_in(2)
         if self.light:
             self.add(f"  actuator light {{ level : number{self.range(3)}, on : bool, mood : mood }}")
-            idle = self.choices.one(("light(level = 1, on = false, mood = mood.lost)", "hold"))
+            idle = self.choices.pick(("light(level = 1, on = false, mood = mood.lost)", "hold"))
             self.add(f"    to DServer.Light idle {idle}{self.on_loss()}")
         for i in range(self.probes):
-            dimension = self.choices.one([*UNITS])
-            unit = self.choices.one(UNITS[dimension])
+            dimension = self.choices.pick([*UNITS])
+            unit = self.choices.pick(UNITS[dimension])
             self.add(f"  actuator probe{i} {{ seen : {unit} }} to DServer.Probe{i} idle hold")
-            self.seen.append(Quantity(dimension))
+            self.probe_types.append(Quantity(dimension))
         self.add("}")
 
-    def range(self, most: int) -> str:
-        """Return a range in the declared unit, or none."""
-        if not self.choices.rarely(2):
+    def range(self, high: int) -> str:
+        """Return a range in the declared unit, or nothing."""
+        if not self.choices.one_in(2):
             return ""
-        return f" range {self.choices.one(('-1', '0', '-0.5'))} .. {self.choices.between(1, most)}"
+        return f" range {self.choices.pick(('-1', '0', '-0.5'))} .. {self.choices.between(1, high)}"
 
     def on_loss(self) -> str:
-        return self.choices.one(("", " on_loss stop", " on_loss degrade"))
+        return self.choices.pick(("", " on_loss stop", " on_loss degrade"))
 
     def sensor(self, name: str) -> None:
-        kind = self.choices.upto(6)
+        kind = self.choices.up_to(6)
         scalar: Scalar
         if kind <= 2:
             scalar, unit = BOOL, "bool"
         elif kind == 6:
             scalar, unit = MOOD, "mood"
         else:
-            dimension = self.choices.one([*UNITS])
-            scalar, unit = Quantity(dimension), self.choices.one(UNITS[dimension])
-        size = self.choices.between(1, 5) if self.choices.rarely(2) else 0
+            dimension = self.choices.pick([*UNITS])
+            scalar, unit = Quantity(dimension), self.choices.pick(UNITS[dimension])
+        size = self.choices.between(1, 5) if self.choices.one_in(2) else 0
         extra = self.range(9) if isinstance(scalar, Quantity) else ""
-        if self.choices.rarely(3):
+        if self.choices.one_in(3):
             default = {"bool": "true", "mood": "mood.alert"}.get(unit, "1")
             extra += f" default {default}"
         shape = f"[{size}]" if size else ""
-        within = self.choices.one(("", " within 300 ms"))
+        within = self.choices.pick(("", " within 300 ms"))
         self.add(f"  sensor {name}{shape} : {unit}{extra} from DServer.{name}{within}")
         self.readable(name, Array(scalar, size) if size else scalar, fresh=True)
 
     # --- derived values --------------------------------------------------------------------------
 
     def file_level(self) -> None:
-        """Write params, states, lets and a machine, each reading those above it."""
-        for i in range(self.choices.upto(1)):
+        """Write params, states, lets and a machine; each may read those above it."""
+        for i in range(self.choices.up_to(1)):
             self.param(f"c{i}", "")
         states = []
-        for i in range(self.choices.upto(2)):
+        for i in range(self.choices.up_to(2)):
             scalar = Expressions(self.choices, self.scope).any_scalar()
             self.add(self.state(f"s{i}", scalar))
             self.readable(f"s{i}", scalar)
             states.append((f"s{i}", scalar))
-        self.lets(0, self.choices.upto(2))
-        if self.choices.rarely():
+        self.lets(0, self.choices.up_to(2))
+        if self.choices.one_in(3):
             self.machine()
-        self.lets(2, self.choices.upto(1))
+        self.lets(2, self.choices.up_to(1))
         for name, scalar in states:
-            if not self.choices.rarely(5):
+            if not self.choices.one_in(5):
                 self.add(f"next {name} = {self.write(scalar, 2)}")
 
     def param(self, name: str, indent: str) -> tuple[str, Dimension]:
-        dimension = self.choices.one([*LITERALS])
+        dimension = self.choices.pick([*LITERALS])
         self.add(f"{indent}param {name} = {Expressions(self.choices, self.scope).literal(dimension)}")
         if not indent:
-            self.params = _more(self.params, dimension, name)
+            self.params = _with_constant(self.params, dimension, name)
             self.scope = replace(self.scope, constants=self.params)
         return name, dimension
 
     def state(self, name: str, of: Scalar) -> str:
-        """Return a state's declaration; its type is written, or follows from its constant."""
+        """Return a state's declaration; its type is written or inferred from its initial value."""
         if isinstance(of, Quantity):
             declared = {SPEED: "mm/s", TURN_RATE: "deg/s"}.get(of.dimension) or UNITS[of.dimension][0]
             initial = Expressions(self.choices, Scope()).literal(of.dimension)
         else:
             declared = "bool" if of == BOOL else str(of)
             initial = "false" if of == BOOL else f"{of}.calm"
-        typed = f" : {declared}" if self.choices.rarely(2) else ""
+        typed = f" : {declared}" if self.choices.one_in(2) else ""
         return f"state {name}{typed} = {initial}"
 
     def lets(self, first: int, count: int) -> None:
@@ -182,19 +182,19 @@ class _Text:
             self.readable(f"g{i}", type_, fresh=True)
 
     def some_type(self) -> Type:
-        """Return mostly a scalar type; else the type of an array in scope."""
+        """Return a scalar type or, less often, the type of an array in scope."""
         arrays = [n.type for n in self.scope.names if isinstance(n.type, Array)]
-        if arrays and self.choices.rarely(3):
-            return self.choices.one(arrays)
+        if arrays and self.choices.one_in(3):
+            return self.choices.pick(arrays)
         return Expressions(self.choices, self.scope).any_scalar()
 
     def machine(self) -> None:
         phases = WORDS[: self.choices.between(2, 3)]
         transitions = []
         # Each phase is the target of a transition: a machine has only the phases that it names.
-        for target in (*phases[1:], *(self.choices.one(phases) for _ in range(self.choices.upto(2)))):
+        for target in (*phases[1:], *(self.choices.pick(phases) for _ in range(self.choices.up_to(2)))):
             sources = [p for p in phases if p != target]
-            source = "any" if self.choices.rarely() else self.choices.one(sources)
+            source = "any" if self.choices.one_in(3) else self.choices.pick(sources)
             transitions.append(f"  {source} -> {target} when {self.write(BOOL, 2)}")
         self.add(f"machine phase {{\n  start {phases[0]}")
         self.lines.extend(transitions)
@@ -205,19 +205,19 @@ class _Text:
     # --- modules ---------------------------------------------------------------------------------
 
     def module(self, i: int) -> None:
-        if self.python and i > 0 and self.choices.rarely(6):
+        if self.python and i > 0 and self.choices.one_in(6):
             self.python_module(f"m{i}")
             return
         name, outer = f"m{i}", self.scope
-        actuator = self.choices.one(("drive", "drive", *(["light"] * self.light), None)) if i else "drive"
+        actuator = self.choices.pick(("drive", "drive", *(["light"] * self.light), None)) if i else "drive"
         self.add(f"module {name} {{")
         members: list[Named] = []
-        if self.choices.rarely():
+        if self.choices.one_in(3):
             param, dimension = self.param("gain", "  ")
-            self.scope = replace(self.scope, constants=_more(self.params, dimension, param))
+            self.scope = replace(self.scope, constants=_with_constant(self.params, dimension, param))
             self.own_params[f"{name}.gain"] = dimension
         members += self.own_memory(name)
-        self.add(f"  when {self.write(BOOL, self.choices.one((3, 0)))}")
+        self.add(f"  when {self.write(BOOL, self.choices.pick((3, 0)))}")
         if actuator is not None:
             self.add(f"  do {self.command(actuator)}")
         self.add("}")
@@ -226,14 +226,14 @@ class _Text:
         self.ports.append(Port(name=name, actuators=frozenset({actuator})))
 
     def own_memory(self, name: str) -> list[Named]:
-        """Write lets and a state of a module, with the same names in every module, and return them."""
+        """Write lets and a state of a module, with the same names in every module; return them."""
         members: list[Named] = []
-        for i in range(self.choices.upto(2)):
+        for i in range(self.choices.up_to(2)):
             type_ = self.some_type()
             self.add(f"  let x{i} = {self.write(type_, 2)}")
             self.readable(f"x{i}", type_)
             members.append(Named(text=f"{name}.x{i}", type=type_))
-        if self.choices.rarely():
+        if self.choices.one_in(3):
             scalar = Expressions(self.choices, self.scope).any_scalar()
             self.add(f"  {self.state('y', scalar)}")
             self.readable("y", scalar)
@@ -250,12 +250,12 @@ class _Text:
 
     def python_module(self, name: str) -> None:
         self.add(f'module {name} from python "colony.verify.testing.python_modules:ErraticModule" {{')
-        self.add(f"  param seed = {self.choices.upto(7)}")
-        reads = list(dict.fromkeys(self.choices.one(self.scope.names).text for _ in range(2)))
+        self.add(f"  param seed = {self.choices.up_to(7)}")
+        reads = list(dict.fromkeys(self.choices.pick(self.scope.names).text for _ in range(2)))
         self.add(f"  reads {', '.join(reads)}")
         self.add("  commands drive")
-        if self.choices.rarely(2):
-            self.add(f"  rate {self.choices.one((100, 50, 120))} ms")
+        if self.choices.one_in(2):
+            self.add(f"  rate {self.choices.pick((100, 50, 120))} ms")
         self.add("}")
         self.ports.append(Port(name=name, actuators=frozenset({"drive"})))
 
@@ -263,7 +263,7 @@ class _Text:
         """Write a module derived from another, sometimes with an overridden param."""
         originals = [i for i, line in enumerate(self.lines) if line.startswith("module m") and "{" in line]
         for start in originals[:1]:
-            if not self.choices.rarely() or "python" in self.lines[start]:
+            if not self.choices.one_in(3) or "python" in self.lines[start]:
                 continue
             name = self.lines[start].split()[1]
             dimension = self.own_params.get(f"{name}.gain")
@@ -275,41 +275,41 @@ class _Text:
             self.ports.append(Port(name="other", actuators=actuators))
 
     def watches(self) -> None:
-        """Write modules that command the values of expressions, so that every bit of them is compared."""
-        for i, of in enumerate(self.seen):
+        """Write modules that command the values of expressions, so that these are compared bit for bit."""
+        for i, of in enumerate(self.probe_types):
             self.add(f"module watch{i} {{\n  when true\n  do probe{i}(seen = {self.write(of, 3)})\n}}")
 
     # --- network, limits, contracts --------------------------------------------------------------
 
     def network(self) -> list[str]:
-        """Return the wiring, in the order drawn or the reverse, and the names of its wires."""
+        """Write the network, its wires in the order drawn or reversed, and return the names of its wires."""
         actuators = ["drive", *(["light"] * self.light)]
         wirings = Wirings(self.choices, self.ports, WINDOWS_NS)
         wires = draw_wires(wirings, actuators, 3, 2)
         lines = [f"  {wire.name} = {wiring_text(wire.wiring)}" for wire in wires]
         lines += [f"  probe{i} = watch{i}" for i in range(self.probes)]
-        if self.choices.rarely(2):
+        if self.choices.one_in(2):
             lines.reverse()
         self.lines += ["network {", *lines, "}"]
         return [wire.name for wire in wires if wire.actuator is None]
 
     def limits(self) -> None:
         fields = [("velocity", SPEED), ("turn", TURN_RATE), ("velocity", SPEED)]
-        for _ in range(self.choices.upto(2)):
-            field, dimension = self.choices.one(fields)
-            bound, relation = self.write(Quantity(dimension), 2), self.choices.one(("<=", ">="))
-            condition = f" when {self.write(BOOL, 2)}" if self.choices.rarely(2) else ""
+        for _ in range(self.choices.up_to(2)):
+            field, dimension = self.choices.pick(fields)
+            bound, relation = self.write(Quantity(dimension), 2), self.choices.pick(("<=", ">="))
+            condition = f" when {self.write(BOOL, 2)}" if self.choices.one_in(2) else ""
             self.add(f"limit drive.{field} {relation} {bound}{condition}")
 
     def contracts(self, wires: Sequence[str]) -> None:
-        if not (count := self.choices.upto(3)):
+        if not (count := self.choices.up_to(3)):
             return
         modules = [p.name for p in self.ports]
-        promises = [f"({name} is active)" for name in (*modules, *wires)]
+        conditions = [f"({name} is active)" for name in (*modules, *wires)]
         for port in self.ports:
-            promises += [f"({actuator} by {port.name})" for actuator in port.actuators if actuator]
+            conditions += [f"({actuator} by {port.name})" for actuator in port.actuators if actuator]
         for actuator in ("drive", *(["light"] * self.light)):
-            promises += [f"({actuator} is commanded)", f"({actuator} is idle)"]
+            conditions += [f"({actuator} is commanded)", f"({actuator} is idle)"]
         names = [*self.parts, Named(text="drive.velocity", type=Quantity(SPEED))]
         names.append(Named(text="drive.turn", type=Quantity(TURN_RATE)))
         if self.light:
@@ -317,9 +317,12 @@ class _Text:
             names.append(Named(text="light.level", type=DIMENSIONLESS))
         constants = self.params
         for name, dimension in self.own_params.items():
-            constants = _more(constants, dimension, name)
+            constants = _with_constant(constants, dimension, name)
         scope = Scope(
-            names=(*self.scope.names, *names), enums=(MOOD,), promises=tuple(promises), constants=constants
+            names=(*self.scope.names, *names),
+            enums=(MOOD,),
+            contract_conditions=tuple(conditions),
+            constants=constants,
         )
         for i in range(count):
             self.add(f"contract k{i}: {self.write(BOOL, 3, scope)}")

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 
 class ErraticModule:
-    """Commands `drive(velocity, turn)` validly, not at all, and wrongly in several ways, in turn.
+    """Gives valid commands `drive(velocity, turn)`, none, and several kinds of invalid ones, in turn.
 
     Deterministic: the answer depends on `seed`, on the number of calls, and on the readings. `seed` is a
     number; velocities are in mm/s, turns in deg/s.

@@ -27,7 +27,7 @@ ODD_READINGS: tuple[Reading, ...] = (
     (1.0, math.nan),
     3,
 )
-"""Readings that are invalid for most sensors, each for another reason."""
+"""Readings that are invalid for most sensors, each for a different reason."""
 
 PLAIN_NUMBERS = (0.0, 1.0, 2, -1, -0.0, 2.5, 100.0, 0.5, -7.25, 1e12)
 """Plain numbers in declared units, for any sensor."""
@@ -39,7 +39,7 @@ _MAX_THRESHOLDS = 40
 
 
 def thresholds_among(nodes: Iterable[ir.Expression]) -> Thresholds:
-    """Return the finite constants among expressions, by dimension, the first few of each."""
+    """Return finite constants among expressions, sorted by dimension; at most `_MAX_THRESHOLDS` of each."""
     found: dict[Dimension, dict[float, None]] = {}
     for node in nodes:
         match node:
@@ -58,24 +58,24 @@ def thresholds_among(nodes: Iterable[ir.Expression]) -> Thresholds:
 
 
 def draw_reading(choices: Choices, sensor: Sensor, thresholds: Thresholds) -> Reading:
-    """Draw a reading of a sensor in its declared unit, occasionally a missing or invalid one."""
-    if choices.rarely(16):
+    """Draw a reading of a sensor in its declared unit, or occasionally a missing or invalid one."""
+    if choices.one_in(16):
         return None
-    if choices.rarely(20):
-        return choices.one(ODD_READINGS)
+    if choices.one_in(20):
+        return choices.pick(ODD_READINGS)
     if not isinstance(sensor.type, Array):
         return _scalar(choices, sensor.type, sensor, thresholds)
     size = sensor.type.size
-    if choices.rarely(30):
-        size = max(0, size + choices.one((1, -1)))
+    if choices.one_in(30):
+        size = max(0, size + choices.pick((1, -1)))
     elements = _elements(choices, sensor.type.element, size, sensor, thresholds)
-    return tuple(elements) if choices.rarely(2) else elements
+    return tuple(elements) if choices.one_in(2) else elements
 
 
 def _elements(
     choices: Choices, of: Scalar, size: int, sensor: Sensor, thresholds: Thresholds
 ) -> list[ScalarValue | int]:
-    """Draw elements: all equal; equal but for a run, which may wrap around; from a few values or many.
+    """Draw elements: all equal, equal except for some runs, from a few values, or independent.
 
     Programs compute the minimum of a region, or count the elements below a threshold. With independent
     elements the results would be nearly the same every time.
@@ -84,15 +84,15 @@ def _elements(
     def draw() -> ScalarValue | int:
         return _scalar(choices, of, sensor, thresholds)
 
-    kind = choices.upto(5)
+    kind = choices.up_to(5)
     if kind >= 5:
         return [draw() for _ in range(size)]
     values = [draw()] * size
     if kind == 4:
         few = [draw() for _ in range(choices.between(2, 4))]
-        return [choices.one(few) for _ in range(size)]
+        return [choices.pick(few) for _ in range(size)]
     for _ in range((0, 1, 1, 2)[kind] if size else 0):
-        other, first, length = draw(), choices.upto(size - 1), choices.between(1, max(1, size // 2))
+        other, first, length = draw(), choices.up_to(size - 1), choices.between(1, max(1, size // 2))
         for i in range(first, first + length):
             values[i % size] = other
     return values
@@ -101,28 +101,28 @@ def _elements(
 def _scalar(choices: Choices, of: Scalar, sensor: Sensor, thresholds: Thresholds) -> ScalarValue | int:
     match of:
         case Bool():
-            return choices.upto(1) == 1
+            return choices.up_to(1) == 1
         case Enum(members=members):
-            value = choices.one(members)[1]
-            return int(value) if value.is_integer() and choices.rarely(3) else value
+            value = choices.pick(members)[1]
+            return int(value) if value.is_integer() and choices.one_in(3) else value
         case Quantity(dimension=dimension):
-            if choices.rarely(4):
-                return choices.one(PLAIN_NUMBERS)
+            if choices.one_in(4):
+                return choices.pick(PLAIN_NUMBERS)
             bounds = [x for x in (sensor.low, sensor.high) if x is not None]
             numbers = sorted({*thresholds.get(dimension, ()), *bounds})
-            return _number(choices, numbers) / sensor.factor if numbers else choices.one(PLAIN_NUMBERS)
+            return _number(choices, numbers) / sensor.factor if numbers else choices.pick(PLAIN_NUMBERS)
         case _:
             assert_never(of)
 
 
 def _number(choices: Choices, numbers: list[float]) -> float:
-    """Return one of some numbers, or one between two neighbors, beyond them, or the nearest float to one."""
+    """Return one of the numbers, a number between or beyond them, or a float adjacent to one of them."""
     between = [a + (b - a) / 2 for a, b in pairwise(numbers)]
     beyond = [numbers[-1] * 2 + 1, numbers[0] - abs(numbers[0]) - 1]
-    match choices.upto(4):
+    match choices.up_to(4):
         case 0 | 1:
-            return choices.one((*between, *beyond))
+            return choices.pick((*between, *beyond))
         case 2 | 3:
-            return choices.one(numbers)
+            return choices.pick(numbers)
         case _:
-            return math.nextafter(choices.one(numbers), choices.one((math.inf, -math.inf)))
+            return math.nextafter(choices.pick(numbers), choices.pick((math.inf, -math.inf)))

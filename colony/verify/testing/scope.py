@@ -1,4 +1,4 @@
-"""The leaves of drawn expressions: literals of each dimension, and the names in scope."""
+"""The leaves of drawn expressions: literals of each dimension, and names in scope."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ LITERALS: dict[Dimension, tuple[str, ...]] = {
     SPEED: ("100 mm/s", "0 mm/s", "0.3 m/s", "600 mm/s", "1 ft/s", "7 inch/min"),
     TURN_RATE: ("30 deg/s", "0 deg/s", "1 rad/s", "90 deg/s", "600 deg/min"),
 }
-"""Literals of few magnitudes, so that values are often equal; some overflow when multiplied."""
+"""Literals of a few magnitudes, so that values are often equal; some overflow when multiplied."""
 
 ODD_NUMBERS = ("sqrt(-1)", "(1 / 0)", "(-1 / 0)", "(-1 / (1 / 0))", "(sqrt(-1) + 1)")
-"""NaN (twice: most mistakes are about it), the infinities, and -0.0."""
+"""NaN (twice, as most mistakes concern it), the infinities, and -0.0."""
 
 DURATIONS_MS = (100, 50, 150, 20, 1000)
 
@@ -45,12 +45,12 @@ class NamedArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scope:
-    """The names that an expression may use. `promises` are conditions that only contracts may read."""
+    """The names that an expression may use. `contract_conditions` may be used only in contracts."""
 
     names: tuple[Named, ...] = ()
     enums: tuple[Enum, ...] = ()
     memory: bool = True
-    promises: tuple[str, ...] = ()
+    contract_conditions: tuple[str, ...] = ()
     loops: int = 0
     constants: dict[Dimension, tuple[str, ...]] = field(default_factory=dict)  # params
 

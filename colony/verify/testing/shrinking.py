@@ -1,7 +1,7 @@
 """Minimization of a run that shows a finding: few frames, simple readings, regular times.
 
-Delta debugging (Zeller and Hildebrandt, 2002) over frames, then over the readings of one sensor after the
-other, then over times, until nothing can be simplified any further. Every step is checked, so the result
+Delta debugging (Zeller and Hildebrandt, 2002) over frames, then over the readings of one sensor after
+another, then over times, until nothing can be simplified further. Every step is checked, so that the result
 shows the same finding.
 """
 
@@ -18,12 +18,12 @@ from colony.verify.reference.boundary import sense
 from colony.verify.snapshot import Snapshot
 
 MAX_SHRINK_FRAMES = 6000
-"""The largest number of frames computed to shrink a trace; then the best trace so far is returned."""
+"""Maximum number of frames to compute for shrinking a trace; then the best trace so far is returned."""
 
-Given = TypeVar("Given", Frame, Snapshot)
+Step = TypeVar("Step", Frame, Snapshot)
 
-Shows = Callable[[tuple[Given, ...]], int | None]
-"""A function that returns the index of the first frame that shows the finding, None if no frame does."""
+Shows = Callable[[tuple[Step, ...]], int | None]
+"""A function that returns the index of the first frame that shows the finding, or None."""
 
 
 class Simpler(Protocol):
@@ -39,10 +39,10 @@ class Simpler(Protocol):
         """
 
 
-def shrunk(
+def shrink_trace(
     program: Program, trace: Sequence[Frame], shows: Shows[Frame], frame_budget: int = MAX_SHRINK_FRAMES
 ) -> tuple[Frame, ...]:
-    """Return the smallest trace found that shows the same finding as `trace`, in its last frame.
+    """Return the smallest trace found whose last frame shows the same finding as `trace`.
 
     Frames keep their order. `trace` itself must show the finding.
     """
@@ -51,45 +51,45 @@ def shrunk(
     return shrinker.trace
 
 
-class Shrinker(Generic[Given]):
-    """A stepwise minimizer of a run. Mutable: the best run so far, and the frame budget that is left."""
+class Shrinker(Generic[Step]):
+    """A stepwise minimizer of a run. Stateful: holds the best run so far, and the remaining frame budget."""
 
     def __init__(
         self,
         robot: Robot,
-        trace: tuple[Given, ...],
-        shows: Shows[Given],
+        trace: tuple[Step, ...],
+        shows: Shows[Step],
         simpler: Simpler,
         frame_budget: int,
     ) -> None:
         self._robot = robot
-        self._shows: Shows[Given] = shows
+        self._shows: Shows[Step] = shows
         self._simpler = simpler
         self._frames_left = frame_budget
-        self.trace: tuple[Given, ...] = trace
+        self.trace: tuple[Step, ...] = trace
         self.take(trace)
 
     def run(self) -> None:
-        """Shrink until nothing more can go, or the frame budget is spent."""
-        before: tuple[Given, ...] = ()
+        """Shrink until nothing can be simplified further, or the frame budget is spent."""
+        before: tuple[Step, ...] = ()
         while repr(before) != repr(self.trace) and self._frames_left > 0:
             before = self.trace
             self._fewer_frames()
             self._simpler_readings()
             self._regular_times()
 
-    def take(self, candidate: tuple[Given, ...]) -> bool:
-        """Adopt a candidate that shows the finding, cut after that frame; return True if it does."""
+    def take(self, candidate: tuple[Step, ...]) -> bool:
+        """Adopt a candidate if it shows the finding, and cut it after that frame; return True if it does."""
         if not candidate or len(candidate) > self._frames_left:
             return False
         self._frames_left -= len(candidate)
-        at = self._shows(candidate)
-        if at is not None:
-            self.trace = candidate[: at + 1]
-        return at is not None
+        index = self._shows(candidate)
+        if index is not None:
+            self.trace = candidate[: index + 1]
+        return index is not None
 
     def _fewer_frames(self) -> None:
-        """Leave out halves of the trace, quarters, ..., single frames, from the end, last one included."""
+        """Leave out halves of the trace, then quarters, ..., then single frames, each time from the end."""
         size = max(1, len(self.trace) // 2)
         while size:
             end = len(self.trace)
@@ -101,7 +101,7 @@ class Shrinker(Generic[Given]):
     # --- times -----------------------------------------------------------------------------------
 
     def _regular_times(self) -> None:
-        """Begin at 0, and let each frame follow after one frame period, or after as few as possible."""
+        """Start at 0, with one frame period between frames, or as few periods as possible."""
         period, first = self._robot.frame_ns, self.trace[0].t_ns
         if first:
             self.take(tuple(f._replace(t_ns=f.t_ns - first) for f in self.trace))
@@ -110,41 +110,41 @@ class Shrinker(Generic[Given]):
             return
         for i in range(1, len(self.trace)):
             if i < len(self.trace):
-                self._sooner(i)
+                self._reduce_gap(i)
 
-    def _sooner(self, i: int) -> None:
-        """Let frame `i` follow after as few whole periods as possible, found by bisection."""
+    def _reduce_gap(self, i: int) -> None:
+        """Reduce the time before frame `i` to as few whole periods as possible, by bisection."""
         period, gap = self._robot.frame_ns, self._gap(i)
-        if gap == period or self._moved(i, period):
+        if gap == period or self._try_gap(i, period):
             return
         for grain in (period, 1_000_000, 1_000):
-            if any(self._moved(i, wanted) for wanted in (-(-gap // grain) * grain, gap // grain * grain)):
+            if any(self._try_gap(i, new_gap) for new_gap in (-(-gap // grain) * grain, gap // grain * grain)):
                 break
         low, high = 1, self._gap(i) // period if i < len(self.trace) else 0
         while high - low > 1:
-            middle = (low + high) // 2
-            if self._moved(i, middle * period):
-                high = middle
+            center = (low + high) // 2
+            if self._try_gap(i, center * period):
+                high = center
             else:
-                low = middle
+                low = center
 
     def _gap(self, i: int) -> int:
         return self.trace[i].t_ns - self.trace[i - 1].t_ns
 
-    def _moved(self, i: int, wanted: int) -> bool:
-        """Try another time between frame `i` and the one before; those after it move along."""
-        if i >= len(self.trace) or wanted <= 0:
+    def _try_gap(self, i: int, new_gap: int) -> bool:
+        """Try another time between frame `i` and the frame before it; later frames are shifted, too."""
+        if i >= len(self.trace) or new_gap <= 0:
             return False
-        change = wanted - self._gap(i)
+        change = new_gap - self._gap(i)
         if not change:
             return True
-        moved = tuple(f._replace(t_ns=f.t_ns + change) for f in self.trace[i:])
-        return self.take(self.trace[:i] + moved)
+        shifted = tuple(f._replace(t_ns=f.t_ns + change) for f in self.trace[i:])
+        return self.take(self.trace[:i] + shifted)
 
     # --- readings --------------------------------------------------------------------------------
 
     def _simpler_readings(self) -> None:
-        """Simplify each sensor in all frames at once, and then in one after the other."""
+        """Simplify each sensor, first in all frames at once, then in one frame after another."""
         for sensor in self._robot.sensors:
             for candidate in self._simpler.in_all(sensor, [self._reading(sensor, f) for f in self.trace]):
                 changed = self._with(sensor, range(len(self.trace)), candidate)
@@ -153,28 +153,28 @@ class Shrinker(Generic[Given]):
             i = 0
             while i < len(self.trace):
                 before = self._reading(sensor, self.trace[i - 1]) if i else None
-                here = self._simpler.in_one(sensor, self._reading(sensor, self.trace[i]), before)
-                if not any(self._set(sensor, i, candidate) for candidate in here):
+                candidates = self._simpler.in_one(sensor, self._reading(sensor, self.trace[i]), before)
+                if not any(self._set(sensor, i, candidate) for candidate in candidates):
                     i += 1
 
     def _set(self, sensor: Sensor, i: int, reading: Reading) -> bool:
-        """Try another reading in frame `i` and the equal ones that follow, or in frame `i` alone."""
+        """Try another reading in frame `i` and the equal ones after it, or in frame `i` alone."""
         end, same = i + 1, repr(self._reading(sensor, self.trace[i]))
         while end < len(self.trace) and repr(self._reading(sensor, self.trace[end])) == same:
             end += 1
         return any(self.take(self._with(sensor, range(i, n), reading)) for n in dict.fromkeys((end, i + 1)))
 
-    def _reading(self, sensor: Sensor, frame: Given) -> Reading:
+    def _reading(self, sensor: Sensor, frame: Step) -> Reading:
         return frame.readings.get(sensor.name)
 
-    def _with(self, sensor: Sensor, frames: range, reading: Reading) -> tuple[Given, ...]:
+    def _with(self, sensor: Sensor, frames: range, reading: Reading) -> tuple[Step, ...]:
         return tuple(
             with_reading(f, sensor.name, reading) if i in frames else f for i, f in enumerate(self.trace)
         )
 
 
-def with_reading(frame: Given, sensor: str, reading: Reading) -> Given:
-    """Return a frame with another reading of a sensor; None makes it missing."""
+def with_reading(frame: Step, sensor: str, reading: Reading) -> Step:
+    """Return a frame with another reading of a sensor; None makes the sensor missing."""
     readings: dict[str, Any] = {**frame.readings, sensor: reading}
     if reading is None and isinstance(frame, Snapshot):
         del readings[sensor]  # a snapshot has no entries for missing sensors
@@ -185,11 +185,11 @@ class _PlainReadings:
     """Plainer readings in declared units: false, the first enumerator, 0, and rounder numbers."""
 
     def in_all(self, sensor: Sensor, readings: Sequence[Reading]) -> Iterator[Reading]:
-        """Yield a plain reading, the first and the last."""
+        """Yield a plain reading, then the first and the last reading."""
         yield from (_plain(sensor), readings[0], readings[-1])
 
     def in_one(self, sensor: Sensor, reading: Reading, before: Reading) -> Iterator[Reading]:
-        """Yield plainer readings; an invalid reading of the sensor may be missing as well."""
+        """Yield plainer readings; an invalid reading may also become missing."""
         plain = _plain(sensor)
         if repr(reading) in (repr(plain), "None"):
             return
@@ -203,7 +203,7 @@ class _PlainReadings:
 
 
 def _plainer_elements(plain: ScalarValue, elements: list[ScalarValue | int]) -> Iterator[Reading]:
-    """Yield halves, quarters, ... of an array plain; then rounded."""
+    """Yield the array with halves, quarters, ... of it made plain; then with rounded elements."""
     size = len(elements) // 2
     while size:
         for first in range(0, len(elements), size):
@@ -223,7 +223,7 @@ def _plain(sensor: Sensor) -> Reading:
 
 
 def _plain_scalar(sensor: Sensor) -> ScalarValue:
-    """Return false, the first enumerator, or what is nearest to 0 in the range; in declared units."""
+    """Return false, the first enumerator, or the number in range that is nearest to 0; in declared units."""
     of, low, high = element_type(sensor.type), sensor.low, sensor.high
     if isinstance(of, Quantity) and low is not None and low > 0:
         return low / sensor.factor

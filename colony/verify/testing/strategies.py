@@ -14,7 +14,8 @@
             assert "never_ram" not in interpreter.step(frame).breaches
 
 Examples are valid by construction and shrink towards small programs, short traces and ordinary readings. They
-include what goes wrong in practice: missing and faulty sensors, times a nanosecond off, NaN, sharing.
+include what goes wrong in practice: missing and faulty sensors, times a nanosecond off, NaN, wires used
+twice.
 """
 
 from __future__ import annotations
@@ -43,16 +44,16 @@ Run = tuple[Program, tuple[Frame, ...]]
 def networks(*, max_modules: int = 6, max_wires: int = 5) -> st.SearchStrategy[Program]:
     """Draw programs that consist of a network: arbitrary wirings of modules controlled by bool sensors.
 
-    Module `m<i>` is applicable where the bool sensor `p<i>` is true, and silent where that is missing; so a
-    trace can drive any pattern of activity. Wirings are directed acyclic graphs over one or two actuators,
-    with shared wires, inhibitors of suppressors of inhibitors, and time constants. The contract
-    `<name>_is_silent` of each module and wire is broken where it is active.
+    The predicate of module `m<i>` is the bool sensor `p<i>`, and the module is silent where that is missing;
+    so a trace can produce any pattern of activity. Wirings are directed acyclic graphs over one or two
+    actuators, with shared wires, inhibitors of suppressors of inhibitors, and time constants. The contract
+    `<name>_is_inactive` of each module and wire is broken whenever that module or wire is active.
     """
     return choices().map(lambda c: draw_network(c, max_modules, max_wires))
 
 
 def texts(*, python: bool = True) -> st.SearchStrategy[str]:
-    """Draw source texts of valid programs that use all of the language but imports and tests.
+    """Draw source texts of valid programs that use the whole language except imports and tests.
 
     With `python`, some modules are written in Python.
     """
@@ -63,7 +64,7 @@ def programs(*, python: bool = True) -> st.SearchStrategy[Program]:
     """Draw the programs of `texts`.
 
     Raises:
-        DiagnosticError: the front end rejects a drawn text, which is a bug in one of the two.
+        DiagnosticError: the front end rejects a drawn text, which is a bug in the front end or in `texts`.
     """
     from colony.dsl.load import load_text
 
@@ -73,7 +74,7 @@ def programs(*, python: bool = True) -> st.SearchStrategy[Program]:
 def frames(program: Program, *, t_ns: int = 0) -> st.SearchStrategy[Frame]:
     """Draw a frame of `program` at `t_ns`, in declared units.
 
-    Its readings are near the numbers of the program, wrong, or missing.
+    Its readings are near the constants of the program, invalid, or missing.
     """
     expect_program(program)
     return choices().map(lambda c: draw_frame(c, program, t_ns))
@@ -83,9 +84,9 @@ def traces(program: Program, *, max_frames: int = 8) -> st.SearchStrategy[tuple[
     """Draw up to `max_frames` frames of `program`, at least one, in declared units.
 
     Times advance by frame periods and by durations of the program, exactly or a nanosecond off. Readings are
-    at, between and one float next to the constants of the program; they recur, are missing, and have the
-    wrong type, length or range. The elements of an array are mostly equal, but for a run of others. Some
-    traces begin as a test of the program does.
+    at, between, and one ulp from the program's constants; they recur, are missing, or have the wrong type,
+    length or range. The elements of an array are mostly equal, except for a run of others. Some traces begin
+    like a test of the program.
     """
     expect_program(program)
     if max_frames < 1:
@@ -104,7 +105,7 @@ def runs(*, python: bool = True, max_frames: int = 8) -> st.SearchStrategy[Run]:
 
 
 def run_of_seed(seed: int, *, network: bool = False, max_frames: int = 8) -> Run:
-    """Return what `runs` (or `network_runs`) may draw, always the same for a seed, without hypothesis."""
+    """Return a run that `runs` (or `network_runs`) could draw, determined by the seed, without hypothesis."""
     c = Choices(Random(seed))
     return _network_run(c, 6, 5, max_frames) if network else _run(c, True, max_frames)
 

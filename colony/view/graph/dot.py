@@ -16,30 +16,30 @@ def to_dot(network: Network, title: str = "") -> str:
     if title:
         lines.append(f"  label={_quoted(title)}; labelloc=t;")
     names: dict[int, list[str]] = {}
-    for name, at in network.wires:
-        names.setdefault(at, []).append(name)
-    for at, node in enumerate(network.nodes):
+    for name, index in network.wires:
+        names.setdefault(index, []).append(name)
+    for index, node in enumerate(network.nodes):
         match node:
             case ModuleLeaf(module=module):
-                lines.append(f"  n{at} [shape=box, style=rounded, label={_quoted(module)}];")
+                lines.append(f"  n{index} [shape=box, style=rounded, label={_quoted(module)}];")
             case Suppressor() | Inhibitor():
-                lines += _joint(at, node, names.get(at, []))
-    for i, (actuator, at) in enumerate(network.outputs):
+                lines += _node_lines(index, node, names.get(index, []))
+    for i, (actuator, index) in enumerate(network.outputs):
         style = 'shape=cds, style=filled, fillcolor="#22384f", fontcolor=white'
-        lines += [f"  a{i} [{style}, label={_quoted(actuator)}];", f"  n{at} -> a{i};"]
+        lines += [f"  a{i} [{style}, label={_quoted(actuator)}];", f"  n{index} -> a{i};"]
     return "\n".join([*lines, "}"]) + "\n"
 
 
-def _joint(at: int, node: Suppressor | Inhibitor, names: list[str]) -> list[str]:
-    suppressor = isinstance(node, Suppressor)
-    letter, color, fill = ("S", "#1f6fb2", "#dcecfa") if suppressor else ("I", "#b8352a", "#fbe3e0")
-    beside = [*names, *([duration_text(node.window_ns)] if node.window_ns else [])]
-    beside_text = f", xlabel={_quoted(', '.join(beside))}" if beside else ""
-    look = f'shape=circle, width=0.35, fixedsize=true, style=filled, color="{color}", fillcolor="{fill}"'
+def _node_lines(index: int, node: Suppressor | Inhibitor, names: list[str]) -> list[str]:
+    is_suppressor = isinstance(node, Suppressor)
+    letter, color, fill = ("S", "#1f6fb2", "#dcecfa") if is_suppressor else ("I", "#b8352a", "#fbe3e0")
+    labels = [*names, *([duration_text(node.window_ns)] if node.window_ns else [])]
+    label_attribute = f", xlabel={_quoted(', '.join(labels))}" if labels else ""
+    style = f'shape=circle, width=0.35, fixedsize=true, style=filled, color="{color}", fillcolor="{fill}"'
     return [
-        f'  n{at} [{look}, label="{letter}"{beside_text}];',
-        f'  n{node.dominant} -> n{at}:n [color="{color}"];',
-        f"  n{node.inferior} -> n{at}:w;",
+        f'  n{index} [{style}, label="{letter}"{label_attribute}];',
+        f'  n{node.dominant} -> n{index}:n [color="{color}"];',
+        f"  n{node.inferior} -> n{index}:w;",
     ]
 
 

@@ -9,15 +9,15 @@ from colony.view.graph import dot as graph_dot
 from colony.view.graph import svg as graph_svg
 
 
-def to_svg(drawn: Program | Network, title: str = "") -> str:
+def to_svg(program_or_network: Program | Network, title: str = "") -> str:
     """Return a program's network, or a network, as an SVG document."""
-    return graph_svg.to_svg(_network(drawn), title)
+    return graph_svg.to_svg(_network(program_or_network), title)
 
 
-def to_dot(drawn: Program | Network, title: str = "") -> str:
+def to_dot(program_or_network: Program | Network, title: str = "") -> str:
     """Return a program's network, or a network, as a DOT digraph, for Graphviz."""
-    return graph_dot.to_dot(_network(drawn), title)
+    return graph_dot.to_dot(_network(program_or_network), title)
 
 
-def _network(drawn: Program | Network) -> Network:
-    return elaborate(drawn) if isinstance(drawn, Program) else drawn
+def _network(program_or_network: Program | Network) -> Network:
+    return elaborate(program_or_network) if isinstance(program_or_network, Program) else program_or_network

@@ -1,12 +1,12 @@
-"""The layout of a network's picture, in rows and columns.
+"""The layout of a network's diagrams in rows and columns.
 
-As in the colony figures of the literature, wires run to the right, one row a module, the dominant side above.
+As in the figures of the colony literature, wires run to the right, one row per module, dominant side above.
 A node is in the row of its inferior wire, which goes straight through it; the dominant wire ends in
-a later column than anything between the two rows, and comes down into the node without crossing a wire.
+a later column than anything between the two rows, and enters the node from above without crossing a wire.
 
-This draws a tree. A graph is split into several trees: a node that is used in more than one place gets a
-diagram of its own, which ends in its name, and each use is a stub with that name. A module that is used
-several times is a stub as well, at all places but the first.
+A diagram is a tree. A graph is split into several trees: a node that is used more than once gets a diagram
+of its own, which ends in the node's name, and each use is a stub with that name. A module that is used more
+than once is a stub, too, except at its first use.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from colony.compile.network import ModuleLeaf, Network, NetworkNode
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
-    """A module (column 0), a stub (column 0, `stub` set), or a node (column 1 and beyond).
+class Vertex:
+    """A module or stub (column 0), or a suppressor or inhibitor (column 1 and beyond).
 
     `name` is the text in a module or stub, or next to the wire that leaves a node, if it has a name.
     """
@@ -34,7 +34,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Connection:
-    """A wire from one place to another, by index: into the node from above, or straight."""
+    """A wire between two vertices, by index: into the target from above if `dominant`, else straight."""
 
     source: int
     target: int
@@ -43,22 +43,22 @@ class Connection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagram:
-    """One tree, ending in an actuator, or in the name of a wire; `root` is the place whose wire that is.
+    """One tree, whose outgoing wire leads to an actuator or ends in the wire's name, `ends_in`.
 
-    `used` is true if another diagram uses the wire; otherwise the wire drives nothing.
+    `root` is the index of the vertex that the wire leaves. `used` is false if the wire drives nothing.
     """
 
     ends_in: str
     actuator: bool
     used: bool
-    places: tuple[Place, ...]
+    vertices: tuple[Vertex, ...]
     connections: tuple[Connection, ...]
     root: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Diagrams from top to bottom, with rows numbered through all of them."""
+    """Diagrams from top to bottom; rows are numbered across all of them."""
 
     diagrams: tuple[Diagram, ...]
 
@@ -69,7 +69,7 @@ def layout(network: Network) -> Layout:
 
 
 def inputs(node: NetworkNode) -> tuple[int, ...]:
-    """Return the dominant and the inferior input, or nothing for a module."""
+    """Return the dominant and the inferior input, or an empty tuple for a module."""
     return () if isinstance(node, ModuleLeaf) else (node.dominant, node.inferior)
 
 
@@ -77,18 +77,22 @@ class _Drawing:
     def __init__(self, network: Network) -> None:
         self.nodes = network.nodes
         self.outputs = network.outputs
-        uses = Counter(at for node in network.nodes for at in inputs(node))
-        uses.update(at for _, at in network.outputs)
-        self.unused = [at for at in range(len(self.nodes)) if not uses[at]]
-        self.names = {at: name for name, at in reversed(network.wires)}
+        uses = Counter(index for node in network.nodes for index in inputs(node))
+        uses.update(index for _, index in network.outputs)
+        self.unused = [index for index in range(len(self.nodes)) if not uses[index]]
+        self.names = {index: name for name, index in reversed(network.wires)}
         shared = [
-            at for at, node in enumerate(self.nodes) if uses[at] > 1 and not isinstance(node, ModuleLeaf)
+            index
+            for index, node in enumerate(self.nodes)
+            if uses[index] > 1 and not isinstance(node, ModuleLeaf)
         ]
         self.shared = set(shared)
-        nameless = [at for at in (*shared, *self.unused) if at not in self.names]
-        self.names |= {at: f"wire {i}" for i, at in enumerate(nameless, start=1) if inputs(self.nodes[at])}
-        self.waiting: deque[int] = deque()
-        self.seen: set[int] = set()
+        nameless = [index for index in (*shared, *self.unused) if index not in self.names]
+        self.names |= {
+            index: f"wire {i}" for i, index in enumerate(nameless, start=1) if inputs(self.nodes[index])
+        }
+        self.shared_queue: deque[int] = deque()
+        self.drawn: set[int] = set()
         self.row = 0
 
     def diagrams(self) -> Iterator[Diagram]:
@@ -103,51 +107,51 @@ class _Drawing:
             yield from self.shared_wires()
 
     def shared_wires(self) -> Iterator[Diagram]:
-        while self.waiting:
-            root = self.waiting.popleft()
+        while self.shared_queue:
+            root = self.shared_queue.popleft()
             yield self.diagram(root, self.names[root], actuator=False, used=True)
 
     def diagram(self, root: int, ends_in: str, *, actuator: bool, used: bool) -> Diagram:
-        """Lay out one tree, rows from the dominant side down, columns once the inputs have theirs."""
-        places: list[Place] = []
+        """Lay out one tree: rows from the dominant side down, each column after those of the inputs."""
+        vertices: list[Vertex] = []
         connections: list[Connection] = []
-        done: list[int] = []  # places of inputs whose node is not laid out yet
-        stack = [(root, False)]
+        pending: list[int] = []  # vertices whose node is not laid out yet
+        stack = [(root, False)]  # node, and True once its inputs are on the stack
         while stack:
-            at, entered = stack.pop()
-            node = self.nodes[at]
-            named = self.names.get(at, "")
-            if isinstance(node, ModuleLeaf) or (at in self.shared and (at != root or actuator)):
-                places.append(self.leaf(at, node))
-            elif not entered:
-                stack += ((at, True), (node.inferior, False), (node.dominant, False))
+            index, expanded = stack.pop()
+            node = self.nodes[index]
+            wire_name = self.names.get(index, "")
+            if isinstance(node, ModuleLeaf) or (index in self.shared and (index != root or actuator)):
+                vertices.append(self.leaf(index, node))
+            elif not expanded:
+                stack += ((index, True), (node.inferior, False), (node.dominant, False))
                 continue
             else:
-                inferior, dominant = done.pop(), done.pop()
-                column = 1 + max(places[inferior].column, places[dominant].column)
-                name = "" if at == root and not actuator else named
-                places.append(Place(node=at, row=places[inferior].row, column=column, name=name))
-                here = len(places) - 1
-                connections.append(Connection(source=dominant, target=here, dominant=True))
-                connections.append(Connection(source=inferior, target=here, dominant=False))
-            done.append(len(places) - 1)
+                inferior, dominant = pending.pop(), pending.pop()
+                column = 1 + max(vertices[inferior].column, vertices[dominant].column)
+                name = "" if index == root and not actuator else wire_name
+                vertices.append(Vertex(node=index, row=vertices[inferior].row, column=column, name=name))
+                target = len(vertices) - 1
+                connections.append(Connection(source=dominant, target=target, dominant=True))
+                connections.append(Connection(source=inferior, target=target, dominant=False))
+            pending.append(len(vertices) - 1)
         return Diagram(
             ends_in=ends_in,
             actuator=actuator,
             used=used,
-            places=tuple(places),
+            vertices=tuple(vertices),
             connections=tuple(connections),
-            root=done.pop(),
+            root=pending.pop(),
         )
 
-    def leaf(self, at: int, node: NetworkNode) -> Place:
-        is_repeated = at in self.seen
-        self.seen.add(at)
+    def leaf(self, index: int, node: NetworkNode) -> Vertex:
+        is_repeated = index in self.drawn
+        self.drawn.add(index)
         if isinstance(node, ModuleLeaf):
             name, stub = node.module, is_repeated
         else:
-            name, stub = self.names[at], True
+            name, stub = self.names[index], True
             if not is_repeated:
-                self.waiting.append(at)
+                self.shared_queue.append(index)
         self.row += 1
-        return Place(node=at, row=self.row - 1, column=0, name=name, stub=stub)
+        return Vertex(node=index, row=self.row - 1, column=0, name=name, stub=stub)

@@ -1,4 +1,4 @@
-"""The network as a networkx graph, for your own analyses, and as GraphML, for other tools."""
+"""The network as a networkx graph, for custom analyses, and as GraphML, for other tools."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ if TYPE_CHECKING:
     import networkx
 
 
-def to_networkx(drawn: Program | Network) -> networkx.MultiDiGraph:
+def to_networkx(program_or_network: Program | Network) -> networkx.MultiDiGraph:
     """Return a directed multigraph along the flow of commands, from modules to actuators.
 
-    Nodes have `kind` (module, suppressor, inhibitor, actuator), `label`, and suppressors and inhibitors
-    `window_ns`; edges have `side` (dominant, inferior, or output into an actuator).
+    Nodes have `kind` (module, suppressor, inhibitor, actuator) and `label`; suppressors and inhibitors also
+    have `window_ns`. Edges have `side` (dominant, inferior, or output into an actuator).
     """
     import networkx
 
-    network = elaborate(drawn) if isinstance(drawn, Program) else drawn
-    names = {at: name for name, at in network.wires}
+    network = elaborate(program_or_network) if isinstance(program_or_network, Program) else program_or_network
+    names = {index: name for name, index in network.wires}
     graph = networkx.MultiDiGraph()
-    for at, node in enumerate(network.nodes):
+    for index, node in enumerate(network.nodes):
         match node:
             case ModuleLeaf(module=module):
-                graph.add_node(f"n{at}", kind="module", label=module)
+                graph.add_node(f"n{index}", kind="module", label=module)
             case Suppressor() | Inhibitor():
                 kind = "suppressor" if isinstance(node, Suppressor) else "inhibitor"
-                graph.add_node(f"n{at}", kind=kind, label=names.get(at, ""), window_ns=node.window_ns)
-                graph.add_edge(f"n{node.dominant}", f"n{at}", side="dominant")
-                graph.add_edge(f"n{node.inferior}", f"n{at}", side="inferior")
-    for actuator, at in network.outputs:
+                graph.add_node(f"n{index}", kind=kind, label=names.get(index, ""), window_ns=node.window_ns)
+                graph.add_edge(f"n{node.dominant}", f"n{index}", side="dominant")
+                graph.add_edge(f"n{node.inferior}", f"n{index}", side="inferior")
+    for actuator, index in network.outputs:
         graph.add_node(f"actuator:{actuator}", kind="actuator", label=actuator)
-        graph.add_edge(f"n{at}", f"actuator:{actuator}", side="output")
+        graph.add_edge(f"n{index}", f"actuator:{actuator}", side="output")
     return graph
 
 
-def to_graphml(drawn: Program | Network) -> str:
+def to_graphml(program_or_network: Program | Network) -> str:
     """Return the graph of `to_networkx` as a GraphML document."""
     import networkx
 
-    return "\n".join(networkx.generate_graphml(to_networkx(drawn))) + "\n"
+    return "\n".join(networkx.generate_graphml(to_networkx(program_or_network))) + "\n"

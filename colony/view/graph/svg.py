@@ -11,7 +11,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
 from colony.text.wording import duration_text
-from colony.view.graph.layout import Connection, Diagram, Layout, Place, layout
+from colony.view.graph.layout import Connection, Diagram, Vertex, layout
 
 MARGIN = 28.0
 ROW = 54.0
@@ -50,9 +50,9 @@ _STYLE = """
 def to_svg(network: Network, title: str = "") -> str:
     """Return an SVG document of the network; the same network always gives the same text.
 
-    Readable for up to some tens of modules, and linear in the network for any number.
+    Readable for up to a few dozen modules; takes time linear in the size of the network.
     """
-    return _Picture(network, layout(network), title).document()
+    return _Picture(network, title).document()
 
 
 def text_width(text: str, size: float) -> float:
@@ -67,46 +67,48 @@ class _Point:
 
 
 class _Picture:
-    """Pixels for rows and columns, and the elements in the order in which they are painted."""
+    """Converts rows and columns to pixels, and emits the elements in painting order."""
 
-    def __init__(self, network: Network, drawn: Layout, title: str) -> None:
+    def __init__(self, network: Network, title: str) -> None:
         self.network = network
-        self.drawn = drawn
+        self.diagrams = layout(network).diagrams
         self.title = title
-        leaves = [place.name for d in drawn.diagrams for place in d.places if place.column == 0]
-        self.box = max([96.0, *(text_width(name, 13.5) + 30 for name in leaves)])
+        leaves = [vertex.name for d in self.diagrams for vertex in d.vertices if vertex.column == 0]
+        self.box_width = max([96.0, *(text_width(name, 13.5) + 30 for name in leaves)])
         self.columns = self._columns()
-        self.end = max([80.0, *(text_width(d.ends_in, 13.5) + 40 for d in drawn.diagrams)])
+        self.end_width = max([80.0, *(text_width(d.ends_in, 13.5) + 40 for d in self.diagrams)])
         self.top = MARGIN + (TITLE_HEIGHT if title else 0)
-        self.tops = {id(d): self.top + i * BETWEEN_DIAGRAMS for i, d in enumerate(drawn.diagrams)}
+        self.tops = {id(d): self.top + i * BETWEEN_DIAGRAMS for i, d in enumerate(self.diagrams)}
 
     def _columns(self) -> list[float]:
-        """Return the x of each column (of modules, their right side), and at last that of the actuators."""
-        places = [place for d in self.drawn.diagrams for place in d.places]
-        pitches = [MIN_PITCH] * (1 + max((place.column for place in places), default=0))
-        for d in self.drawn.diagrams:
-            short = [d.places[d.root]]  # wires to the next column, on which their names must fit
+        """Return the x of each column (for modules, the right edge), followed by that of the actuators."""
+        vertices = [vertex for d in self.diagrams for vertex in d.vertices]
+        pitches = [MIN_PITCH] * (1 + max((vertex.column for vertex in vertices), default=0))
+        for d in self.diagrams:
+            labeled = [
+                d.vertices[d.root]
+            ]  # the wire ends in the next column, so its name must fit in between
             for connection in d.connections:
-                source, target = d.places[connection.source], d.places[connection.target]
+                source, target = d.vertices[connection.source], d.vertices[connection.target]
                 if target.column == source.column + 1:
-                    short.append(source)
-            for place in short:
-                if place.name:
-                    needed = 2 * RADIUS + text_width(place.name, 11.5) + 14
-                    pitches[place.column] = max(pitches[place.column], needed)
+                    labeled.append(source)
+            for vertex in labeled:
+                if vertex.name:
+                    needed = 2 * RADIUS + text_width(vertex.name, 11.5) + 14
+                    pitches[vertex.column] = max(pitches[vertex.column], needed)
         pitches[0] = 52.0
-        return list(accumulate(pitches, initial=MARGIN + self.box))
+        return list(accumulate(pitches, initial=MARGIN + self.box_width))
 
     def document(self) -> str:
-        elements = [e for d in self.drawn.diagrams for e in self._diagram(d)]
-        rows = sum(place.column == 0 for d in self.drawn.diagrams for place in d.places)
-        gaps = max(len(self.drawn.diagrams) - 1, 0) * BETWEEN_DIAGRAMS
+        elements = [e for d in self.diagrams for e in self._diagram(d)]
+        rows = sum(vertex.column == 0 for d in self.diagrams for vertex in d.vertices)
+        gaps = max(len(self.diagrams) - 1, 0) * BETWEEN_DIAGRAMS
         bottom = self.top + rows * ROW + gaps + 8
         legend = [
             text for kind, text in _LEGEND.items() if any(isinstance(n, kind) for n in self.network.nodes)
         ]
         legend_width = max((text_width(text, 10) for text in legend), default=0)
-        width = max(self._end_x() + self.end + MARGIN, legend_width + 2 * MARGIN)
+        width = max(self._end_x() + self.end_width + MARGIN, legend_width + 2 * MARGIN)
         height = bottom + len(legend) * LEGEND_LINE + MARGIN / 2
         title = escape(self.title or "Network")
         head = (
@@ -125,20 +127,20 @@ class _Picture:
         """Return the x at which the boxes of actuators begin."""
         return self.columns[-1]
 
-    def _point(self, diagram: Diagram, place: Place) -> _Point:
-        return _Point(self.columns[place.column], self.tops[id(diagram)] + (place.row + 0.5) * ROW)
+    def _point(self, diagram: Diagram, vertex: Vertex) -> _Point:
+        return _Point(self.columns[vertex.column], self.tops[id(diagram)] + (vertex.row + 0.5) * ROW)
 
     # --- diagrams ---------------------------------------------------------------------------------
 
     def _diagram(self, diagram: Diagram) -> list[str]:
-        """Draw the wires first, so that nodes are painted over their ends."""
+        """Draw the wires first, so that nodes cover their ends."""
         elements = [self._connection(diagram, connection) for connection in diagram.connections]
-        elements.append(self._ending(diagram))
-        elements += [self._place(diagram, place) for place in diagram.places]
+        elements.append(self._outgoing_wire(diagram))
+        elements += [self._vertex(diagram, vertex) for vertex in diagram.vertices]
         return elements
 
     def _connection(self, diagram: Diagram, connection: Connection) -> str:
-        source, target = diagram.places[connection.source], diagram.places[connection.target]
+        source, target = diagram.vertices[connection.source], diagram.vertices[connection.target]
         start, end = self._point(diagram, source), self._point(diagram, target)
         if not connection.dominant:
             path = f"M {_n(start.x)} {_n(start.y)} H {_n(end.x - RADIUS)}"
@@ -150,51 +152,51 @@ class _Picture:
         )
         return f'<path class="wire {kind}" d="{path}" marker-end="url(#{kind})"/>'
 
-    def _ending(self, diagram: Diagram) -> str:
-        """Draw the wire that leaves the diagram, and its destination."""
-        root = diagram.places[diagram.root]
+    def _outgoing_wire(self, diagram: Diagram) -> str:
+        """Draw the wire that leaves the diagram, and the box at its end."""
+        root = diagram.vertices[diagram.root]
         start = self._point(diagram, root)
         x = self._end_x() if diagram.actuator else start.x + MIN_PITCH - RADIUS
         wire = f'<path class="wire" d="M {_n(start.x)} {_n(start.y)} H {_n(x)}" marker-end="url(#inferior)"/>'
         if diagram.actuator:
-            return f"{wire}\n{_flag('actuator', x, start.y, self.end, diagram.ends_in)}"
+            return f"{wire}\n{_flag('actuator', x, start.y, self.end_width, diagram.ends_in)}"
         kind = "stub" if diagram.used else "stub idle"
         width = text_width(diagram.ends_in, 13.5) + 34
         return f"{wire}\n{_flag(kind, x, start.y, width, diagram.ends_in)}"
 
-    def _place(self, diagram: Diagram, place: Place) -> str:
-        at = self._point(diagram, place)
-        node = self.network.nodes[place.node]
-        if place.stub:
-            return _flag("stub", at.x - self.box, at.y, self.box, place.name)
+    def _vertex(self, diagram: Diagram, vertex: Vertex) -> str:
+        point = self._point(diagram, vertex)
+        node = self.network.nodes[vertex.node]
+        if vertex.stub:
+            return _flag("stub", point.x - self.box_width, point.y, self.box_width, vertex.name)
         match node:
             case ModuleLeaf(module=module):
-                return self._module(at, module)
+                return self._module(point, module)
             case Suppressor() | Inhibitor():
-                return self._joint(at, node, place)
+                return self._node_symbol(point, node, vertex)
 
-    def _module(self, at: _Point, module: str) -> str:
-        left, top = at.x - self.box, at.y - BOX_HEIGHT / 2
+    def _module(self, point: _Point, module: str) -> str:
+        left, top = point.x - self.box_width, point.y - BOX_HEIGHT / 2
         return (
             f'<g class="module" data-module={quoteattr(module)}><rect x="{_n(left)}" y="{_n(top)}" '
-            f'width="{_n(self.box)}" height="{_n(BOX_HEIGHT)}" rx="5"/>'
-            f"{_text(left + self.box / 2, at.y + 4.5, module)}</g>"
+            f'width="{_n(self.box_width)}" height="{_n(BOX_HEIGHT)}" rx="5"/>'
+            f"{_text(left + self.box_width / 2, point.y + 4.5, module)}</g>"
         )
 
-    def _joint(self, at: _Point, node: Suppressor | Inhibitor, place: Place) -> str:
+    def _node_symbol(self, point: _Point, node: Suppressor | Inhibitor, vertex: Vertex) -> str:
         kind, letter = ("suppressor", "S") if isinstance(node, Suppressor) else ("inhibitor", "I")
-        inside = f'<circle cx="{_n(at.x)}" cy="{_n(at.y)}" r="{_n(RADIUS)}"/>'
-        inside += _text(at.x, at.y + 5, letter, "letter")
+        inside = f'<circle cx="{_n(point.x)}" cy="{_n(point.y)}" r="{_n(RADIUS)}"/>'
+        inside += _text(point.x, point.y + 5, letter, "letter")
         if node.window_ns:
             window = duration_text(node.window_ns)
-            inside += _text(at.x, at.y + RADIUS + 12, window, "window")
-        if place.name:
-            inside += _text(at.x + RADIUS + 4, at.y - 6, place.name, "name")
-        return f'<g class="{kind}" data-node="{place.node}">{inside}</g>'
+            inside += _text(point.x, point.y + RADIUS + 12, window, "window")
+        if vertex.name:
+            inside += _text(point.x + RADIUS + 4, point.y - 6, vertex.name, "name")
+        return f'<g class="{kind}" data-node="{vertex.node}">{inside}</g>'
 
 
 _LEGEND = {
-    Suppressor: "S: the dominant wire (from above) where it is active, else the inferior one",
+    Suppressor: "S: the dominant wire (from above) where it is active, otherwise the inferior one",
     Inhibitor: "I: the inferior wire where the dominant one (from above) is not active",
 }
 
@@ -210,14 +212,14 @@ def _text(x: float, y: float, text: str, kind: str = "") -> str:
 
 def _flag(kind: str, x: float, y: float, width: float, text: str) -> str:
     """Draw a box that points to the right: for stubs, named wires and actuators."""
-    half, point = BOX_HEIGHT / 2, 11.0
+    half, tip = BOX_HEIGHT / 2, 11.0
     path = (
-        f"M {_n(x + 4)} {_n(y - half)} H {_n(x + width - point)} L {_n(x + width)} {_n(y)} "
-        f"L {_n(x + width - point)} {_n(y + half)} H {_n(x + 4)} "
+        f"M {_n(x + 4)} {_n(y - half)} H {_n(x + width - tip)} L {_n(x + width)} {_n(y)} "
+        f"L {_n(x + width - tip)} {_n(y + half)} H {_n(x + 4)} "
         f"Q {_n(x)} {_n(y + half)} {_n(x)} {_n(y + half - 4)} V {_n(y - half + 4)} "
         f"Q {_n(x)} {_n(y - half)} {_n(x + 4)} {_n(y - half)} Z"
     )
-    label = _text(x + (width - point / 2) / 2, y + 4.5, text)
+    label = _text(x + (width - tip / 2) / 2, y + 4.5, text)
     return f'<g class="{kind}" data-name={quoteattr(text)}><path d="{path}"/>{label}</g>'
 
 

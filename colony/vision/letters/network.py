@@ -1,9 +1,9 @@
 """The network that reads characters: a small convolutional network.
 
-For each of 32 columns of a strip it gives the probability of each character, and of none. It has three
-convolutions of 3 by 3, each followed by rectification and the first two by pooling; then one over the whole
-height, one along the columns, and a linear layer to the classes. Characters need a small receptive field
-only; a separate head, a hidden layer over all columns, decides whether the whole strip is a plate. The
+For each of 32 columns of a strip, it gives the probability of each character, and of no character. It has
+three convolutions of 3 by 3, each followed by rectification and the first two by pooling; then one over the
+whole height, one along the columns, and a linear layer to the classes. Characters need only a small receptive
+field; a separate head, a hidden layer over all columns, decides whether the whole strip is a plate. The
 weights are learned by `python -m colony.vision.training` and stored as 8-bit integers with a scale for each
 channel.
 """
@@ -29,7 +29,7 @@ BLANK = len(CHARACTERS)
 """Class of a column without a character of its own: before, between and after the characters."""
 
 FRAMES = 32
-"""Number of columns for which the network gives classes: one per two columns of the strip."""
+"""Number of output columns: one per two columns of the strip."""
 
 HEAD_AFTER = 4
 """Number of convolutions before the head."""
@@ -73,7 +73,7 @@ class LetterNet:
 
     Attributes:
         layers: the layers; the last one is linear and gives the classes.
-        head: the hidden layer, and the linear one that decides whether the strip is a plate.
+        head: the hidden layer, and the linear layer that decides whether the strip is a plate.
         sharpness, trust: factors of the log probability of a text and of its log prior, which calibrate the
             confidence of readings.
         facts: description of the training: seed, steps, fonts, accuracies.
@@ -89,11 +89,11 @@ class LetterNet:
         """Run the network on a strip, (24, 64)."""
         x, plate = strip[:, :, None], 0.0
         for i, (pad, pool) in enumerate(zip(PADS, POOLS, strict=True), 1):
-            x = _pooled(np.maximum(_convolved(x, self.layers[i - 1], pad), 0.0), pool)
+            x = _pool(np.maximum(_convolve(x, self.layers[i - 1], pad), 0.0), pool)
             if i == HEAD_AFTER:
-                hidden = np.maximum(_convolved(_pooled(x, HEAD_POOL), self.head[0], (0, 0)), 0.0)
-                plate = float(_convolved(hidden, self.head[1], (0, 0))[0, 0, 0])
-        scores = _convolved(x, self.layers[-1], (0, 0))[0]
+                hidden = np.maximum(_convolve(_pool(x, HEAD_POOL), self.head[0], (0, 0)), 0.0)
+                plate = float(_convolve(hidden, self.head[1], (0, 0))[0, 0, 0])
+        scores = _convolve(x, self.layers[-1], (0, 0))[0]
         scores -= scores.max(axis=1, keepdims=True)
         normalized: Floats = scores - np.log(np.exp(scores).sum(axis=1, keepdims=True))
         return NetworkOutput(normalized, plate)
@@ -101,10 +101,10 @@ class LetterNet:
 
 @cache
 def network() -> LetterNet:
-    """Return the network with the weights of the package; the file is read once.
+    """Return the network with the weights of the package; their file is read once.
 
     Raises:
-        ValueError: the file of the weights is not one of this version.
+        ValueError: the file of weights does not fit this version.
     """
     with (
         resources.as_file(resources.files("colony.vision.letters") / WEIGHTS_FILE) as path,
@@ -139,8 +139,8 @@ def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> LetterNet:
     names = [f"{part}{i}" for i in range(count) for part in ("kernel", "scale", "bias")]
     missing = [name for name in [*names, "sharpness", "trust", "facts"] if name not in arrays]
     if missing:
-        again = "train them again: python -m colony.vision.training"
-        raise ValueError(f"the weights in {WEIGHTS_FILE} lack {', '.join(missing)}; {again}")
+        hint = "train them again: python -m colony.vision.training"
+        raise ValueError(f"the weights in {WEIGHTS_FILE} lack {', '.join(missing)}; {hint}")
     layers = []
     for i in range(count):
         kernel = np.asarray(arrays[f"kernel{i}"], np.float32) * np.asarray(arrays[f"scale{i}"], np.float32)
@@ -158,7 +158,7 @@ def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> LetterNet:
 
 
 def _check(layers: Sequence[Layer], channels: Sequence[int]) -> None:
-    """Raise unless each layer leads from one number of channels to the next."""
+    """Raise ValueError unless the layers have these numbers of input and output channels."""
     found = [(layer.kernel.shape[2], layer.kernel.shape[3]) for layer in layers]
     if found != list(pairwise(channels)):
         raise ValueError(
@@ -166,28 +166,28 @@ def _check(layers: Sequence[Layer], channels: Sequence[int]) -> None:
         )
 
 
-def _convolved(x: Floats, layer: Layer, pad: tuple[int, int]) -> Floats:
+def _convolve(x: Floats, layer: Layer, pad: tuple[int, int]) -> Floats:
     """Return the convolution without strides, (rows, columns, channels)."""
-    high, wide, channels, out = layer.kernel.shape
+    height, width, channels, out = layer.kernel.shape
     if pad != (0, 0):
-        framed = np.zeros((x.shape[0] + 2 * pad[0], x.shape[1] + 2 * pad[1], channels), np.float32)
-        framed[pad[0] : pad[0] + x.shape[0], pad[1] : pad[1] + x.shape[1]] = x
-        x = framed
-    rows, columns = x.shape[0] - high + 1, x.shape[1] - wide + 1
+        padded = np.zeros((x.shape[0] + 2 * pad[0], x.shape[1] + 2 * pad[1], channels), np.float32)
+        padded[pad[0] : pad[0] + x.shape[0], pad[1] : pad[1] + x.shape[1]] = x
+        x = padded
+    rows, columns = x.shape[0] - height + 1, x.shape[1] - width + 1
     patches = np.lib.stride_tricks.as_strided(
-        x, (rows, columns, high, wide, channels), x.strides[:2] + x.strides, writeable=False
+        x, (rows, columns, height, width, channels), x.strides[:2] + x.strides, writeable=False
     )
-    flat = patches.reshape(rows * columns, high * wide * channels)
+    flat = patches.reshape(rows * columns, height * width * channels)
     result: Floats = (flat @ layer.kernel.reshape(-1, out) + layer.bias).reshape(rows, columns, out)
     return result
 
 
-def _pooled(x: Floats, pool: tuple[int, int]) -> Floats:
+def _pool(x: Floats, pool: tuple[int, int]) -> Floats:
     """Return the maximum of each cell of `pool` rows and columns."""
     rows, columns, channels = x.shape
-    high, wide = pool
-    if wide > 1:
-        x = x.reshape(rows, columns // wide, wide, channels).max(axis=2)
-    if high > 1:
-        x = x.reshape(rows // high, high, columns // wide, channels).max(axis=1)
+    height, width = pool
+    if width > 1:
+        x = x.reshape(rows, columns // width, width, channels).max(axis=2)
+    if height > 1:
+        x = x.reshape(rows // height, height, columns // width, channels).max(axis=1)
     return x

@@ -1,8 +1,8 @@
-"""The prior of the texts on door plates: the probability of a text as a room number or a word on a door.
+"""The prior of the texts on door plates: the probability of each room number or word.
 
 Room numbers have one to five digits, perhaps with a letter before or after them. Some doors have words that
 are common to many buildings. The rest are arbitrary strings of letters, or of letters and digits. The prior
-lists no building's rooms; those of a map are given as a lexicon.
+does not list the rooms of any building; those of a map are given as a lexicon.
 """
 
 from __future__ import annotations
@@ -32,29 +32,30 @@ WORDS = (
 """Common words on doors, cut to five characters."""
 
 WORD_SHARE = 0.06
-"""Fraction of plates that have one of these words."""
+"""Fraction of plates that have one of the words."""
 
 ANYTHING_SHARE = 0.01
 """Fraction of plates that have arbitrary digits and letters."""
 
 MAX_CHARACTERS = 5
-"""Largest number of characters on a plate."""
+"""Maximum number of characters on a plate."""
 
 LEXICON_PROBABILITY = 0.97
 """Probability that a plate has one of a lexicon's texts, if a lexicon is given."""
 
 
 def log_prior(text: str, lexicon: Collection[str] = ()) -> float:
-    """Return the log odds of a text on a plate against random strings, as a natural logarithm.
+    """Return the natural log of a text's probability on a plate relative to that in random strings.
 
     Args:
         text: digits and capital letters, not empty.
-        lexicon: texts of which a plate nearly always (`LEXICON_PROBABILITY`) has one, all equally often.
+        lexicon: texts of the map; a plate has one of them with probability `LEXICON_PROBABILITY`, all equally
+            likely.
     """
     share = _share(text)
     if lexicon:
-        here = LEXICON_PROBABILITY / len(lexicon) if text in lexicon else 0.0
-        share = here + (1.0 - LEXICON_PROBABILITY) * share
+        in_lexicon = LEXICON_PROBABILITY / len(lexicon) if text in lexicon else 0.0
+        share = in_lexicon + (1.0 - LEXICON_PROBABILITY) * share
     return math.log(share / _random_share(text))
 
 

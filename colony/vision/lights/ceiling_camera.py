@@ -1,8 +1,8 @@
 """The geometry of the camera that looks up at the ceiling (thesis section 5.6, Table 5.3, Figure 5.15).
 
-A column of its image is a line across the robot, columns growing forward, and a row is a line along it, rows
-growing to the right. So the ceiling lights of a corridor move through each row from its end to its start
-while the robot drives below them.
+A column of its image is a line across the robot, with indices that increase forward; a row is a line along
+it, with indices that increase to the right. So the ceiling lights of a corridor move through each row from
+its end to its start while the robot drives below them.
 
 The simulator's ceiling is rendered with the same geometry; a test compares the two.
 """
@@ -24,13 +24,13 @@ class CeilingCamera:
         columns, rows: size of the image, in pixels.
         length_deg, across_deg: full angles of view along and across the robot, below 180.
         height_mm: distance from the lens to the ceiling.
-        ahead_mm, left_mm: place of the lens relative to the robot's center.
+        ahead_mm, left_mm: position of the lens relative to the robot's center.
 
-    Positions in the image are in pixels, pixel i reaching from i - 0.5 to i + 0.5; offsets on the ceiling are
-    in mm ahead and to the left of the robot's center.
+    Positions in the image are in pixels, pixel i extending from i - 0.5 to i + 0.5; offsets on the ceiling
+    are in mm ahead and to the left of the robot's center.
 
     Raises:
-        ValueError: a number is not in its range.
+        ValueError: a parameter is out of range.
     """
 
     columns: int = 240
@@ -77,11 +77,11 @@ class CeilingCamera:
         return self.left_mm + self.mm_per_row * ((self.rows - 1) / 2.0 - row)
 
     def column_of(self, ahead_mm: float) -> float:
-        """Return the column that sees the ceiling at a distance ahead; it may be outside of the image."""
+        """Return the column that sees the ceiling at a distance ahead; it may be outside the image."""
         return (self.columns - 1) / 2.0 + (ahead_mm - self.ahead_mm) / self.mm_per_column
 
     def row_of(self, left_mm: float) -> float:
-        """Return the row that sees the ceiling at a distance to the left; it may be outside of the image."""
+        """Return the row that sees the ceiling at a distance to the left; it may be outside the image."""
         return (self.rows - 1) / 2.0 - (left_mm - self.left_mm) / self.mm_per_row
 
 

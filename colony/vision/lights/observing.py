@@ -1,4 +1,4 @@
-"""Observations of the ceiling for a script: lights detected in the scan lines of cameras."""
+"""Observations of the ceiling for scripts: lights detected in scan lines of the cameras."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def ceiling_observer(names: Sequence[str], geometries: Sequence[CeilingCamera]) 
 
 
 def _scan(name: str, geometry: CeilingCamera) -> Generator[Step, Any, list[Image]]:
-    """Return the scan lines of one image; none if new images kept arriving between them."""
+    """Return the scan lines of one image; none if new images kept arriving in between."""
     bands: list[Image] = []
     for row in geometry.scan_rows * _TRIES:
         band = yield from do(name, camera.grab_rows(row))
@@ -81,6 +81,6 @@ def _scan(name: str, geometry: CeilingCamera) -> Generator[Step, Any, list[Image
 
 
 def _gray(band: Image) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
-    """Return a band as lines of gray: its first channel."""
+    """Return the first channel of a band, as gray lines."""
     pixels = camera.array(band)
     return pixels if pixels.ndim == 2 else pixels[:, :, 0]

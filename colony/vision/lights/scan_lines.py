@@ -1,19 +1,19 @@
 """Ceiling lights in scan lines: a few rows of an image of the ceiling (thesis section 5.6).
 
-*Edges.* The gradient at a pixel border is the mean of the pixels after it less the mean of those before it.
+*Edges.* The gradient at a pixel border is the mean of the pixels after it minus the mean of those before it.
 An edge is a peak of its magnitude above a threshold that is derived from the noise of the line, which is
-estimated from the differences of neighboring pixels on any ceiling. So a dim light, and one on a sunlit
-ceiling, have edges like one on a dark ceiling. The edge is at the centroid of the peak, to a small part of a
-pixel.
+estimated from the differences of neighboring pixels on any ceiling. So dim lights, and lights on a sunlit
+ceiling, have edges just like those on a dark ceiling. The edge is at the centroid of the peak, with subpixel
+accuracy.
 
-*Lights.* An edge from dark to bright and one from bright to dark are a light if they are as far apart as a
-light is long. One of them alone is a light that extends beyond the image, if it is so close to the border
-that the other edge could not be in the image.
+*Lights.* An edge from dark to bright and one from bright to dark are a light if their distance is the length
+of a light. A single edge is a light that extends beyond the image if it is so close to the border that the
+other edge would be outside the image.
 
 *Fusion.* If the robot's heading is tilted against the corridor by b, the edges of a light shift from line to
 line: a point of the ceiling u ahead and v to the left of the robot is u cos b - v sin b ahead along the
 corridor, which must be the same for all points of an edge. Lines agree if one tilt explains their edges. A
-light is accepted if two lines agree on it. One in a single line, as when the robot is far from the middle of
+light is accepted if two lines agree on it. A light in a single line, as seen from far off the middle of
 the corridor, is accepted if it is whole and its edges are very clear.
 """
 
@@ -34,43 +34,41 @@ GRADIENT_PIXELS = 6
 """Number of pixels on each side of a border that the gradient covers."""
 
 MIN_GRADIENT_SIGMAS = 5.5
-"""Least gradient of an edge, in standard deviations of the gradient of a line without edges."""
+"""Minimum gradient of an edge, in standard deviations of the gradient of a line without edges."""
 
 MIN_GRADIENT = 16.0
-"""Least gradient of an edge in any line, in gray levels: more than that of the seams between the tiles of a
-ceiling."""
+"""Minimum gradient of an edge in any line, in gray levels: above that of the seams between ceiling tiles."""
 
 STEP_PIXELS = 16
-"""Number of pixels on each side over which an edge's step is measured, `_GAP` pixels away from it."""
+"""Number of pixels on each side over which an edge's step is measured, `_GAP_PIXELS` pixels away from it."""
 
 MIN_STEP_RATIO = 0.6
-"""Least ratio of an edge's gradient to its step, which rejects soft sunlight, and of its step to its
-gradient,
-which rejects thin lines, as of seams."""
+"""Minimum ratio of an edge's gradient to its step, which rejects soft sunlight, and of its step to its
+gradient, which rejects thin lines such as seams."""
 
 MIN_PARTIAL_STRENGTH = 3.0
-"""Least gradient, in units of the threshold, of a lone edge of a light that extends beyond the image."""
+"""Minimum gradient, in units of the threshold, of a lone edge of a light that extends beyond the image."""
 
 MIN_SINGLE_STRENGTH = 1.3
-"""Least gradient, in units of the threshold, of the edges of a light in a single line."""
+"""Minimum gradient, in units of the threshold, of the edges of a light in a single line."""
 
 MAX_TILT_DEG = 25.0
-"""Largest tilt of the heading against the corridor that lines may agree on."""
+"""Maximum tilt of the heading against the corridor that lines may agree on."""
 
 _LENGTH_TOLERANCE_MM = 45.0
 _AGREEMENT_MM = 30.0
 _STRONG = 4.0
 _MAD_TO_SIGMA = 1.4826
 _MAX_EDGES = 12
-_GAP = 3
+_GAP_PIXELS = 3
 _OFFSETS = np.arange(-GRADIENT_PIXELS, GRADIENT_PIXELS + 1, dtype=np.float64)
 
 
 class LineLight(NamedTuple):
-    """A light in one line: the places of its edges, in mm ahead of the robot; None for one beyond the image.
+    """A light in one line: the positions of its edges in mm ahead of the robot; None outside the image.
 
     `strength` is the gradient of its weaker edge in units of the threshold. `quality` in [0, 1] rates the
-    clarity of its edges and the fit of its length; a light with one edge has at most half.
+    clarity of its edges and the fit of its length; it is at most 0.5 for a light with one edge.
     """
 
     near_mm: float | None
@@ -80,10 +78,10 @@ class LineLight(NamedTuple):
 
 
 class Light(NamedTuple):
-    """A ceiling light: its center is `ahead_mm` ahead of the robot, along the corridor, and negative behind.
+    """A ceiling light whose center is `ahead_mm` ahead of the robot along the corridor; negative behind it.
 
-    `tilt_deg` is the robot's heading less the corridor's, counterclockwise, None if the lines do not show it;
-    `lines` is the number of lines that agree on it, `whole` is True if both of its edges are visible,
+    `tilt_deg` is the robot's heading minus the corridor's, counterclockwise; None if the lines do not show
+    it; `lines` is the number of lines that agree on it, `whole` is True if both of its edges are visible,
     `quality` is in [0, 1].
     """
 
@@ -95,7 +93,7 @@ class Light(NamedTuple):
 
 
 class _Edge(NamedTuple):
-    """An edge at `column`, to a part of a pixel; `rise` is its signed gradient in units of the threshold."""
+    """An edge at `column`, a fractional number; `rise` is its signed gradient in units of the threshold."""
 
     column: float
     rise: float
@@ -107,7 +105,7 @@ def ceiling_lights(lines: Lines, camera: CeilingCamera, *, tilt_deg: float = 0.0
     Args:
         lines: n x columns, the scan lines of the camera.
         camera: the camera.
-        tilt_deg: the heading against the corridor from other sources, for lights that do not show it.
+        tilt_deg: tilt of the heading against the corridor by other sources, for lights that do not show it.
     """
     lefts = [camera.left_of(row) for row in camera.scan_rows]
     found = line_lights(lines, camera)
@@ -129,7 +127,7 @@ def line_lights(lines: Lines, camera: CeilingCamera) -> tuple[tuple[LineLight, .
     """
     if lines.ndim != 2 or lines.shape[1] != camera.columns:
         raise ValueError(f"lines of shape {lines.shape}; expected (lines, {camera.columns})")
-    return tuple(_paired(edges, camera) for edges in _edges(lines))
+    return tuple(_find_lights(edges, camera) for edges in _edges(lines))
 
 
 # --- edges -----------------------------------------------------------------------------------------
@@ -144,12 +142,12 @@ def _edges(lines: Lines) -> list[list[_Edge]]:
         - 2.0 * sums[:, GRADIENT_PIXELS:-GRADIENT_PIXELS]
         + sums[:, : -2 * GRADIENT_PIXELS]
     ) / GRADIENT_PIXELS
-    scaled = gradient / _least_gradients(lines)[:, None]
+    scaled = gradient / _min_gradients(lines)[:, None]
     size = np.abs(scaled)
     peak = size > 1.0
     peak[:, 1:] &= size[:, 1:] >= size[:, :-1]
     peak[:, :-1] &= size[:, :-1] > size[:, 1:]
-    peak[:, [0, -1]] = False  # the true peak may be outside of the image
+    peak[:, [0, -1]] = False  # the true peak may be outside the image
     line, border = np.nonzero(peak)
     height, step = gradient[line, border], _steps(sums, line, border + GRADIENT_PIXELS)
     sharp = (
@@ -159,31 +157,31 @@ def _edges(lines: Lines) -> list[list[_Edge]]:
     )
     found: list[list[_Edge]] = [[] for _ in lines]
     for row, at in zip(line[sharp].tolist(), border[sharp].tolist(), strict=True):
-        found[row].append(_refined(gradient[row], at, float(scaled[row, at])))
+        found[row].append(_refine(gradient[row], at, float(scaled[row, at])))
     return [_separate(edges) for edges in found]
 
 
-def _least_gradients(lines: Lines) -> NDArray[np.float64]:
-    """Return the least gradient of an edge in each line, by the noise of neighboring pixels."""
+def _min_gradients(lines: Lines) -> NDArray[np.float64]:
+    """Return the minimum gradient of an edge in each line, from the noise of neighboring pixels."""
     steps = np.abs(np.diff(lines.astype(np.int16), axis=1))
     # The median of whole gray levels is coarse: half a level is added for the rounding.
     middle = steps.shape[1] // 2
     noise = (np.partition(steps, middle, axis=1)[:, middle] + 0.5) * (_MAD_TO_SIGMA / math.sqrt(2.0))
-    least: NDArray[np.float64] = np.maximum(
+    thresholds: NDArray[np.float64] = np.maximum(
         MIN_GRADIENT, MIN_GRADIENT_SIGMAS * math.sqrt(2.0 / GRADIENT_PIXELS) * noise
     )
-    return least
+    return thresholds
 
 
 def _steps(
     sums: NDArray[np.float64], line: NDArray[np.intp], border: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """Return the change of the level across borders, from `STEP_PIXELS` pixels before to `WIDE` after them.
+    """Return the change of the level across borders, between `STEP_PIXELS` pixels before and after them.
 
-    There are fewer pixels where the image ends. Border i is between columns i - 1 and i.
+    Fewer pixels are used at the ends of the image. Border i is between columns i - 1 and i.
     """
     last = sums.shape[1] - 1
-    after, before = np.minimum(border + _GAP, last - 1), np.maximum(border - _GAP, 1)
+    after, before = np.minimum(border + _GAP_PIXELS, last - 1), np.maximum(border - _GAP_PIXELS, 1)
     end, first = np.minimum(after + STEP_PIXELS, last), np.maximum(before - STEP_PIXELS, 0)
     above = (sums[line, end] - sums[line, after]) / (end - after)
     below = (sums[line, before] - sums[line, first]) / (before - first)
@@ -191,8 +189,8 @@ def _steps(
     return step
 
 
-def _refined(gradient: NDArray[np.float64], border: int, rise: float) -> _Edge:
-    """Return an edge at the centroid of the gradient about its peak: a step makes a triangle of it."""
+def _refine(gradient: NDArray[np.float64], border: int, rise: float) -> _Edge:
+    """Return an edge at the centroid of the gradient around its peak, which is a triangle for a step."""
     half = min(GRADIENT_PIXELS - 1, border, len(gradient) - 1 - border)
     weights = np.maximum(gradient[border - half : border + half + 1] * math.copysign(1.0, rise), 0.0)
     center = border + float(weights @ _OFFSETS[GRADIENT_PIXELS - half : GRADIENT_PIXELS + half + 1]) / float(
@@ -202,7 +200,7 @@ def _refined(gradient: NDArray[np.float64], border: int, rise: float) -> _Edge:
 
 
 def _separate(edges: list[_Edge]) -> list[_Edge]:
-    """Keep the strongest of edges of the same sign within `GRADIENT_PIXELS`, and a limited number in all."""
+    """Keep the strongest of the edges of one sign within `GRADIENT_PIXELS`, and a limited number in all."""
     kept: list[_Edge] = []
     for edge in sorted(edges, key=lambda edge: -abs(edge.rise))[:_MAX_EDGES]:
         if all(abs(edge.column - k.column) > GRADIENT_PIXELS or edge.rise * k.rise < 0.0 for k in kept):
@@ -213,8 +211,8 @@ def _separate(edges: list[_Edge]) -> list[_Edge]:
 # --- lights of a line ------------------------------------------------------------------------------
 
 
-def _paired(edges: list[_Edge], camera: CeilingCamera) -> tuple[LineLight, ...]:
-    """Return the pairs of edges that are lights; without any, the single edges of partial lights."""
+def _find_lights(edges: list[_Edge], camera: CeilingCamera) -> tuple[LineLight, ...]:
+    """Return the pairs of edges that are lights; if there are none, the single edges of partial lights."""
     lights = [
         light
         for near in edges
@@ -229,7 +227,7 @@ def _paired(edges: list[_Edge], camera: CeilingCamera) -> tuple[LineLight, ...]:
 
 def _pair(near: _Edge, far: _Edge, camera: CeilingCamera) -> LineLight | None:
     length_mm = (far.column - near.column) * camera.mm_per_column
-    excess = max(LIGHT_LENGTH_MM - length_mm, length_mm - _longest_mm(), 0.0)
+    excess = max(LIGHT_LENGTH_MM - length_mm, length_mm - _max_length_mm(), 0.0)
     if excess > _LENGTH_TOLERANCE_MM:
         return None
     strength = min(near.rise, -far.rise)
@@ -243,16 +241,16 @@ def _partial(edge: _Edge, camera: CeilingCamera) -> LineLight | None:
     if abs(edge.rise) < MIN_PARTIAL_STRENGTH:
         return None
     at_mm = camera.ahead_of(edge.column)
-    longest = _longest_mm() + _LENGTH_TOLERANCE_MM
+    max_length = _max_length_mm() + _LENGTH_TOLERANCE_MM
     quality = 0.5 * min(1.0, abs(edge.rise) / _STRONG)
-    if edge.rise > 0.0 and at_mm + longest > camera.ahead_of(camera.columns - 1.0):
+    if edge.rise > 0.0 and at_mm + max_length > camera.ahead_of(camera.columns - 1.0):
         return LineLight(at_mm, None, edge.rise, quality)
-    if edge.rise < 0.0 and at_mm - longest < camera.ahead_of(0.0):
+    if edge.rise < 0.0 and at_mm - max_length < camera.ahead_of(0.0):
         return LineLight(None, at_mm, -edge.rise, quality)
     return None
 
 
-def _longest_mm() -> float:
+def _max_length_mm() -> float:
     return LIGHT_LENGTH_MM / math.cos(math.radians(MAX_TILT_DEG))
 
 
@@ -264,9 +262,9 @@ def _candidates(
 ) -> list[Light | None]:
     """Return the candidates from each line, each pair of lines and all lines together."""
     seen = [(light, left) for lights, left in zip(found, lefts, strict=True) for light in lights]
-    candidates = [_single(light, left, tilt_deg, len(lefts)) for light, left in seen]
+    candidates = [_single_line_light(light, left, tilt_deg, len(lefts)) for light, left in seen]
     groups = (group for count in range(2, len(lefts) + 1) for group in combinations(seen, count))
-    candidates += [_agreed(group, tilt_deg, len(lefts)) for group in groups if _of_different_lines(group)]
+    candidates += [_fuse(group, tilt_deg, len(lefts)) for group in groups if _of_different_lines(group)]
     return candidates
 
 
@@ -274,7 +272,7 @@ def _of_different_lines(group: tuple[tuple[LineLight, float], ...]) -> bool:
     return len({left for _, left in group}) == len(group)
 
 
-def _single(light: LineLight, left_mm: float, tilt_deg: float, lines: int) -> Light | None:
+def _single_line_light(light: LineLight, left_mm: float, tilt_deg: float, lines: int) -> Light | None:
     if light.near_mm is None or light.far_mm is None or light.strength < MIN_SINGLE_STRENGTH:
         return None
     tilt = math.radians(tilt_deg)
@@ -283,7 +281,7 @@ def _single(light: LineLight, left_mm: float, tilt_deg: float, lines: int) -> Li
     return Light(ahead, None, 1, True, light.quality / lines)
 
 
-def _agreed(group: tuple[tuple[LineLight, float], ...], tilt_deg: float, lines: int) -> Light | None:
+def _fuse(group: tuple[tuple[LineLight, float], ...], tilt_deg: float, lines: int) -> Light | None:
     """Return the light that these lines see, if one tilt explains all of their edges."""
     near = [(light.near_mm, left) for light, left in group if light.near_mm is not None]
     far = [(light.far_mm, left) for light, left in group if light.far_mm is not None]

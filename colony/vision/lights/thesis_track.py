@@ -1,10 +1,11 @@
-"""The count of ceiling lights as printed: each change to light, verified by the distance (section 5.6).
+"""The count of ceiling lights as printed: each dark-to-bright change, verified by the distance (section 5.6).
 
 The distance is that from the previous light. The thesis leaves open where in an image a light counts, how
 large the error of the distance may be, and what happens after a missed light. Here a light counts when the
-robot's center is below it and beyond its middle, its place on the map: so the rest is an overshoot, as
-printed. The tolerance of the distance grows with the distance. The light after a missed one counts for both,
-since the map also has their distance. A last light that is out is never passed, and nothing is corrected.
+robot's center is below it and beyond its center, which is its position on the map; the distance beyond is the
+overshoot, as printed. The tolerance of the distance grows with the distance. The light after a missed one
+counts for both, as the map also has the distance between them. A last light that is out is never passed, and
+nothing is corrected.
 """
 
 from __future__ import annotations
@@ -17,23 +18,23 @@ from colony.vision.lights.track import LightDetections, LightGoal, LightPassing
 TOLERANCE_MM = 600.0
 """Tolerance of the distance from the previous light."""
 
-TOLERANCE_PART = 0.1
-"""Additional tolerance, as a part of the distance."""
+TOLERANCE_FRACTION = 0.1
+"""Additional tolerance, as a fraction of the distance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThesisTrack:
     """The progress of a goal.
 
-    `since_mm` is the reported progress at the last valid light, `light` is True if the last image showed a
-    light above the robot, `passed` is the number of lights that count, `found` is the passing found in the
-    last image.
+    `since_mm` is the reported progress at the last valid light, `light_above` is True if the last image
+    showed a light above the robot, `passed` is the number of lights that count, `found` is the passing found
+    in the last image.
     """
 
     goal: LightGoal
     passed: int = 0
     since_mm: float = 0.0
-    light: bool = False
+    light_above: bool = False
     found: LightPassing | None = None
 
     @classmethod
@@ -49,13 +50,15 @@ class ThesisTrack:
     def observed(self, detections: LightDetections) -> ThesisTrack:
         """Return the track after an image."""
         above = [light for light in detections.lights if -LIGHT_LENGTH_MM / 2.0 <= light.ahead_mm <= 0.0]
-        if not above or self.light or self.done:
-            return replace(self, light=bool(above))
+        if not above or self.light_above or self.done:
+            return replace(self, light_above=bool(above))
         place = detections.progress_mm + above[0].ahead_mm
         number = self._verified(place - self.since_mm)
         if number is None:
-            return replace(self, light=True)
-        return replace(self, light=True, since_mm=place, found=LightPassing(number, True, -above[0].ahead_mm))
+            return replace(self, light_above=True)
+        return replace(
+            self, light_above=True, since_mm=place, found=LightPassing(number, True, -above[0].ahead_mm)
+        )
 
     def passing(self, progress_mm: float) -> tuple[ThesisTrack, LightPassing | None]:
         """Return the track, and the passing of the last light, once for each light."""
@@ -64,14 +67,14 @@ class ThesisTrack:
         return replace(self, passed=self.found.number, found=None), self.found
 
     def to_next(self, progress_mm: float) -> float | None:
-        """Return None: the next light is recognized in images only."""
+        """Return None: the next light is recognized only in images."""
         return None
 
     def _verified(self, distance_mm: float) -> int | None:
-        """Return the number of lights passed by the distance from the last one; None if none agrees."""
+        """Return the number of lights passed, by the distance from the last one; None if no light fits."""
         before = self.goal.lights_mm[self.passed - 1] if self.passed else 0.0
         for index in range(self.passed, len(self.goal.lights_mm)):
             mapped = self.goal.lights_mm[index] - before
-            if abs(distance_mm - mapped) <= TOLERANCE_MM + TOLERANCE_PART * mapped:
+            if abs(distance_mm - mapped) <= TOLERANCE_MM + TOLERANCE_FRACTION * mapped:
                 return index + 1
         return None

@@ -1,18 +1,18 @@
-"""The count of a corridor's ceiling lights, and the robot's place that follows from it (thesis section 5.6).
+"""The count of a corridor's ceiling lights, and the resulting position of the robot (thesis section 5.6).
 
-The map gives the places of the lights along the corridor. A detected light is *valid* if its place, by the
-robot's progress and by its distance ahead, agrees with one of the map. The gate is 3 standard deviations of
-the robot's progress, which grow with the distance since the last valid light, plus the loss of a slipping
+The map gives the positions of the lights along the corridor. A detected light is *valid* if its position, by
+the robot's progress and by its distance ahead, agrees with one of the map. The gate is 3 standard deviations
+of the robot's progress, which grow with the distance since the last valid light, plus the loss of a slipping
 wheel; it is always less than half of the distance between lights, so that two are never confused.
 
-A light counts when the robot's center is below it. One that is out is passed by dead reckoning, when the
-robot is beyond all places where the light could be, except those that the camera has in view and finds dark.
+A light counts when the robot's center is below it. A light that is out is passed by dead reckoning, when the
+robot is beyond all positions where the light could be; positions that the camera sees dark are excluded.
 
-Lights where none is expected are strays: reflections, or the robot is lost. Two successive strays that are as
-far apart as two lights of the map show that the robot is lost, and relocate it.
+A light where none is expected is a stray: a reflection, or a sign that the robot is lost. Two successive
+strays with the spacing of two lights of the map show that the robot is lost, and relocate it.
 
-A `ProgressMeasurement` is from one light in one image alone: the pose estimator fuses it with its other
-sources, and must not count anything twice.
+A `ProgressMeasurement` comes from a single light in a single image: the pose estimator fuses it with its
+other sources, and must not use the same information twice.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from itertools import combinations, pairwise
 from statistics import median
 from typing import NamedTuple
 
-from colony.vision.lights.along_track import Reckoning, Scale
+from colony.vision.lights.along_track import Scale, TrackEstimate
 from colony.vision.lights.scan_lines import MAX_TILT_DEG, Light
 
 LIGHT_SIGMA_MM = 20.0
-"""Standard deviation of a light's place on the map."""
+"""Standard deviation of a light's position on the map."""
 
 DETECTION_SIGMA_MM = 15.0
 """Standard deviation of a light's distance in one image, from pixels and the time from image to odometry."""
@@ -36,22 +36,23 @@ DETECTION_SIGMA_MM = 15.0
 SLIP_MM = 160.0
 """Distance lost by two slips of the wheels."""
 
-_IN_VIEW_MM = 420.0  # a light whose center is no farther ahead or behind is entirely in view
+_IN_VIEW_MM = 420.0  # a light whose center is within this distance is entirely in view
 _DARK_IMAGES = 3  # images without the light that show that it is out
-_SPACING_PART = 0.45
-_MAX_ERRORS, _MAX_HEADING_ERRORS = 5, 3  # only the newest count, as other clients also correct the position
+_SPACING_FRACTION = 0.45
+# Only the newest errors are kept, as other clients also correct the position.
+_MAX_ERRORS, _MAX_HEADING_ERRORS = 5, 3
 _STRAY_MM = 200.0
 _STRAY_TIMES = 2
-_PAIR_MM, _PAIR_PART = 120.0, 0.03
+_PAIR_MM, _PAIR_FRACTION = 120.0, 0.03
 LOST_SIGMA_MM = 60.0
 """Standard deviation of a robot's progress after relocation by two lights."""
 
-_WIDEST_MM = 2_500.0
+_MAX_GATE_MM = 2_500.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LightGoal:
-    """A track below lights: its direction (0 north, 90 west), its start, and the distances of the lights."""
+    """A track below lights: direction (0 north, 90 west), start, and distances of the lights from it."""
 
     direction_deg: float
     x_mm: float
@@ -70,7 +71,7 @@ class LightGoal:
         return (x_mm - self.x_mm) * east + (y_mm - self.y_mm) * north
 
     def tilt(self, heading_deg: float) -> float:
-        """Return a heading less the direction, in degrees counterclockwise, from -180 to 180."""
+        """Return a heading minus the direction, in degrees counterclockwise, from -180 to 180."""
         return math.remainder(heading_deg - self.direction_deg, 360.0)
 
 
@@ -84,10 +85,10 @@ class LightDetections(NamedTuple):
 
 
 class ProgressMeasurement(NamedTuple):
-    """A measurement of the robot's true progress at the time of an image, by a light at a known place.
+    """A measurement of the robot's true progress at the time of an image, by a light at a known position.
 
-    `error_mm` is true less reported progress, `tilt_deg` the reported tilt, and `sigma_mm` the standard
-    deviation.
+    `error_mm` is the true progress minus the reported one, `tilt_deg` the reported tilt, and `sigma_mm` the
+    standard deviation.
     """
 
     t_ns: int
@@ -101,7 +102,7 @@ class LightPassing(NamedTuple):
     """A passing: the robot's center came below the goal's light `number`, from 1, `beyond_mm` ago.
 
     `valid` is True if the light was detected; `heading_error_deg` is the error of the reported heading, None
-    if unknown; `measurement` is that of one image of the light, None without one.
+    if unknown; `measurement` comes from one image of the light; None if no image showed it.
     """
 
     number: int
@@ -123,17 +124,17 @@ class LightTrack:
     Attributes:
         reckoning: estimate of the progress, at the last light.
         passed: number of lights passed.
-        measurements: measurements of the progress by images of the next light; once an image shows it whole,
-            only by such images.
-        heading_errors_deg: their measurements of the error of the heading.
+        measurements: measurements of the progress by images of the next light; once an image shows the
+            light whole, only such images count.
+        heading_errors_deg: measurements of the heading's error by the same images.
         seen_whole: True if an image showed the next light whole.
-        dark_images: number of images that should have shown it, and did not.
+        dark_images: number of images that should have shown the next light and did not.
         relocation: measurement of a lost robot's progress by two lights, from the newest image.
-        blind: True without a camera: lights are passed by the progress alone.
+        blind: True without a camera: lights are then passed by the progress alone.
     """
 
     goal: LightGoal
-    reckoning: Reckoning
+    reckoning: TrackEstimate
     passed: int = 0
     measurements: tuple[ProgressMeasurement, ...] = ()
     heading_errors_deg: tuple[float, ...] = ()
@@ -147,14 +148,14 @@ class LightTrack:
     def start(cls, goal: LightGoal, scale: Scale, passed: int = 0, *, blind: bool = False) -> LightTrack:
         """Start at the beginning of a goal, or at one of its lights, with the known scale of the odometry."""
         at_mm = goal.lights_mm[passed - 1] if passed else 0.0
-        return cls(goal=goal, reckoning=Reckoning(at_mm=at_mm, scale=scale), passed=passed, blind=blind)
+        return cls(goal=goal, reckoning=TrackEstimate(at_mm=at_mm, scale=scale), passed=passed, blind=blind)
 
     @property
     def done(self) -> bool:
         """True if all lights were passed."""
         return self.passed >= len(self.goal.lights_mm)
 
-    def reckoned(self, progress_mm: float) -> Reckoning:
+    def reckoned(self, progress_mm: float) -> TrackEstimate:
         """Return the estimate at a reported progress, updated with the measurements by the next light."""
         moved = self.reckoning.moved(progress_mm)
         if not self.measurements:
@@ -174,7 +175,7 @@ class LightTrack:
         reckoning = self.reckoning.moved(detections.progress_mm)
         track = self if self.relocation is None else replace(self, relocation=None)
         for light in detections.lights:
-            track = track._with(light, detections, reckoning)
+            track = track._with_light(light, detections, reckoning)
         ahead = self.goal.lights_mm[self.passed] - self.reckoned(detections.progress_mm).progress_mm
         upright = abs(detections.tilt_deg) <= MAX_TILT_DEG
         if upright and abs(ahead) <= _IN_VIEW_MM and track.measurements == self.measurements:
@@ -188,7 +189,7 @@ class LightTrack:
         valid = self.seen_whole or len(self.measurements) > 1
         reckoning = self.reckoned(progress_mm) if valid else self.reckoning.moved(progress_mm)
         beyond = reckoning.progress_mm - self.goal.lights_mm[self.passed]
-        if beyond < (0.0 if valid else self._dark_way(reckoning)):
+        if beyond < (0.0 if valid else self._undetected_margin(reckoning)):
             return self, None
         has_heading = len(self.heading_errors_deg) == _MAX_HEADING_ERRORS
         number = self.passed + 1
@@ -234,14 +235,14 @@ class LightTrack:
             return None
         return self.goal.lights_mm[self.passed] - self.reckoned(progress_mm).progress_mm
 
-    def _dark_way(self, reckoning: Reckoning) -> float:
-        """Return the distance beyond the place of an undetected light at which it counts as passed."""
+    def _undetected_margin(self, reckoning: TrackEstimate) -> float:
+        """Return the distance beyond an undetected light at which it counts as passed."""
         if self.blind:
             return 0.0
         in_view = _IN_VIEW_MM if self.dark_images >= _DARK_IMAGES else 0.0
         return max(0.0, tolerance_mm(reckoning, self.goal.lights_mm) - in_view)
 
-    def _with(self, light: Light, detections: LightDetections, reckoning: Reckoning) -> LightTrack:
+    def _with_light(self, light: Light, detections: LightDetections, reckoning: TrackEstimate) -> LightTrack:
         """Return the track after one light of an image."""
         place = reckoning.progress_mm + light.ahead_mm
         lights = self.goal.lights_mm
@@ -249,7 +250,7 @@ class LightTrack:
         if abs(lights[nearest] - place) > tolerance_mm(reckoning, lights):
             return self._with_stray(light, detections)
         if nearest != self.passed:
-            return self  # a light that was passed already, or is not the next one
+            return self  # a light that was already passed, or one after the next
         if self.seen_whole and not light.whole:
             return self  # a partial light adds nothing to whole ones
         measurement = _measurement(
@@ -279,7 +280,7 @@ class LightTrack:
             strays = (*strays[:-1], _Stray((last.place_mm + place) / 2.0, last.times + 1))
         else:
             strays = (*strays[-1:], _Stray(place, 1))
-        error = _lost_by(strays, self.goal.lights_mm)
+        error = _relocation_error(strays, self.goal.lights_mm)
         if error is None:
             return replace(self, strays=strays)
         anchored = self.reckoning.moved(detections.progress_mm).anchored(error, LOST_SIGMA_MM)
@@ -301,14 +302,14 @@ def _measurement(detections: LightDetections, place_mm: float, sigma_mm: float) 
     )
 
 
-def tolerance_mm(reckoning: Reckoning, lights_mm: Sequence[float]) -> float:
-    """Return the gate of a light's distance from its place on the map."""
+def tolerance_mm(reckoning: TrackEstimate, lights_mm: Sequence[float]) -> float:
+    """Return the maximum distance of a detected light from its position on the map."""
     spacings = [after - before for before, after in pairwise(lights_mm)]
-    most = min([_WIDEST_MM, *(_SPACING_PART * spacing for spacing in spacings)])
-    return min(most, 3.0 * math.hypot(reckoning.sigma_mm, LIGHT_SIGMA_MM) + SLIP_MM)
+    max_gate = min([_MAX_GATE_MM, *(_SPACING_FRACTION * spacing for spacing in spacings)])
+    return min(max_gate, 3.0 * math.hypot(reckoning.sigma_mm, LIGHT_SIGMA_MM) + SLIP_MM)
 
 
-def _lost_by(strays: tuple[_Stray, ...], lights_mm: Sequence[float]) -> float | None:
+def _relocation_error(strays: tuple[_Stray, ...], lights_mm: Sequence[float]) -> float | None:
     """Return the smallest error of the progress that explains two strays by lights of the map, or None."""
     if len(strays) < 2 or min(stray.times for stray in strays) < _STRAY_TIMES:
         return None
@@ -317,7 +318,7 @@ def _lost_by(strays: tuple[_Stray, ...], lights_mm: Sequence[float]) -> float | 
     errors = [
         b - second
         for a, b in combinations(lights_mm, 2)
-        if abs((b - a) - apart) <= _PAIR_MM + _PAIR_PART * abs(apart)
+        if abs((b - a) - apart) <= _PAIR_MM + _PAIR_FRACTION * abs(apart)
     ]
-    least = min(errors, key=abs, default=math.inf)
-    return least if abs(least) <= _WIDEST_MM else None
+    smallest = min(errors, key=abs, default=math.inf)
+    return smallest if abs(smallest) <= _MAX_GATE_MM else None

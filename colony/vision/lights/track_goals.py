@@ -1,7 +1,7 @@
-"""The goals of CTracker at DServer: taken when $TrackData is upped, and resumed after a restart.
+"""CTracker's goals at DServer, which it takes when $TrackData is upped, and resumes after a restart.
 
-TrackStart holds the robot's place when a goal was taken, the reference of LightOffset. A tracker that finds
-the TrackStart of an interrupted one resumes with the lights that CeilingLight does not count yet.
+TrackStart holds the robot's position when a goal was taken, the reference of LightOffset. A tracker that
+finds the TrackStart of an interrupted one resumes with the lights that CeilingLight does not count yet.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ def new_goal() -> Generator[Step, Any, bool]:
 
 
 def take_goal() -> Generator[Step, Any, LightGoal]:
-    """Take the goal that the Planner set, which begins at the robot's place; reset CeilingLight.
+    """Take the goal that the Planner set, which begins at the robot's position; reset CeilingLight.
 
     Raises:
-        ValueError: the number of offsets is not that of the lights.
+        ValueError: the number of offsets differs from the number of lights.
     """
     here = yield from do("RServer", robot.position())
     variables = yield from do("DServer", data.get_many(_GOAL_VARIABLES))
@@ -61,33 +61,33 @@ def take_goal() -> Generator[Step, Any, LightGoal]:
 
 
 def unfinished_goal() -> Generator[Step, Any, Unfinished | None]:
-    """Return the goal of an interrupted tracker, or None if it was finished or given up."""
+    """Return the goal of an interrupted tracker, or None if it was finished or abandoned."""
     variables = yield from read_variables(*_GOAL_VARIABLES, CEILING_LIGHT, TRACK_START)
-    if variables is None or not variables[TRACK_START] or (yield from is_given_up()):
+    if variables is None or not variables[TRACK_START] or (yield from is_goal_abandoned()):
         return None
     goal = _goal(variables, *variables[TRACK_START])
     passed = int(variables[CEILING_LIGHT])
     if goal is None:
         return None
     if passed >= len(goal.lights_mm):
-        yield from end_goal()  # perhaps a second time: the Planner discards duplicates
+        yield from end_goal()  # possibly for the second time: the Planner discards duplicates
         return None
     return Unfinished(goal, passed)
 
 
 def end_goal() -> Generator[Step, Any, None]:
-    """Notify the Planner that the last light was passed; Overshoot must be set before."""
+    """Notify the Planner that the last light was passed; Overshoot must already be set."""
     yield from do("DServer", data.signal(END_L_MODE))
-    yield from give_up()
+    yield from abandon_goal()
 
 
-def give_up() -> Generator[Step, Any, None]:
-    """Clear TrackStart, so that the present goal is not resumed."""
+def abandon_goal() -> Generator[Step, Any, None]:
+    """Clear TrackStart, so that the current goal is not resumed."""
     yield from do("DServer", data.set(TRACK_START, []))
 
 
-def is_given_up() -> Generator[Step, Any, bool]:
-    """Return True if the robot has a new goal of another kind: no client waits for these lights any more.
+def is_goal_abandoned() -> Generator[Step, Any, bool]:
+    """Return True if the robot has a new goal of another kind: no client waits for these lights anymore.
 
     GoalType NONE only halts the robot.
     """

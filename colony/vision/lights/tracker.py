@@ -3,17 +3,17 @@
 It waits for $TrackData, reads the distances of the lights from LightOffset, and observes the ceiling at least
 twice a second. At each light it sets CeilingLight to the number of lights passed, and ups $LightDet. After
 the last one it sets Overshoot to the robot's distance beyond it, and ups $EndLMode. A restarted tracker
-resumes where its predecessor ended (`track_goals.py`). It gives a goal up if another Planner meanwhile sets
-one of another kind.
+resumes where its predecessor stopped (`track_goals.py`). It abandons a goal when another Planner sets a goal
+of another kind.
 
-The map has the place of a light to centimeters, so each valid light also measures the robot's position along
-the corridor, and its tilted edges measure the heading. The tracker publishes both for the pose estimator as
-LightFix, and corrects nothing itself. In turn it assumes the estimator's uncertainty of the reported
-position. Without a pose estimator, it reckons by itself, from light to light, and estimates the scale of the
-odometry.
+The map gives the positions of lights to within centimeters, so each valid light also measures the robot's
+position along the corridor, and the tilt of its edges measures the heading. The tracker publishes both for
+the pose estimator as LightFix, and corrects nothing itself. In turn it adopts the estimator's uncertainty of
+the reported position. Without a pose estimator, it estimates its progress from light to light by itself, and
+the scale of the odometry.
 
-One script serves any number of cameras: their detections update the same track, so that a light in two
-cameras is still one light. That is cheaper than the child processes of the thesis, and needs no token.
+One script serves any number of cameras: their detections update the same track, so that a light seen by two
+cameras is counted once. That is cheaper than the child processes of the thesis, and needs no token.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ from colony.vision.lights.thesis_track import ThesisTrack
 from colony.vision.lights.track import LightDetections, LightPassing, LightTrack, ProgressMeasurement
 from colony.vision.lights.track_goals import (
     Unfinished,
+    abandon_goal,
     end_goal,
-    give_up,
-    is_given_up,
+    is_goal_abandoned,
     new_goal,
     take_goal,
     unfinished_goal,
@@ -55,14 +55,14 @@ from colony.vision.lights.track_goals import (
 from colony.vision.periods import PERIOD_S, THESIS_PERIOD_S
 
 GOAL_CHECK_INTERVAL_S = 1.0
-"""Seconds between two checks, while tracking, for a new goal that replaces the present one."""
+"""Seconds between two checks, while tracking, for a new goal that replaces the current one."""
 
 TILT_SIGMA_DEG = 0.5
 """Standard deviation of the heading from the edges of a light."""
 
-_SOONEST_S = 0.02
-_OLDEST_IMAGE_S = 1.0
-_OLDEST_POSE_S = 1.0
+_MIN_WAIT_S = 0.02
+_MAX_IMAGE_AGE_S = 1.0
+_MAX_POSE_AGE_S = 1.0
 _STANDING_MM = 2.0
 _POSITIONS = 8
 
@@ -78,13 +78,13 @@ def light_tracker(
     """Count the lights of each goal, forever.
 
     Args:
-        cameras: the cameras' servers; without any, lights are passed by the position alone.
+        cameras: the servers of the cameras; without cameras, lights are passed by the position alone.
         geometry: geometry of all cameras, or of each.
         thesis: True to count as printed in the thesis, without fixes.
 
     Raises:
-        ValueError: the number of geometries is not that of the cameras; later, in the script: the variables
-            of a goal are inconsistent.
+        ValueError: the numbers of geometries and cameras differ; later, in the script: the variables of a
+            goal are inconsistent.
     """
     geometries = (geometry,) * len(cameras) if isinstance(geometry, CeilingCamera) else tuple(geometry)
     if len(geometries) != len(cameras):
@@ -116,7 +116,7 @@ def _tracker(observer: CeilingObserver, cameras: Sequence[str], period_s: float,
 
 
 class _Tracking:
-    """The tracking of one goal. Mutable: the track, and the robot's last positions, oldest first."""
+    """The tracking of one goal. Mutable."""
 
     def __init__(self, track: Track, observer: CeilingObserver, period_s: float) -> None:
         self._track = track
@@ -124,15 +124,15 @@ class _Tracking:
         self._period_s = period_s
         self._positions: deque[Position] = deque(maxlen=_POSITIONS)
         self._observed_at_mm: float | None = None
-        self._checked_ns: int | None = None
+        self._goal_checked_ns: int | None = None
         self._published_ns = -1
 
     def scale(self, known: Scale) -> Scale:
-        """Return the present estimate of the odometry's scale."""
+        """Return the current estimate of the odometry's scale."""
         return self._track.reckoning.scale if isinstance(self._track, LightTrack) else known
 
     def run(self) -> Generator[Step, Any, bool]:
-        """Run until all lights are passed or given up; return True if a new goal replaces this one."""
+        """Run until all lights are passed or the goal is abandoned; return True if a new goal replaces it."""
         if self._track.done:
             yield from do("DServer", data.set(OVERSHOOT, 0.0))
             yield from end_goal()
@@ -143,8 +143,8 @@ class _Tracking:
             if self._goal_check_is_due(now_ns):
                 if (yield from new_goal()):
                     return True
-                if (yield from is_given_up()):
-                    yield from give_up()
+                if (yield from is_goal_abandoned()):
+                    yield from abandon_goal()
                     return False
             wait_s = self._period_s
             pose = yield from self._pose()
@@ -169,15 +169,15 @@ class _Tracking:
             wait_s = self._wait_s()
 
     def _goal_check_is_due(self, now_ns: int) -> bool:
-        if self._checked_ns is None:
-            self._checked_ns = now_ns
-        if now_ns - self._checked_ns < GOAL_CHECK_INTERVAL_S * 1e9:
+        if self._goal_checked_ns is None:
+            self._goal_checked_ns = now_ns
+        if now_ns - self._goal_checked_ns < GOAL_CHECK_INTERVAL_S * 1e9:
             return False
-        self._checked_ns = now_ns
+        self._goal_checked_ns = now_ns
         return True
 
     def _observe(self, here: Position) -> Generator[Step, Any, None]:
-        """Update the track with the cameras' new images; while the robot stands, one image is enough."""
+        """Update the track with the cameras' new images; one image is enough while the robot stands."""
         goal = self._track.goal
         at_mm = goal.progress(here.x, here.y)
         if self._observed_at_mm is not None and abs(at_mm - self._observed_at_mm) < _STANDING_MM:
@@ -185,7 +185,7 @@ class _Tracking:
         observations = yield from self._observer(goal.tilt(here.heading))
         for image in observations:
             then = position_at(tuple(self._positions), image.t_ns)
-            if here.t_ns - image.t_ns > _OLDEST_IMAGE_S * 1e9:
+            if here.t_ns - image.t_ns > _MAX_IMAGE_AGE_S * 1e9:
                 continue
             self._observed_at_mm = at_mm
             detections = LightDetections(
@@ -239,7 +239,7 @@ class _Tracking:
         newest = self._positions[-1]
         if pose is None or not isinstance(self._track, LightTrack) or pose.t_ns <= self._published_ns:
             return
-        if newest.t_ns - pose.t_ns > _OLDEST_POSE_S * 1e9:
+        if newest.t_ns - pose.t_ns > _MAX_POSE_AGE_S * 1e9:
             return
         sigma_mm = pose.sigma_along(*self._track.goal.ahead)
         self._track = self._track.estimated(self._progress(newest), sigma_mm)
@@ -251,21 +251,21 @@ class _Tracking:
         """Return the seconds until the next image: fewer if the robot passes a light before that."""
         period_s = self._period_s
         newest = self._positions[-1]
-        rest_mm = self._track.to_next(self._progress(newest))
-        if rest_mm is None or len(self._positions) < 2 or rest_mm <= 0.0:
+        remaining_mm = self._track.to_next(self._progress(newest))
+        if remaining_mm is None or len(self._positions) < 2 or remaining_mm <= 0.0:
             return period_s
         before = self._positions[-2]
         passed_s = (newest.t_ns - before.t_ns) / 1e9
         travel_mm = self._progress(newest) - self._progress(before)
         if passed_s <= 0.0 or travel_mm <= 0.0:
             return period_s
-        return min(period_s, max(_SOONEST_S, rest_mm * passed_s / travel_mm))
+        return min(period_s, max(_MIN_WAIT_S, remaining_mm * passed_s / travel_mm))
 
 
 def position_at(positions: Sequence[Position], t_ns: int) -> Position:
-    """Interpolate the robot's position at a time, from positions in the order of their times.
+    """Interpolate the robot's position at a time between positions that are ordered by time.
 
-    Before the first or after the last one, that position is returned.
+    Outside of their range, the first or last position is returned.
     """
     after = next((i for i, position in enumerate(positions) if position.t_ns >= t_ns), len(positions) - 1)
     if after == 0 or positions[after].t_ns <= t_ns:

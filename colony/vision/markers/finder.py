@@ -1,14 +1,14 @@
 """The marker finder: finds the marker of the elevator that the robot is to take (thesis section 5.4.6).
 
-While GoalType is that of an elevator it searches an image of the front camera every 0.2 s: its middle half,
-and after a detection only the rows around the marker. It sets MarkerBearing, MarkerFacing and MarkerDistance
-to the marker's place relative to the robot at that time. Without a marker in view they are not set, and so
-grow old.
+While GoalType is that of an elevator, it searches an image of the front camera every 0.2 s: the middle half
+of the rows, and after a detection only those around the marker. It sets MarkerBearing, MarkerFacing and
+MarkerDistance to the marker's position relative to the robot at that time. Without a marker in view they are
+not set, and so become stale.
 
-With an ElevatorCall only the marker of that elevator counts, while the robot is on its floor; without a call,
-the widest one in view. A marker of the floor's map gives a fix of the pose, MarkerFix.
+With an ElevatorCall, only the marker of that elevator counts while the robot is on the call's floor; without
+a call, the widest marker in view counts. A marker of the floor's map gives a fix of the pose, MarkerFix.
 
-A call to a server that is away is repeated in the next period.
+A call to a server that does not answer is repeated in the next period.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ PERIOD_S = 0.2
 IDLE_S = 0.5
 """Seconds between two checks whether an elevator is to be taken."""
 
-MAX_OFF_DEG, MAX_OFF_MM = 30.0, 1_500.0
-"""Gates of a marker's heading and place against the map, by the robot's estimated pose."""
+GATE_DEG, GATE_MM = 30.0, 1_500.0
+"""Gates for the difference of a marker's heading and position from the map, by the estimated pose."""
 
-MAX_ASIDE_DEG = 110.0
-"""Largest turn away from the doors at which images are searched: beyond it the robot is in the cabin."""
+MAX_TURNED_DEG = 110.0
+"""Maximum turn away from the doors at which images are searched; beyond it, the robot is in the cabin."""
 
 _MARGIN_ROWS = 6
-_OLDEST_IMAGE_S = 0.5
+_MAX_IMAGE_AGE_S = 0.5
 _POSITIONS = 8
 
 
@@ -68,7 +68,7 @@ def marker_finder(
     camera: str = "CServerFront",
     geometry: LevelCamera = AHEAD,
 ) -> Script:
-    """Publish the place of the marker of the elevator that the robot is to take; never ends.
+    """Publish the position of the marker of the elevator that the robot is to take, forever.
 
     Args:
         floors: the markers of each floor, by the name of its map (`nav.signs.markers_of`).
@@ -100,7 +100,7 @@ def _finder(finder: _Finder, period_s: float) -> Script:
 def _doors_deg() -> Generator[Step, Any, float | None]:
     """Return the heading at which the robot faces the elevator doors, by its goal.
 
-    None if the goal is no elevator, or DServer has no goal.
+    None if the goal is not an elevator, or DServer has no goal.
     """
     try:
         variables = yield from read_variables(GOAL_TYPE, GOAL_DIRECTION)
@@ -113,7 +113,7 @@ def _doors_deg() -> Generator[Step, Any, float | None]:
 
 
 class _Finder:
-    """The finder. Mutable: the last positions, oldest first; the rows to search; the last image's time."""
+    """The finder. Mutable."""
 
     def __init__(self, floors: Mapping[str, Sequence[Marker]], camera: str, geometry: LevelCamera) -> None:
         self._floors = floors
@@ -124,7 +124,7 @@ class _Finder:
         self._newest_ns = -1
 
     def discard(self) -> None:
-        """Discard the last detection: the robot is elsewhere at the next one."""
+        """Discard the last detection and positions: at the next goal the robot is elsewhere."""
         self._positions.clear()
         self._rows = self._middle_half
 
@@ -139,23 +139,23 @@ class _Finder:
                 answer.
         """
         here = yield from do("RServer", robot.position())
-        if abs(math.remainder(here.heading - doors_deg, 360.0)) > MAX_ASIDE_DEG:
+        if abs(math.remainder(here.heading - doors_deg, 360.0)) > MAX_TURNED_DEG:
             return True
         band = yield from do(self.camera, library.grab_rows(self._rows.start, len(self._rows)))
         here = yield from do("RServer", robot.position())
         if not self._positions or here.t_ns > self._positions[-1].t_ns:
             self._positions.append(here)
-        if band.t_ns == self._newest_ns or here.t_ns - band.t_ns > _OLDEST_IMAGE_S * 1e9:
+        if band.t_ns == self._newest_ns or here.t_ns - band.t_ns > _MAX_IMAGE_AGE_S * 1e9:
             return False
         self._newest_ns = band.t_ns
         boxes = find_markers(library.array(band), range(band.height), self.geometry)
-        selected = yield from self._selected(boxes)
-        self._rows = self._confining(band, selected[0]) if selected else self._middle_half
+        selected = yield from self._select(boxes)
+        self._rows = self._rows_around(band, selected[0]) if selected else self._middle_half
         if selected:
             yield from self._publish(band.t_ns, *selected)
         return True
 
-    def _selected(
+    def _select(
         self, boxes: Sequence[MarkerBox]
     ) -> Generator[Step, Any, tuple[MarkerBox, MarkerPose, tuple[Marker, ...]] | None]:
         """Return the marker to publish: its box, its pose, and the map's markers with its code."""
@@ -171,17 +171,17 @@ class _Finder:
         return box, pose, tuple(marker for marker in markers if marker.code == box.code)
 
     def _wanted(self) -> Generator[Step, Any, tuple[Marker | None, Sequence[Marker]]]:
-        """Return the called elevator's marker or None, and those that count: it alone, or the floor's."""
+        """Return the called elevator's marker, or None, and the markers that count: it or the floor's."""
         floor = yield from read_variables(FLOOR)
         call = yield from read_variables(ELEVATOR_CALL)
         name = floor[FLOOR] if floor is not None else None
-        markers = self._floors.get(name, ()) if isinstance(name, str) else _only(self._floors)
+        markers = self._floors.get(name, ()) if isinstance(name, str) else _single_floor(self._floors)
         called = call[ELEVATOR_CALL] if call is not None else ()
         node = called[0] if isinstance(called, list | tuple) and called else None
         wanted = next((marker for marker in markers if marker.node == node), None)
         return wanted, markers if wanted is None else (wanted,)
 
-    def _confining(self, band: Image, box: MarkerBox) -> range:
+    def _rows_around(self, band: Image, box: MarkerBox) -> range:
         """Return the rows around a marker, within the middle half of the image."""
         first = max(band.first_row + box.first_row - _MARGIN_ROWS, self._middle_half.start)
         end = min(band.first_row + box.last_row + 1 + _MARGIN_ROWS, self._middle_half.stop)
@@ -192,30 +192,30 @@ class _Finder:
     ) -> Generator[Step, Any, None]:
         positions = tuple(self._positions)
         then, now = position_at(positions, t_ns), positions[-1]
-        bearing, distance = _moved(pose, then, now)
+        bearing, distance = _relative_to(pose, then, now)
         variables: dict[str, object] = {
             MARKER_BEARING: bearing,
             MARKER_FACING: math.remainder(then.heading + pose.facing_deg - now.heading, 360.0),
             MARKER_DISTANCE: distance,
         }
-        near = [marker for marker in markers if is_there(pose, marker, then)]
-        if len(near) == 1:
-            variables[MARKER_FIX] = fix_list(Fix(t_ns, marker_rows(pose, near[0], then)))
+        matching = [marker for marker in markers if matches_map(pose, marker, then)]
+        if len(matching) == 1:
+            variables[MARKER_FIX] = fix_list(Fix(t_ns, marker_rows(pose, matching[0], then)))
         yield from do("DServer", data.set_many(variables))
 
 
-def is_there(pose: MarkerPose, marker: Marker, here: Position) -> bool:
-    """Return True if an observed marker may be this one of the map, with the robot estimated to be `here`."""
+def matches_map(pose: MarkerPose, marker: Marker, here: Position) -> bool:
+    """Return True if an observed marker may be `marker` of the map, given the robot's estimated position."""
     along = math.radians(here.heading + pose.bearing_deg)
     east = here.x - pose.distance_mm * math.sin(along)
     north = here.y + pose.distance_mm * math.cos(along)
-    off_mm = math.hypot(marker.middle.x - east, marker.middle.y - north)
-    off_deg = math.remainder(here.heading + pose.facing_deg - marker.heading_deg, 360.0)
-    return off_mm <= MAX_OFF_MM and abs(off_deg) <= MAX_OFF_DEG
+    offset_mm = math.hypot(marker.center.x - east, marker.center.y - north)
+    turned_deg = math.remainder(here.heading + pose.facing_deg - marker.heading_deg, 360.0)
+    return offset_mm <= GATE_MM and abs(turned_deg) <= GATE_DEG
 
 
-def _moved(pose: MarkerPose, then: Position, now: Position) -> tuple[float, float]:
-    """Return the bearing and the distance of a marker from the robot's present position."""
+def _relative_to(pose: MarkerPose, then: Position, now: Position) -> tuple[float, float]:
+    """Return the bearing and the distance of a marker from the robot's current position."""
     along = math.radians(then.heading + pose.bearing_deg)
     east = then.x - pose.distance_mm * math.sin(along) - now.x
     north = then.y + pose.distance_mm * math.cos(along) - now.y
@@ -223,6 +223,6 @@ def _moved(pose: MarkerPose, then: Position, now: Position) -> tuple[float, floa
     return math.remainder(bearing, 360.0), math.hypot(east, north)
 
 
-def _only(floors: Mapping[str, Sequence[Marker]]) -> Sequence[Marker]:
+def _single_floor(floors: Mapping[str, Sequence[Marker]]) -> Sequence[Marker]:
     """Return the markers of a building with a single floor; none for other buildings."""
     return next(iter(floors.values())) if len(floors) == 1 else ()

@@ -1,11 +1,10 @@
-"""The place of a camera relative to a marker, from one image, and the robot's pose that follows from it.
+"""The position of a camera relative to a marker, from one image, and the resulting pose of the robot.
 
-The edges of a marker are places along a straight line whose distances are known. A camera that sees them in
-columns r (in focal lengths, to the right) has them at r (z + t s) = x + t c: x to the right and z ahead is
-the marker's middle, (c, s) the direction of its stripes, t the place of the edge along them. That is linear
-in x, z and s for c = 1, so three edges suffice, and the more there are the better. So one image gives the
-bearing, the distance, and the turn of the camera that would face the doors squarely, since the nearer half of
-a marker is seen wider.
+The edges of a marker are points on a straight line with known distances. An edge seen in column r (in focal
+lengths to the right of the axis) satisfies r (z + t s) = x + t c: x to the right and z ahead is the center of
+the marker, (c, s) its direction, and t the position of the edge along it. This is linear in x, z and s for
+c = 1, so three edges suffice, and more are better. So one image gives the bearing, the distance and, as the
+nearer half of a marker looks wider, the turn of the camera that would face the doors squarely.
 """
 
 from __future__ import annotations
@@ -28,16 +27,16 @@ BEARING_SIGMA_DEG = 0.2
 """Standard deviation of a bearing from the camera's mounting and the time of the image."""
 
 DISTANCE_SIGMA = 0.01
-"""Standard deviation of a distance from the focal length, as a part of the distance."""
+"""Standard deviation of a distance from the focal length, as a fraction of the distance."""
 
 MAX_SLANT_SIGMA_DEG = 2.0
-"""Largest standard deviation of a marker's slant for a fix of distance and slant.
+"""Maximum standard deviation of a marker's slant for a fix of distance and slant.
 
-From farther away the two cannot be separated, and neither is reported.
+From farther away, distance and slant cannot be separated, and neither is reported.
 """
 
 MAX_FACING_DEG = 70.0
-"""Largest slant at which a marker is visible."""
+"""Maximum slant at which a marker is visible."""
 
 
 _UNITS = 2 * MARKER_BITS + 1
@@ -47,7 +46,7 @@ class MarkerPose(NamedTuple):
     """A marker relative to the robot, with standard deviations.
 
     Attributes:
-        bearing_deg: direction of its middle, counterclockwise from ahead.
+        bearing_deg: direction of its center, counterclockwise from ahead.
         distance_mm: its distance.
         facing_deg: turn that makes the robot face the doors squarely, counterclockwise.
     """
@@ -66,7 +65,7 @@ class MarkerPose(NamedTuple):
 
     @property
     def ahead_mm(self) -> float:
-        """Distance of the robot from the doors, at right angles to them."""
+        """Perpendicular distance of the robot from the doors."""
         return self.distance_mm * math.cos(math.radians(self.facing_deg - self.bearing_deg))
 
 
@@ -84,11 +83,11 @@ def marker_pose(box: MarkerBox, camera: LevelCamera = AHEAD) -> MarkerPose | Non
     units = edge_units(box.code)
     if len(box.edges) != len(units):
         return None
-    places = (np.array(units) - _UNITS / 2.0) * STRIPE_MM
+    edges_mm = (np.array(units) - _UNITS / 2.0) * STRIPE_MM
     rays = (np.array(box.edges) - (camera.columns - 1) / 2.0) / camera.focal
-    # r z + t r s - x = t, with c = 1: everything is in units of the true c.
-    terms = np.stack([rays, places * rays, -np.ones_like(rays)], axis=1)
-    (ahead, slant, right), _, rank, _ = np.linalg.lstsq(terms, places, rcond=None)
+    # r z + t r s - x = t, with c = 1: the unknowns are scaled by 1 / c.
+    terms = np.stack([rays, edges_mm * rays, -np.ones_like(rays)], axis=1)
+    (ahead, slant, right), _, rank, _ = np.linalg.lstsq(terms, edges_mm, rcond=None)
     if rank < 3 or not ahead > 0.0:
         return None
     cosine = 1.0 / math.hypot(1.0, slant)
@@ -118,18 +117,22 @@ def marker_rows(pose: MarkerPose, marker: Marker, here: Position) -> tuple[Row, 
     position.
     """
     heading = math.radians(here.heading)
-    east, north = marker.middle.x - here.x, marker.middle.y - here.y
-    apart = max(math.hypot(east, north), MARKER_WIDTH_MM)
+    east, north = marker.center.x - here.x, marker.center.y - here.y
+    map_distance = max(math.hypot(east, north), MARKER_WIDTH_MM)
     # The marker is along theta = atan2(-east, north), and seen at theta - heading.
     theta = math.atan2(-east, north)
-    off = math.remainder(math.radians(pose.bearing_deg) + heading - theta, math.tau)
-    cx, cy = north / apart**2, -east / apart**2
+    bearing_error = math.remainder(math.radians(pose.bearing_deg) + heading - theta, math.tau)
+    cx, cy = north / map_distance**2, -east / map_distance**2
     bearing = Row(
-        cx, cy, -1.0, cx * here.x + cy * here.y - heading + off, math.radians(pose.bearing_sigma_deg)
+        cx,
+        cy,
+        -1.0,
+        cx * here.x + cy * here.y - heading + bearing_error,
+        math.radians(pose.bearing_sigma_deg),
     )
-    ux, uy = -east / apart, -north / apart
-    farther = pose.distance_mm - math.hypot(east, north)
-    distance = Row(ux, uy, 0.0, ux * here.x + uy * here.y + farther, pose.distance_sigma_mm)
+    ux, uy = -east / map_distance, -north / map_distance
+    excess_mm = pose.distance_mm - math.hypot(east, north)
+    distance = Row(ux, uy, 0.0, ux * here.x + uy * here.y + excess_mm, pose.distance_sigma_mm)
     turned = math.remainder(math.radians(marker.heading_deg - pose.facing_deg) - heading, math.tau)
     facing = Row(0.0, 0.0, 1.0, heading + turned, math.radians(pose.facing_sigma_deg))
     return (bearing, distance, facing) if pose.facing_sigma_deg <= MAX_SLANT_SIGMA_DEG else (bearing,)

@@ -1,14 +1,14 @@
 """Finds markers on elevator doors in an image, row by row (thesis section 5.4.6).
 
-*Edges.* The gradient at a pixel border is the excess brightness of the pixels after it over those before it;
-an edge is a peak of its magnitude above a threshold. Of successive edges of the same sign the strongest one
-counts. Since the exposure is unknown, each row is searched with several thresholds.
+*Edges.* The gradient at a pixel border is the brightness of the pixels after it minus that of those before
+it; an edge is a peak of its magnitude above a threshold. Of successive edges of the same sign the strongest
+one counts. Since the exposure is unknown, each row is searched with several thresholds.
 
 *Patterns.* A pattern is a run of edges that begins with one from white to black. Its stripes are one unit
 wide each, or three where a black bit lies between its separators, so five codes have five patterns of 8, 6 or
 4 edges. Seen at an angle, units widen toward one side: the edges of a pattern fit a parabola over the units,
-to a small part of a unit. Its white stripes are about equally bright, and much brighter than its black ones,
-which are about equally dark; beside it there is plain door.
+to a small fraction of a unit. Its white stripes are about equally bright, and much brighter than its black
+ones, which are about equally dark; beside it there is plain door.
 
 *Rows.* Patterns of neighboring rows with the same code and edges are a marker if their mean edges fit
 accurately, if the number of rows is the height of a marker at the distance and angle given by the edges, and
@@ -33,51 +33,52 @@ from colony.vision.level_camera import AHEAD, LevelCamera
 from colony.vision.markers.pose import edge_units, marker_pose
 
 THRESHOLDS = (10.0, 24.0, 48.0)
-"""Least gradients of an edge with which each row is searched, in gray levels."""
+"""Minimum gradients of an edge, in gray levels; each row is searched with each of them."""
 
 MIN_UNIT = 3.2
-"""Least width of a unit, in pixels: that of a marker 5.8 m away."""
+"""Minimum width of a unit, in pixels: that of a marker 5.8 m away."""
 
 MAX_MISFIT, MAX_MISFIT_PX = 0.10, 0.45
-"""Tolerance of an edge's place in its pattern: a part of a unit, plus pixels of measurement error."""
+"""Tolerance of an edge's position in its pattern: a fraction of a unit, plus pixels of measurement error."""
 
 MAX_MEAN_MISFIT, MAX_MEAN_MISFIT_PX = 0.06, 0.12
-"""Tolerance of the mean over all rows, likewise."""
+"""The same tolerance for the mean over all rows."""
 
 MAX_WIDENING = 0.6
-"""Largest difference in width of a pattern's last unit from its middle one, as a part."""
+"""Maximum relative difference in width between a pattern's last unit and its middle one."""
 
 MIN_CONTRAST, MIN_RATIO = 12.0, 1.6
-"""Least contrast of white to black stripes: the difference in gray levels, and the ratio."""
+"""Minimum contrast of white to black stripes: the difference in gray levels, and the ratio."""
 
 MAX_UNEVEN = 0.4
-"""Largest difference between white stripes, or between black ones, as a part of their contrast."""
+"""Maximum difference between white stripes, or between black ones, as a fraction of their contrast."""
 
 MIN_BESIDE = 0.25
-"""Least contrast of the door beside the stripes to the black ones, likewise.
+"""Minimum contrast of the door beside the stripes to the black ones, as a fraction of their contrast.
 
-`MAX_UNEVEN` applies to it, too.
+`MAX_UNEVEN` applies to the door, too.
 """
 
 MIN_ROWS = 4
-"""Least number of rows of a marker, at any distance."""
+"""Minimum number of rows of a marker, at any distance."""
 
 _UNITS = 2 * MARKER_BITS + 1
-_MIN_HEIGHT, _MAX_HEIGHT = 0.7, 1.3  # as parts of the height that a marker has there
+_MIN_HEIGHT, _MAX_HEIGHT = 0.7, 1.3  # as fractions of a marker's height at its distance
 _MAX_FACING_DEG = 60.0
-_MAX_GAP = 3  # rows between two with a pattern
-_DRIFT = 0.3  # units: largest shift of a pattern between such rows
-_NEAR, _OFF = 0.5, 1.2  # units from a marker's side to the places on the door that are compared
-_AROUND = 0.25  # of a marker's height, above and below it
+_MAX_GAP = 3  # rows between two rows with a pattern
+_MAX_DRIFT_UNITS = 0.3  # units; the maximum shift of a pattern between such rows
+# Units from a marker's side to the two points on the door whose brightness is compared.
+_NEAR_UNITS, _FAR_UNITS = 0.5, 1.2
+_AROUND_FRACTION = 0.25  # fraction of a marker's height, above and below it
 
 Floats = NDArray[np.float64]
 Levels = NDArray[np.float32]
 
 
 class _Template(NamedTuple):
-    """The pattern of a code: its edges, in units from its middle, and the projection onto the residuals.
+    """The pattern of a code: its edges, in units from its center, and the projection onto the residuals.
 
-    The residuals are those of a parabola; `solve` gives that parabola's middle, slope and curvature.
+    The residuals are those of a fitted parabola; `solve` gives its offset, slope and curvature.
     """
 
     code: int
@@ -87,7 +88,7 @@ class _Template(NamedTuple):
 
 
 class _Pattern(NamedTuple):
-    """A pattern in a row: its code, and its edges in columns."""
+    """A pattern in a row: its code, and the columns of its edges."""
 
     row: int
     code: int
@@ -102,12 +103,12 @@ def find_markers(
 
     Args:
         image: (height, width) of gray levels, or with a last axis of 1 or 3 channels.
-        rows: the rows to search, without gaps; the default is the middle half.
+        rows: the contiguous rows to search; the default is the middle half.
         camera: the camera, for its angle of view; the image may be larger than the camera's, or a band of
             rows.
 
     Raises:
-        ValueError: `image` is not such an array of uint8, or does not have these rows.
+        ValueError: `image` is not such a uint8 array, or does not have these rows.
     """
     gray = gray_image(image)
     height, width = gray.shape
@@ -141,7 +142,7 @@ def _patterns(levels: Levels) -> list[_Pattern]:
 
 
 def _smoothed(band: Gray) -> Levels:
-    """Smooth each column against noise: markers are upright."""
+    """Smooth along the columns to reduce noise; the stripes of markers are upright."""
     levels = band.astype(np.float32)
     padded = np.concatenate([levels[:1], levels, levels[-1:]])
     smoothed: Levels = np.float32(0.25) * (padded[:-2] + padded[2:]) + np.float32(0.5) * levels
@@ -157,14 +158,14 @@ def _gradients(levels: Levels) -> Levels:
 
 
 def _peaks(gradients: Levels, threshold: float) -> tuple[NDArray[np.intp], Floats, Levels]:
-    """Return the peaks of gradients: rows, columns to a part of a pixel, and the gradients there."""
+    """Return the peaks of gradients: rows, columns with subpixel accuracy, and the gradients there."""
     size = np.abs(gradients)
     middle = size[:, 1:-1]
     at = (middle >= threshold) & (middle >= size[:, :-2]) & (middle > size[:, 2:])
-    rows, places = np.nonzero(at)
-    before, here, after = (size[rows, places + k].astype(np.float64) for k in range(3))
-    shift = 0.5 * (before - after) / np.minimum(before - 2.0 * here + after, -1e-9)
-    return rows, places + shift + 2.5, gradients[rows, places + 1]
+    rows, peak_columns = np.nonzero(at)
+    before, center, after = (size[rows, peak_columns + k].astype(np.float64) for k in range(3))
+    shift = 0.5 * (before - after) / np.minimum(before - 2.0 * center + after, -1e-9)
+    return rows, peak_columns + shift + 2.5, gradients[rows, peak_columns + 1]
 
 
 class _Edges(NamedTuple):
@@ -204,8 +205,10 @@ def _matches(edges: _Edges, levels: Levels) -> Iterator[_Pattern]:
             continue
         rows, columns, misfit = edges.rows[starts[fits]], columns[fits], misfit[fits]
         striped = _are_striped(levels, rows, columns)
-        for row, places, off in zip(rows[striped], columns[striped], misfit[striped], strict=True):
-            yield _Pattern(int(row), template.code, tuple(places.tolist()), float(off))
+        for row, peak_columns, residual_px in zip(
+            rows[striped], columns[striped], misfit[striped], strict=True
+        ):
+            yield _Pattern(int(row), template.code, tuple(peak_columns.tolist()), float(residual_px))
 
 
 def _are_striped(levels: Levels, rows: NDArray[np.intp], columns: Floats) -> NDArray[np.bool_]:
@@ -222,7 +225,7 @@ def _are_striped(levels: Levels, rows: NDArray[np.intp], columns: Floats) -> NDA
     for side, sign in ((columns[:, 0], -1.0), (columns[:, -1], 1.0)):
         beside = [
             levels[rows, np.clip(np.rint(side + sign * off * unit), 0, last).astype(np.intp)]
-            for off in (_NEAR, _OFF)
+            for off in (_NEAR_UNITS, _FAR_UNITS)
         ]
         fine &= beside[0] - dark >= MIN_BESIDE * contrast
         fine &= np.abs(beside[0] - beside[1]) <= MAX_UNEVEN * contrast
@@ -247,8 +250,8 @@ def _runs(patterns: list[_Pattern]) -> list[list[_Pattern]]:
 def _continues(last: _Pattern, pattern: _Pattern) -> bool:
     if last.code != pattern.code or not 0 < pattern.row - last.row <= _MAX_GAP:
         return False
-    most = 0.5 + _DRIFT * (last.edges[-1] - last.edges[0]) / _UNITS
-    return max(abs(a - b) for a, b in zip(last.edges, pattern.edges, strict=True)) <= most
+    max_shift = 0.5 + _MAX_DRIFT_UNITS * (last.edges[-1] - last.edges[0]) / _UNITS
+    return max(abs(a - b) for a, b in zip(last.edges, pattern.edges, strict=True)) <= max_shift
 
 
 def _is_marker(run: list[_Pattern], levels: Levels, camera: LevelCamera) -> bool:
@@ -267,7 +270,7 @@ def _is_marker(run: list[_Pattern], levels: Levels, camera: LevelCamera) -> bool
         return False
     middles = np.rint((edges[1:] + edges[:-1]) / 2.0).astype(np.intp)
     inside = _contrast(levels[box.first_row : box.last_row + 1, middles].mean(axis=0))
-    around = 1 + round(_AROUND * span)
+    around = 1 + round(_AROUND_FRACTION * span)
     outside = [row for row in (box.first_row - around, box.last_row + around) if 0 <= row < len(levels)]
     return all(abs(_contrast(levels[row, middles])) <= MAX_UNEVEN * inside for row in outside)
 
@@ -289,7 +292,7 @@ def _box(run: list[_Pattern], first_row: int) -> MarkerBox:
 
 
 def _without_overlaps(boxes: list[MarkerBox]) -> tuple[MarkerBox, ...]:
-    """Keep the higher one of two boxes that cover the same columns."""
+    """Of boxes that share columns, keep the highest ones."""
     kept: list[MarkerBox] = []
     for box in sorted(boxes, key=lambda box: box.first_row - box.last_row):
         if all(box.right <= other.left or box.left >= other.right for other in kept):

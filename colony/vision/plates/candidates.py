@@ -1,6 +1,6 @@
-"""Candidates for plates in an image: dark patches of about a plate's shape on the horizon.
+"""Candidates for plates in an image: dark patches on the horizon with about the shape of a plate.
 
-A level camera at the height of the plates' middle sees each of them symmetrically about its horizon, at any
+A level camera at the height of the plates' centers sees each plate symmetrically about its horizon, at any
 distance and angle. This rules out most dark patches. Patches are dark below one of several thresholds, as no
 single one suits both a dim corridor and a sunlit wall: a plate is dark at many of them.
 """
@@ -11,26 +11,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.vision.gray_images import Gray
-from colony.vision.plates.patches import Patch, agreed
+from colony.vision.plates.patches import Patch, merge_patches
 
 LEVELS = 10
 """Number of thresholds, between the darkest and the middle gray of the image."""
 
 MIN_HEIGHT = 7
-"""Least height of a candidate, in pixels of an image 240 columns wide: a plate 3.7 m away."""
+"""Minimum height of a candidate, in pixels of an image 240 columns wide: a plate 3.7 m away."""
 
 MIN_ASPECT, MAX_ASPECT = 0.9, 4.2
-"""Range of width by height: 2.8 for a plate seen straight on, 1.6 at 50 degrees; with tolerance for
-pixels."""
+"""Range of width / height: 2.8 for a plate seen straight on, 1.6 at 50 degrees, with some tolerance."""
 
 MIN_SPAN = 10
-"""Least difference of gray levels between dark and bright; an image with less is empty."""
+"""Minimum difference of gray levels between dark and bright; an image with less has no candidates."""
 
-_MIN_FILL = 0.3  # of the bounding box: the characters may be cut out of it
+_MIN_FILL = 0.3  # of the bounding box: the characters may be excluded
 
 
 def candidates(gray: Gray, horizon: float) -> tuple[Patch, ...]:
-    """Return the dark patches that may be plates, those at most thresholds first.
+    """Return the dark patches that may be plates, those found at the most thresholds first.
 
     Args:
         gray: an image, or a band of one, about 240 columns wide.
@@ -52,11 +51,11 @@ def candidates(gray: Gray, horizon: float) -> tuple[Patch, ...]:
             for box in stats[1:][_is_likely(stats[1:], gray.shape[1], gray.shape[0], horizon)].tolist():
                 left, top, width, height, _ = box
                 found.append(Patch(left, top, left + width, top + height))
-    return agreed(found)
+    return merge_patches(found)
 
 
 def _is_likely(stats: NDArray[np.int32], columns: int, rows: int, horizon: float) -> NDArray[np.bool_]:
-    """Return a mask of the components, (n, 5) as from OpenCV, that have about a plate's shape and place."""
+    """Return a mask of the components, (n, 5) as from OpenCV, with about a plate's shape and position."""
     left, top, width, height, area = stats.T
     off = np.abs(top + (height - 1) / 2.0 - horizon)
     likely = (height >= MIN_HEIGHT) & (width >= MIN_ASPECT * height) & (width <= MAX_ASPECT * height)

@@ -20,10 +20,10 @@ SEGMENTS = (3, 4, 5)
 """Numbers of steps over which directions are measured; cornerness is averaged over them."""
 
 LONGEST_ARM = 10
-"""Largest number of straight steps that count for a corner, before it and after it."""
+"""Maximum number of straight steps that count on either side of a corner."""
 
 MIN_CORNERNESS = 8.0
-"""Least cornerness of a corner, in radians times steps: a right angle with arms of three steps has 9.4."""
+"""Minimum cornerness of a corner, in radians times steps: a right angle with arms of three steps has 9.4."""
 
 _STEPS = ((1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1))  # column, row
 _DX, _DY = (np.array(axis, dtype=np.float64) for axis in zip(*_STEPS, strict=True))
@@ -36,14 +36,14 @@ class Border(NamedTuple):
     codes: NDArray[np.int64]
 
 
-def traced(binary: NDArray[np.bool_], column: int, row: int) -> Border | None:
+def trace_border(binary: NDArray[np.bool_], column: int, row: int) -> Border | None:
     """Trace the border of a bright region, clockwise from a pixel with a dark one on its left.
 
     None if the border is not closed within the image, or is a single pixel.
     """
     rows, columns = binary.shape
     bright = binary.tolist()
-    x, y, back = column, row, 4  # direction from the pixel to the dark one
+    x, y, back = column, row, 4  # `back`: direction from the pixel to the dark one
     pixels: list[tuple[int, int]] = []
     codes: list[int] = []
     while True:
@@ -61,15 +61,15 @@ def traced(binary: NDArray[np.bool_], column: int, row: int) -> Border | None:
         pixels.append((x, y))
         codes.append(code)
         x, y = x + dx, y + dy
-        # The last dark neighbor that was passed, relative to the pixel reached.
+        # Direction from the new pixel to the last dark neighbor.
         back = (code + 3) % 8 if code % 2 else (code + 2) % 8
 
 
 def cornerness(codes: NDArray[np.int64], *, longest_arm: int = LONGEST_ARM) -> Floats:
     """Return the cornerness of each pixel of a closed border, (n,).
 
-    It is the turn of the border there, in radians, positive to the right, times the root of the lengths of
-    its two arms.
+    It is the turn of the border there, in radians, positive to the right, times the geometric mean of the
+    lengths of its two arms.
     """
     total = np.zeros(len(codes))
     for segment in SEGMENTS:
@@ -99,23 +99,24 @@ def _cornerness(codes: NDArray[np.int64], segment: int, longest_arm: int) -> Flo
     turn = np.roll(angle, -1) - np.roll(angle, 1)
     turn = (turn + math.pi) % (2.0 * math.pi) - math.pi
     straight = np.abs(turn) <= math.atan(1.0 / (segment - 1)) + 1e-9
-    turned = _windows(turn, segment + 1)  # of j - segment to j: of the pixel after step j - segment
-    before = _run(straight, longest_arm)  # up to and with j
+    # The sum from j - segment to j is the turn at the pixel after step j - segment.
+    turned = _windows(turn, segment + 1)
+    before = _run(straight, longest_arm)  # up to and including j
     after = _run(straight[::-1], longest_arm)[::-1]  # from j on
     at = np.roll(turned, -segment)
     arms = np.sqrt(np.roll(before, 1) * np.roll(after, -segment - 1))
-    # `at[j]` is the turning about the end of step j: of the pixel that follows pixel j.
+    # `at[j]` is the turn at the end of step j, that is, at the pixel after pixel j.
     return np.asarray(np.roll(at * arms, 1))
 
 
 def _windows(values: Floats, length: int) -> Floats:
-    """Return the sum of each value of a closed curve and the `length` - 1 values before it."""
+    """Return, for each value of a closed curve, the sum of the last `length` values up to it."""
     sums = np.cumsum(np.concatenate([values[len(values) - length + 1 :], values]))
     return np.asarray(sums[length - 1 :] - np.concatenate([[0.0], sums[: len(values) - 1]]))
 
 
 def _run(straight: NDArray[np.bool_], longest: int) -> Floats:
-    """Return the number of successive straight steps up to and with each step, at most `longest`."""
+    """Return the number of successive straight steps up to and including each step, at most `longest`."""
     runs = np.zeros(len(straight))
     alive = np.ones(len(straight), dtype=np.bool_)
     for shift in range(longest):

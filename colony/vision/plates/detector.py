@@ -2,7 +2,7 @@
 
 Dark patches on the horizon are candidates (`candidates.py`). The outline of each is measured with subpixel
 accuracy (`outline.py`); it must be a possible view of a plate of 356 x 127 mm, and its content must look like
-a plate (`face.py`). No map is needed; the angle of the camera to the wall is used if known.
+that of a plate (`face.py`). No map is needed; the angle of the camera to the wall is used if known.
 """
 
 from __future__ import annotations
@@ -24,32 +24,32 @@ from colony.vision.plates.lines import lines_of_text, outline_about
 from colony.vision.plates.outline import Outline, outline_near, outline_of
 
 MIN_SCORE = 0.4
-"""Least score of a plate that is reported."""
+"""Minimum score of a plate that is reported."""
 
 SURE_SCORE = 0.9
-"""Score from which a dark patch is not searched again by its lines of text."""
+"""Score from which a plate is not searched again by its line of text."""
 
 MIN_EDGE_CONTRAST = 0.3
-"""Least contrast of a visible edge of a plate, as a part of the contrast of its characters."""
+"""Minimum contrast of a visible edge of a plate, as a fraction of the contrast of its characters."""
 
 NEAREST_MM = 450.0
-"""Least distance of a plate: a nearer one is almost as high as the image."""
+"""Minimum distance of a plate: a nearer one is almost as high as the image."""
 
 WORKING_COLUMNS = 240
 """Approximate width to which an image is reduced for the search of candidates."""
 
-_FARTHEST_MM = 3_700.0
+_MAX_DISTANCE_MM = 3_700.0
 
 
 class Size(NamedTuple):
     """The fit of an outline to a plate's shape.
 
     Attributes:
-        depth_mm: distance of its middle, by its height.
+        depth_mm: distance of its center, from its height.
         width: relative excess over the width of a plate at that distance; negative for a narrower outline.
-        slope: excess height of its right edge over its left one, as a part of the height, less that expected
-            on a wall with the given tilt.
-        off: distance of its middle from the horizon, in pixels.
+        slope: height of its right edge minus that of its left one, as a fraction of the height, minus the
+            value expected on a wall with the given tilt.
+        off: distance of its center from the horizon, in pixels.
     """
 
     depth_mm: float
@@ -69,22 +69,22 @@ def find_plates(
 
     Args:
         image: (rows, columns) of gray, or (rows, columns, 3) of RGB, uint8: a whole image, or a band of rows.
-        camera: the camera; the default has 60 degrees and images of this size.
-        first_row: first row of the band in the whole image. Corners are given in the band.
+        camera: the camera; the default has a field of view of 60 degrees and images of this size.
+        first_row: first row of the band in the whole image. Corners are relative to the band.
         tilt_deg: angle between the optical axis and the wall's normal; None if unknown.
 
     Raises:
-        ValueError: `image` is no image, or not one of this camera.
+        ValueError: `image` is not an image, or not one of this camera.
     """
     gray, camera = gray_band(image, camera, first_row)
     horizon = (camera.rows - 1) / 2.0 - first_row
-    reach = camera.focal * PLATE_HEIGHT_MM / 2.0 / NEAREST_MM
-    top, bottom = max(math.ceil(horizon - reach), 0), math.floor(horizon + reach) + 1
+    half_height = camera.focal * PLATE_HEIGHT_MM / 2.0 / NEAREST_MM
+    top, bottom = max(math.ceil(horizon - half_height), 0), math.floor(horizon + half_height) + 1
     band = gray[top:bottom]
     if len(band) < MIN_PIXELS:
         return ()
-    plates = _apart(_plates(band, camera, horizon - top, tilt_deg))
-    return tuple(plate.lowered(top) for plate in plates)
+    plates = _without_overlaps(_plates(band, camera, horizon - top, tilt_deg))
+    return tuple(plate.shifted_down(top) for plate in plates)
 
 
 def _plates(gray: Gray, camera: LevelCamera, horizon: float, tilt_deg: float | None) -> list[PlateBox]:
@@ -140,7 +140,7 @@ def _overlap(left: float, right: float, plate: PlateBox) -> bool:
 
 
 def size_of(outline: Outline, camera: LevelCamera, horizon: float, tilt_deg: float | None) -> Size | None:
-    """Return the fit of an outline to a plate's shape; None if it is no trapezoid."""
+    """Return the fit of an outline to a plate's shape; None if it is not a trapezoid."""
     left = outline.left_bottom - outline.left_top
     right = outline.right_bottom - outline.right_top
     if min(left, right) < 1.0:
@@ -169,7 +169,7 @@ def _fits(size: Size, outline: Outline) -> bool:
     """Return True if the outline is a possible view of a plate."""
     height = outline.left_bottom - outline.left_top
     return (
-        size.depth_mm <= _FARTHEST_MM
+        size.depth_mm <= _MAX_DISTANCE_MM
         and abs(size.width) <= 0.3
         and abs(size.slope) <= 0.3
         and size.off <= 1.0 + 0.05 * height
@@ -188,7 +188,7 @@ def score_of(size: Size, face: Face) -> float:
         * _within(face.misfit, 0.0, 0.45, 0.65)
         * _within(face.gap, 1.0, 0.5, 0.7)
         * _within(face.rim, 0.0, 0.5, 0.7)
-        * _within(face.middle, 0.5, 0.05, 0.13)
+        * _within(face.center, 0.5, 0.05, 0.13)
     )
 
 
@@ -197,8 +197,8 @@ def _within(value: float, expected: float, good: float, bad: float) -> float:
     return min(max((bad - abs(value - expected)) / (bad - good), 0.0), 1.0)
 
 
-def _apart(plates: Iterable[PlateBox]) -> tuple[PlateBox, ...]:
-    """Keep the best of plates that overlap."""
+def _without_overlaps(plates: Iterable[PlateBox]) -> tuple[PlateBox, ...]:
+    """Keep the best of overlapping plates."""
     kept: list[PlateBox] = []
     for plate in sorted(plates, key=lambda plate: -plate.score):
         if not any(_overlap(plate.corners[0][0], plate.corners[1][0], other) for other in kept):

@@ -1,8 +1,8 @@
 """The features that distinguish the face of a door plate from other things in an outline.
 
 A plate has one line of white characters of a fixed height on black, with a black margin, on a lighter
-background. The outline is first rectified to millimeters, as if it were a plate. This exposes posters: their
-lines are too many or too low, their margins too narrow, their ground is uneven, or they have no text.
+background. The outline is first rectified to millimeters, as if it were a plate. This exposes posters: they
+have too many or too low lines, too narrow margins, an uneven ground, or no text.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ BORDER_MM = 32.0
 """Width of the border around the plate that is rectified with it."""
 
 MIN_CONTRAST = 12.0
-"""Least difference of gray levels between the characters and the ground."""
+"""Minimum difference of gray levels between the characters and the ground."""
 
 _BLUR_PIXELS = 2.2  # width of the ramp at an edge, in pixels of the image
 _BORDER = round(BORDER_MM / MM_PER_PIXEL)
@@ -39,18 +39,18 @@ _MIN_STEP = 0.15
 
 
 class Face(NamedTuple):
-    """The features of a plate's face. All but the contrast are relative to it.
+    """The features of a plate's face. Brightness is relative to the contrast.
 
     Attributes:
         contrast: difference between the characters and the ground, in gray levels.
-        ground: brightness between the characters, as a part of the brightness of the characters.
-        edged: part of the outline along which the background is lighter.
-        ink: mean brightness of the line of characters, which is the part of it that they cover.
-        misfit: rms difference of the rows from those of a plate, as a part of `ink`.
-        gap: brightness of the darkest row of the line of characters, as a part of their mean.
-        rim: brightness of the margin around the characters, where it is lightest.
-        middle: place of the middle of the writing, from 0, the left edge, to 1.
-        width: width of the writing, as a part of the plate's.
+        ground: brightness between the characters, as a fraction of that of the characters.
+        edged: fraction of the outline along which the background is lighter.
+        ink: mean brightness of the line of characters, which is the fraction covered by them.
+        misfit: rms difference of the rows from those of a plate, as a fraction of `ink`.
+        gap: brightness of the darkest row of the line of characters, as a fraction of their mean.
+        rim: brightness of the lightest parts of the margin around the characters.
+        center: center of the text, from 0 at the left edge of the plate to 1 at the right.
+        width: width of the text, as a fraction of the plate's.
     """
 
     contrast: float
@@ -60,7 +60,7 @@ class Face(NamedTuple):
     misfit: float
     gap: float
     rim: float
-    middle: float
+    center: float
     width: float
 
 
@@ -87,13 +87,13 @@ def face_of(gray: Gray, outline: Outline) -> Face | None:
         misfit=misfit / max(ink, 0.05),
         gap=float(line.min() / max(line.mean(), 0.05)),
         rim=_rim(patch),
-        middle=(left + right) / 2.0 / _COLUMNS,
+        center=(left + right) / 2.0 / _COLUMNS,
         width=(right - left) / _COLUMNS,
     )
 
 
 def contrast_of(gray: Gray, outline: Outline) -> float:
-    """Return the contrast of bright and dark within an outline, in gray levels."""
+    """Return the contrast between bright and dark within an outline, in gray levels."""
     left, right = max(math.ceil(outline.left), 0), max(math.floor(outline.right), 0) + 1
     top, bottom = max(math.ceil(outline.left_top), 0), max(math.floor(outline.left_bottom), 0) + 1
     within = np.sort(gray[top:bottom, left:right], axis=None)
@@ -116,7 +116,7 @@ def _rectified(gray: Gray, outline: Outline) -> Floats:
 
 
 def _edged(patch: Floats) -> float:
-    """Return the part of the outline along which the background is lighter than the margin."""
+    """Return the fraction of the outline along which the background is lighter than the margin."""
     rows, columns = slice(_BORDER, -_BORDER), slice(_BORDER, -_BORDER)
     inside, outside = _BORDER + _MARGIN // 2, _BORDER - _OUTSIDE
     steps = (
@@ -138,7 +138,7 @@ def _rim(patch: Floats) -> float:
 
 
 def _written(line: Floats) -> tuple[int, int]:
-    """Return the first column of the text, and the one after its last."""
+    """Return the first column of the text, and the column after its last one."""
     columns = line[:, _MARGIN:-_MARGIN].mean(axis=0)
     level = 0.4 * float(np.sort(columns)[int(0.95 * columns.size)])
     written = np.flatnonzero(columns >= level)
@@ -162,8 +162,8 @@ def _fit(rows: Floats, mm_per_pixel: float) -> tuple[float, float]:
 def _plate_rows(mm_per_pixel: int) -> tuple[Floats, Floats]:
     """Return the components of the rows of a rectified plate, with the solver for their amounts.
 
-    A pixel of the image is `mm_per_pixel` wide. The components are the line of characters, what is above,
-    what is below, and the ground.
+    A pixel of the image is `mm_per_pixel` wide. The components are the line of characters, the area above
+    the plate, the area below it, and the ground.
     """
     at = (np.arange(_ROWS + 2 * _BORDER) + 0.5) * MM_PER_PIXEL - BORDER_MM
     ramp = _BLUR_PIXELS * mm_per_pixel

@@ -4,12 +4,12 @@ It observes the wall on the robot's left through a camera, four times a second, 
 the hallway within 50 degrees. Each plate is reported once, when enough observations agree (`search.py`): at
 DServer in PlateSeen, and to the callback `on_plate`.
 
-With the maps of the floors, of which Floor names the present one, only plates of the map count, and each
-observation of one measures the robot's pose: PlateFix. The thesis's own finder (`thesis=True`) reports a
-plate at its first observation, and distinguishes images by their overlap on the wall only.
+With maps of the floors, only plates on the map of the floor named by Floor count, and each observation of
+such a plate measures the robot's pose: PlateFix. The thesis's own finder (`thesis=True`) reports a plate at
+its first observation, and distinguishes images by their overlap on the wall only.
 
-The finder waits while a server is away or has no value; while DServer is away, the last known floor counts,
-and plates are published later. On a floor without a map nothing is found.
+The finder waits while a server does not answer or has no value. While DServer does not answer, the last known
+floor counts, and plates are published later. On a floor without a map, nothing is found.
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ from colony.vision.plates.search import FloorPlates, PlateSearch, Search, Thesis
 from colony.vision.plates.thesis import scan_band
 
 BAND_FRACTION = 0.54
-"""Part of the image's rows, about the middle, that is searched: all of a plate from 0.45 m on."""
+"""Fraction of the image's rows, around the middle, that is searched; it holds whole plates from 0.45 m on."""
 
 SIDE_SONAR = 18
-"""Index of the sonar with the camera's axis."""
+"""Index of the sonar that points along the camera's axis."""
 
 OLDEST_IMAGE_S = 1.0
-"""Largest age of an image; the poses of older ones are not known well enough."""
+"""Maximum age of an image; the robot's pose at older images is not known well enough."""
 
 MAX_UNPUBLISHED = 16
-"""Largest number of plates, the newest, that are kept while DServer is away."""
+"""Maximum number of plates that are kept for DServer while it does not answer; the oldest are dropped."""
 
 OnPlate = Callable[[FoundPlate], None]
 """Callback with each plate that is found."""
@@ -123,7 +123,7 @@ def _finder(
             if on_plate is not None:
                 on_plate(plate)
         for fix in found.fixes:
-            yield from _answer("DServer", data.set(PLATE_FIX, fix_list(fix)))
+            yield from _try_ask("DServer", data.set(PLATE_FIX, fix_list(fix)))
 
 
 def _publish_plates(unpublished: deque[list[object]]) -> Generator[Step, Any, None]:
@@ -137,24 +137,24 @@ def _publish_plates(unpublished: deque[list[object]]) -> Generator[Step, Any, No
 
 
 class _Maps:
-    """The plates of all floors. Mutable: `floor`, the robot's last known floor, initially the first one."""
+    """The plates of all floors; `floor` is the robot's last known floor, initially the first one. Mutable."""
 
     def __init__(self, floors: Mapping[str, Sequence[Plate]]) -> None:
         self._floors = floors
         self.floor = next(iter(floors), "")
 
     def known(self) -> Generator[Step, Any, FloorPlates]:
-        """Return the plates of the present floor; none without a map of it."""
-        floor = yield from _answer("DServer", data.get(FLOOR))
+        """Return the plates of the current floor; none without a map of it."""
+        floor = yield from _try_ask("DServer", data.get(FLOOR))
         if isinstance(floor, str):
             self.floor = floor
-        pose = pose_of((yield from _answer("DServer", data.get(POSE))))
+        pose = pose_of((yield from _try_ask("DServer", data.get(POSE))))
         sigma = None if pose is None else math.sqrt(max(pose.xx + pose.yy, 0.0))
         return FloorPlates(self._floors.get(self.floor, ()), gate_mm(sigma))
 
 
 class _WallCamera:
-    """The camera that faces the wall. Mutable: the last position and image, and the readiness."""
+    """The camera that faces the wall. Mutable."""
 
     def __init__(self, name: str, geometry: LevelCamera, period_s: float, *, lock: bool) -> None:
         self._name, self._geometry, self._period_s = name, geometry, period_s
@@ -170,12 +170,12 @@ class _WallCamera:
         self._ready = yield from prepare_camera(self._name, self._geometry, self._period_s)
 
     def view(self) -> Generator[Step, Any, View | None]:
-        """Return the present view, or None without a new image."""
-        here = yield from _answer("RServer", robot.position())
+        """Return the current view, or None without a new image."""
+        here = yield from _try_ask("RServer", robot.position())
         if here is None:
             return None
         last, self._last = self._last, here
-        goal = yield from _answer("DServer", data.get(GOAL_DIRECTION))
+        goal = yield from _try_ask("DServer", data.get(GOAL_DIRECTION))
         tilt = _tilt(here.heading, goal)
         if tilt is not None and is_too_steep(tilt):
             return View(here.t_ns, None, 0, _pose(here), tilt, None)
@@ -185,26 +185,26 @@ class _WallCamera:
         if band is None or band.t_ns == self._newest_ns or here.t_ns - band.t_ns > OLDEST_IMAGE_S * 1e9:
             return None
         self._newest_ns = band.t_ns
-        scan = yield from _answer("PServer", proximity.sonar())
+        scan = yield from _try_ask("PServer", proximity.sonar())
         distance = None if scan is None else SonarModel().ring_mm + scan.ranges[SIDE_SONAR]
         then = position_at(band.t_ns, here, last)
         gray = gray_image(cameras.array(band))
         return View(band.t_ns, gray, band.first_row, _pose(then), _tilt(then.heading, goal), distance)
 
     def _grab(self) -> Generator[Step, Any, Image | None]:
-        """Return the rows around the middle of the newest image.
+        """Return the middle rows of the newest image.
 
-        They come in one answer, and so belong to one image; the thesis's finder locks the camera
-        nevertheless.
+        They come in one answer, and so belong to the same image; the thesis's finder locks the camera all the
+        same.
         """
         if self._lock:
             try:
                 yield from do(self._name, cameras.lock(wait_s=0.1))
             except NO_ANSWER_ERRORS:
                 return None
-        band = yield from _answer(self._name, cameras.grab_rows(*self._band))
+        band = yield from _try_ask(self._name, cameras.grab_rows(*self._band))
         if self._lock:
-            yield from _answer(self._name, cameras.unlock())
+            yield from _try_ask(self._name, cameras.unlock())
         self._ready = band is not None and band.t_ns != self._newest_ns
         return band
 
@@ -220,7 +220,7 @@ def _pose(position: Position) -> Pose:
     return Pose(position.x, position.y, position.heading)
 
 
-def _answer(server: str, ask: Ask[T]) -> Generator[Step, Any, T | None]:
+def _try_ask(server: str, ask: Ask[T]) -> Generator[Step, Any, T | None]:
     """Return a server's answer, or None if it does not answer."""
     try:
         return (yield from do(server, ask))

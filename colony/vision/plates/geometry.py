@@ -2,8 +2,8 @@
 
 Beta is the angle between the optical axis and the wall's normal, positive where the robot is turned
 counterclockwise against the hallway; d is the distance of the wall from the camera, perpendicular to it.
-Places along the wall count to the left as seen facing it, in mm from where the normal through the camera
-meets it. So for a camera that looks to the left they count backward, against the robot's motion.
+Positions along the wall are in mm to the left, as seen facing the wall, of the foot of the normal through the
+camera. So for a camera that looks to the left they increase backward, against the robot's motion.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from typing import NamedTuple
 from colony.vision.level_camera import LevelCamera
 
 MAX_TILT_DEG = 50.0
-"""Angle of the axis to the wall's normal from which plates are not searched: measurements are too
-uncertain."""
+"""Angle between the axis and the wall's normal from which on measurements are too uncertain for a search."""
 
 
 def is_too_steep(tilt_deg: float) -> bool:
@@ -37,16 +36,19 @@ class WallView(NamedTuple):
         return self._reach_mm(self.tilt_deg + view_deg / 2.0)
 
     def right_mm(self, view_deg: float) -> float:
-        """Return r: likewise to the right, with alpha, the angle between the normal and the right ray."""
+        """Return r: the distance along the wall from the foot of the normal to the right ray.
+
+        Alpha is the angle between the normal and the right ray.
+        """
         alpha = view_deg / 2.0 - self.tilt_deg
         return self._reach_mm(alpha)
 
     def place_of(self, camera: LevelCamera, column: float) -> float:
-        """Return the place along the wall that a column sees; the column's ray must meet the wall."""
+        """Return the position along the wall that a column sees; the column's ray must hit the wall."""
         return self.distance_mm * math.tan(math.radians(self.tilt_deg + camera.bearing_of(column)))
 
     def column_of(self, camera: LevelCamera, place_mm: float) -> float:
-        """Return the column of a place, in the image or beside it; the place is ahead of the camera."""
+        """Return the column of a position, in the image or beside it; the position is ahead of the camera."""
         return camera.column_of(math.degrees(math.atan(place_mm / self.distance_mm)) - self.tilt_deg)
 
     def _reach_mm(self, angle_deg: float) -> float:
@@ -64,7 +66,7 @@ def overlap_mm(first: WallView, second: WallView, moved_mm: float, view_deg: flo
 
 
 def starting_column(first: WallView, second: WallView, moved_mm: float, camera: LevelCamera) -> int:
-    """Return the first column of the second image that shows wall that the first image does not.
+    """Return the first column of the second image that shows wall not in the first image.
 
     It is at least 0 and at most the number of columns.
     """

@@ -1,8 +1,8 @@
 """Candidates for lines of white characters on a plate in an image.
 
-A plate before or beside something dark, as on a wall of glass bricks, is no separate dark patch. Its
-characters still are bright patches of one height on the horizon, side by side. Their height gives that of the
-plate, and their middle is the plate's.
+A plate in front of or beside something dark, as on a wall of glass bricks, is not a separate dark patch. Its
+characters are still bright patches of equal height on the horizon, side by side. Their height gives that of
+the plate, and their center is the plate's center.
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ from numpy.typing import NDArray
 from colony.nav.maps.signs import CHARACTER_HEIGHT_MM, PLATE_HEIGHT_MM, PLATE_WIDTH_MM
 from colony.vision.gray_images import Gray
 from colony.vision.plates.outline import Outline
-from colony.vision.plates.patches import Patch, agreed
+from colony.vision.plates.patches import Patch, merge_patches
 
 LEVELS = 8
 """Number of thresholds, between the darkest and the brightest gray of the image."""
 
 MIN_HEIGHT = 5
-"""Least height of characters, in pixels of an image 240 columns wide."""
+"""Minimum height of characters, in pixels of an image 240 columns wide."""
 
 MAX_LINE_ASPECT = 3.6
-"""Largest width of a line of characters by its height: a plate has no room for more."""
+"""Maximum width / height of a line of characters: a plate has no space for more."""
 
 _MIN_SPAN = 10.0
-_ALIKE = 0.72  # height of the lower of two neighbors by that of the higher
-_GAP = 0.8  # between neighbors, by their height
-_THINNEST, _THICKEST = 0.1, 3.6  # the width of a patch by its height: an I, and characters that have merged
+_ALIKE = 0.72  # minimum ratio of the heights of two neighbors
+_GAP = 0.8  # maximum gap between neighbors / height
+_THINNEST, _THICKEST = 0.1, 3.6  # range of width / height of a patch: an I, and merged characters
 
 
 def lines_of_text(gray: Gray, horizon: float) -> tuple[Patch, ...]:
-    """Return the lines of bright patches, those at most thresholds first.
+    """Return the lines of bright patches, those found at the most thresholds first.
 
     Args:
         gray: an image, or a band of one, about 240 columns wide.
@@ -47,7 +47,7 @@ def lines_of_text(gray: Gray, horizon: float) -> tuple[Patch, ...]:
         bright = (gray > level).view(np.uint8)
         stats = cv2.connectedComponentsWithStats(bright, connectivity=4, ltype=cv2.CV_16U)[2][1:]
         found += _lines(stats[_is_likely(stats, gray.shape[0], horizon)], gray.shape[1])
-    return agreed(found)
+    return merge_patches(found)
 
 
 def outline_about(line: Patch, tilt_deg: float | None, focal: float, middle_column: float) -> Outline:

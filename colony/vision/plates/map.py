@@ -1,4 +1,4 @@
-"""Data association: the map's plate for an observed plate, by its place and its text."""
+"""Data association: the map's plate for an observed plate, by its position and its text."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from colony.nav.maps.signs import Plate
 from colony.vision.plates.observations import PlateObservation
 
 MIN_GATE_MM, MAX_GATE_MM = 260.0, 1_200.0
-"""Gates of a plate's distance from its place in the map, along the wall.
+"""Gates for a plate's distance from its position in the map, along the wall.
 
 The first is for an accurate estimate of the robot's position, the second for an uncertain one.
 """
@@ -17,22 +17,22 @@ The first is for an accurate estimate of the robot's position, the second for an
 SIGMAS = 3.0
 
 FACING_DEG = 60.0
-"""Largest angle between the camera's axis and the normal of an observed plate's wall."""
+"""Maximum angle between the camera's axis and the normal of an observed plate's wall."""
 
 SURE_CONFIDENCE = 0.9
-"""Confidence of a text from which a plate with another text is ruled out."""
+"""Confidence of a text from which plates with other texts are ruled out."""
 
-_BESIDE = 0.5  # part of the gate within which a plate may have been misread
+_BESIDE = 0.5  # fraction of the gate within which a plate may have been misread
 
 
 def gate_mm(sigma_mm: float | None) -> float:
-    """Return the gate of a plate's distance; `sigma_mm` is that of the robot's position, None if unknown."""
+    """Return the gate for a plate's distance; `sigma_mm` is that of the robot's position, None if unknown."""
     if sigma_mm is None or not math.isfinite(sigma_mm):
         return (MIN_GATE_MM + MAX_GATE_MM) / 2.0
     return min(max(SIGMAS * sigma_mm, MIN_GATE_MM), MAX_GATE_MM)
 
 
-def known_plate(
+def match_plate(
     place: tuple[float, float],
     observation: PlateObservation,
     text: str,
@@ -42,7 +42,7 @@ def known_plate(
     gate: float,
     taken: Iterable[str] = (),
 ) -> Plate | None:
-    """Return the plate of the map that an observed plate is, or None without a match.
+    """Return the plate of the map that matches an observed plate, or None without a match.
 
     Args:
         place: x and y in mm.
@@ -50,8 +50,8 @@ def known_plate(
         text: its text, "" if unread.
         confidence: the confidence of the text.
         plates: the plates of the map.
-        gate: largest distance from its place in the map, along the wall, in mm; twice that across the wall,
-            as distances are measured less accurately.
+        gate: maximum distance from its position in the map, along the wall, in mm; twice that across the
+            wall, as distances are measured less accurately.
         taken: doors of the plates that are matched already.
     """
     others = set(taken)
@@ -71,9 +71,9 @@ def _is_faced(plate: Plate, observation: PlateObservation) -> bool:
 
 
 def _off_mm(plate: Plate, place: tuple[float, float]) -> float:
-    """Return the distance of a place from a plate: along its wall, or half of that across it."""
+    """Return the larger of a position's distance from a plate along the wall and half of that across it."""
     facing = math.radians(plate.heading_deg)
-    dx, dy = place[0] - plate.middle.x, place[1] - plate.middle.y
+    dx, dy = place[0] - plate.center.x, place[1] - plate.center.y
     across, along = (
         -math.sin(facing) * dx + math.cos(facing) * dy,
         math.cos(facing) * dx + math.sin(facing) * dy,

@@ -1,4 +1,4 @@
-"""Observations of plates in images: the place of the plate or, if that is known, of the robot."""
+"""Observations of plates in images: the position of the plate or, if it is known, of the robot."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from colony.vision.detections import PlateBox, Reading
 from colony.vision.level_camera import LevelCamera
 
 DEPTH_SIGMA = 0.04
-"""Standard deviation of a distance by the height of a plate, as a part of the distance."""
+"""Standard deviation of a distance by the height of a plate, as a fraction of the distance."""
 
 BEARING_SIGMA_DEG = 0.15
 """Standard deviation of the direction of a plate: about half a pixel."""
 
 MAP_SIGMA_MM = 15.0
-"""Standard deviation of a plate's place on the map."""
+"""Standard deviation of a plate's position on the map."""
 
 HEADING_SIGMA_DEG = 2.0
 """Upper bound of the standard deviation of the heading while plates are observed."""
@@ -35,9 +35,9 @@ class PlateObservation(NamedTuple):
         t_ns: time of the image.
         robot: estimated pose of the robot at that time.
         axis_deg: heading of the optical axis, counterclockwise from north.
-        bearing_deg: bearing of the plate's middle, counterclockwise from the optical axis.
-        depth_mm: distance of the middle along the optical axis, by the plate's height in the image.
-        rise_mm: height of its middle above the camera.
+        bearing_deg: bearing of the plate's center, counterclockwise from the optical axis.
+        depth_mm: distance of the center along the optical axis, by the plate's height in the image.
+        rise_mm: height of the center above the camera.
         score: score of the detection, from 0 to 1.
         reading: its reading.
     """
@@ -64,7 +64,7 @@ class PlateObservation(NamedTuple):
 
     @property
     def place(self) -> tuple[float, float]:
-        """Place of the plate's middle, x and y in mm."""
+        """Position of the plate's center, x and y in mm."""
         x, y = self.ray
         return self.robot.x_mm + self.range_mm * x, self.robot.y_mm + self.range_mm * y
 
@@ -77,9 +77,9 @@ class FoundPlate:
         t_ns: time of the image that confirmed it.
         door: its door on the map; None if unknown.
         text, confidence: its text and the confidence; "" and 0 without a reader.
-        place: place of its middle, x and y in mm, by the robot's estimated pose.
+        place: position of its center, x and y in mm, by the robot's estimated pose.
         robot: estimated pose of the robot at the time of that image.
-        images: number of images in which it was observed by then.
+        images: number of images in which it had been observed by then.
     """
 
     t_ns: int
@@ -96,7 +96,7 @@ def observe_plate(
 ) -> PlateObservation:
     """Return the observation of a plate in an image, or in a band that begins with row `first_row`.
 
-    The middle of a plate is where the diagonals of its image cross, at any tilt.
+    The center of a plate is where the diagonals of its image cross, at any tilt.
     """
     (left, left_top), (right, right_top), (_, right_bottom), (_, left_bottom) = box.corners
     near, far = left_bottom - left_top, right_bottom - right_top
@@ -119,18 +119,18 @@ def observe_plate(
 def fix_of_plate(observation: PlateObservation, plate: Plate) -> Fix:
     """Return the fix of the robot's pose by an observation of a known plate.
 
-    The measurement across the line of sight is accurate, that of the distance less so.
+    The measurement across the line of sight is accurate, that along it less so.
     """
     bearing = _bearing_row(observation, plate)
     return Fix(observation.t_ns, (bearing, _depth_row(observation, plate)))
 
 
 def _bearing_row(observation: PlateObservation, plate: Plate) -> Row:
-    """Return the row of the line of sight: n (plate - robot) = 0, n across it; the heading turns it."""
+    """Return the row of the line of sight: n (plate - robot) = 0, n across it; the heading rotates it."""
     x, y = observation.ray
     nx, ny = y, -x
-    away = x * (plate.middle.x - observation.robot.x_mm) + y * (plate.middle.y - observation.robot.y_mm)
-    value = nx * plate.middle.x + ny * plate.middle.y - away * math.radians(observation.robot.heading_deg)
+    away = x * (plate.center.x - observation.robot.x_mm) + y * (plate.center.y - observation.robot.y_mm)
+    value = nx * plate.center.x + ny * plate.center.y - away * math.radians(observation.robot.heading_deg)
     own = away * math.radians(BEARING_SIGMA_DEG)
     return Row(nx, ny, -away, value, math.hypot(own, math.sqrt(CORRELATED_FIXES) * MAP_SIGMA_MM))
 
@@ -138,14 +138,14 @@ def _bearing_row(observation: PlateObservation, plate: Plate) -> Row:
 def _depth_row(observation: PlateObservation, plate: Plate) -> Row:
     """Return the row of the plate's depth: a (plate - robot) = depth, a along the optical axis.
 
-    The depth hardly depends on the heading, and not at all for a plate on the optical axis: too little to
-    resolve full turns of the heading. So the row has no coefficient for the heading; its uncertainty is added
-    to sigma.
+    The depth depends little on the heading, and not at all for a plate on the optical axis. This is too
+    little to resolve full turns, so the row has no coefficient for the heading; the heading's uncertainty is
+    added to sigma.
     """
     axis = math.radians(observation.axis_deg)
     ax, ay = -math.sin(axis), math.cos(axis)
-    dx, dy = plate.middle.x - observation.robot.x_mm, plate.middle.y - observation.robot.y_mm
+    dx, dy = plate.center.x - observation.robot.x_mm, plate.center.y - observation.robot.y_mm
     turning = (ay * dx - ax * dy) * math.radians(HEADING_SIGMA_DEG)
-    value = ax * plate.middle.x + ay * plate.middle.y - observation.depth_mm
+    value = ax * plate.center.x + ay * plate.center.y - observation.depth_mm
     own = math.sqrt(CORRELATED_FIXES) * math.hypot(DEPTH_SIGMA * observation.depth_mm, MAP_SIGMA_MM)
     return Row(ax, ay, 0.0, value, math.hypot(own, turning))

@@ -2,7 +2,7 @@
 
 The camera is level and walls are upright, so the left and the right edge are upright in the image, and the
 upper and the lower one any straight lines. An edge is where the image gets darker toward the inside: at the
-centroid of the fall of the gray level, from row to row or from column to column.
+centroid of the gray-level steps from row to row or from column to column.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from colony.vision.plates.patches import Patch
 Floats = NDArray[np.float64]
 
 MIN_DROP = 4.0
-"""Least fall of the gray level across an edge."""
+"""Minimum fall of the gray level across an edge."""
 
 _MIN_COLUMNS = 4
 _ROUNDS = 5
-_MIN_SEEN = 0.35  # of the columns of an edge
+_MIN_VISIBLE = 0.35  # fraction of the columns of an edge
 _SOFT = 0.35  # pixels: larger residuals are weighted down
 
 
@@ -43,7 +43,7 @@ class Outline(NamedTuple):
 
     @property
     def middle_height(self) -> float:
-        """The mean of its heights at the left and the right."""
+        """The mean of its heights at the left and right side."""
         return (self.left_bottom - self.left_top + self.right_bottom - self.right_top) / 2.0
 
     @property
@@ -66,20 +66,20 @@ def outline_of(gray: Gray, box: Patch, horizon: float) -> Outline | None:
     return _trapezoid(left, right, _halves(upper, lower, horizon))
 
 
-def outline_near(gray: Gray, rough: Outline, horizon: float, least_drop: float) -> Outline:
+def outline_near(gray: Gray, rough: Outline, horizon: float, min_drop: float) -> Outline:
     """Refine an outline known to a pixel or two to subpixel accuracy, where its edges are visible.
 
     A missing upper or lower edge follows from the other, as they are symmetric about the horizon; a missing
-    left or right one follows from the width. Edges whose fall is less than `least_drop` are not visible.
+    left or right one follows from the width. Edges whose fall is less than `min_drop` are not visible.
     """
     box = _box_about(rough, gray.shape)
-    upper, lower = (_edge(gray, box, lower=lower, least_drop=least_drop) for lower in (False, True))
+    upper, lower = (_edge(gray, box, lower=lower, min_drop=min_drop) for lower in (False, True))
     if upper is None and lower is None:
         return rough
     halves = _halves(upper, lower, horizon)
     middle = (rough.left + rough.right) / 2.0
     width = (rough.right - rough.left) * 2.0 * halves.at(middle) / rough.middle_height
-    left, right = (_side(gray, box, right=right, least_drop=least_drop) for right in (False, True))
+    left, right = (_side(gray, box, right=right, min_drop=min_drop) for right in (False, True))
     if left is None:
         left = middle - width / 2.0 if right is None else right - width
     return _trapezoid(left, left + width if right is None else right, halves)
@@ -95,11 +95,11 @@ class _Edge(NamedTuple):
 class _Halves(NamedTuple):
     """The upper and the lower half of a trapezoid.
 
-    Their height is base + slope * column, about the row `middle`; `spread` is the deviation of the edges from
-    that.
+    Their height is base + slope * column, about the row `center`; `spread` is the deviation of the edges from
+    these lines.
     """
 
-    middle: float
+    center: float
     base: float
     slope: float
     spread: float
@@ -112,7 +112,7 @@ class _Halves(NamedTuple):
 def _halves(upper: _Edge | None, lower: _Edge | None, horizon: float) -> _Halves:
     """Fit one line to both edges, as they are symmetric about a row.
 
-    If one is invisible before a dark background, the other suffices. Both may be off the horizon, as the
+    If one is invisible against a dark background, the other suffices. Both may be off the horizon, as the
     camera need not be exactly level.
     """
     middle = horizon
@@ -126,7 +126,7 @@ def _halves(upper: _Edge | None, lower: _Edge | None, horizon: float) -> _Halves
 
 
 def _trapezoid(left: float, right: float, halves: _Halves) -> Outline:
-    middle, at_left, at_right = halves.middle, halves.at(left), halves.at(right)
+    middle, at_left, at_right = halves.center, halves.at(left), halves.at(right)
     return Outline(
         left=left, right=right,
         left_top=middle - at_left, left_bottom=middle + at_left,
@@ -153,7 +153,7 @@ def _reach(box: Patch) -> int:
     return max(2, round(0.22 * (box.bottom - box.top)))
 
 
-def _edge(gray: Gray, box: Patch, *, lower: bool, least_drop: float = MIN_DROP) -> _Edge | None:
+def _edge(gray: Gray, box: Patch, *, lower: bool, min_drop: float = MIN_DROP) -> _Edge | None:
     """Return the upper or lower edge, or None if too few columns show one."""
     inset = max(1, (box.right - box.left) // 16)
     columns = slice(box.left + inset, box.right - inset)
@@ -163,8 +163,8 @@ def _edge(gray: Gray, box: Patch, *, lower: bool, least_drop: float = MIN_DROP) 
     drops = np.maximum(steps if lower else -steps, 0.0)
     if drops.size == 0:
         return None
-    seen = drops.sum(axis=0) >= least_drop
-    if seen.sum() < max(_MIN_COLUMNS, _MIN_SEEN * len(seen)):
+    seen = drops.sum(axis=0) >= min_drop
+    if seen.sum() < max(_MIN_COLUMNS, _MIN_VISIBLE * len(seen)):
         return None
     drops = drops[:, seen] ** 2  # squared, to weigh noise down
     rows = ((first + 0.5 + np.arange(len(drops))) @ drops) / drops.sum(axis=0)
@@ -186,7 +186,7 @@ def _line(x: Floats, y: Floats) -> tuple[float, float, float]:
     return a, b, float(np.median(off))
 
 
-def _side(gray: Gray, box: Patch, *, right: bool, least_drop: float = MIN_DROP) -> float | None:
+def _side(gray: Gray, box: Patch, *, right: bool, min_drop: float = MIN_DROP) -> float | None:
     """Return the column of the left or right edge, or None if none is visible."""
     inset = max(1, (box.bottom - box.top) // 6)
     at, reach = box.right if right else box.left, _reach(box)
@@ -196,7 +196,7 @@ def _side(gray: Gray, box: Patch, *, right: bool, least_drop: float = MIN_DROP) 
         return None
     steps = np.diff(np.median(rows, axis=0))
     drops = np.maximum(steps if right else -steps, 0.0)
-    if float(drops.sum()) < least_drop:
+    if float(drops.sum()) < min_drop:
         return None
     drops *= drops
     return float(drops @ (first + 0.5 + np.arange(len(drops)))) / float(drops.sum())

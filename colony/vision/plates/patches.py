@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 MIN_OVERLAP = 0.62
-"""Least intersection over union of two patches that are the same."""
+"""Minimum intersection over union of patches that count as the same."""
 
 
 class Patch(NamedTuple):
@@ -27,8 +27,8 @@ class Patch(NamedTuple):
         return (self.right - self.left) * (self.bottom - self.top)
 
 
-def agreed(found: Iterable[Patch]) -> tuple[Patch, ...]:
-    """Merge patches that are nearly the same at several thresholds; those at most thresholds come first.
+def merge_patches(found: Iterable[Patch]) -> tuple[Patch, ...]:
+    """Merge patches that are nearly the same at several thresholds, those found most often first.
 
     The middle patch of each group is kept.
 
@@ -46,9 +46,9 @@ def agreed(found: Iterable[Patch]) -> tuple[Patch, ...]:
     return tuple(group[len(group) // 2] for group in groups)
 
 
-def _is_same(one: Patch, other: Patch) -> bool:
-    width = min(one.right, other.right) - max(one.left, other.left)
-    height = min(one.bottom, other.bottom) - max(one.top, other.top)
+def _is_same(a: Patch, b: Patch) -> bool:
+    width = min(a.right, b.right) - max(a.left, b.left)
+    height = min(a.bottom, b.bottom) - max(a.top, b.top)
     if width <= 0 or height <= 0:
         return False
-    return width * height >= MIN_OVERLAP * (one.area + other.area - width * height)
+    return width * height >= MIN_OVERLAP * (a.area + b.area - width * height)

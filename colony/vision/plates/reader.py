@@ -24,13 +24,14 @@ from colony.vision.letters.prior import MAX_CHARACTERS, log_prior
 from colony.vision.plates.strip import plate_strip
 
 NOTHING = Reading("", 1.0)
-"""Reading of a box that certainly holds no plate."""
+"""Reading of a box that certainly does not hold a plate."""
 
 ALTERNATIVES = 8
-"""Largest number of alternative texts of a reading."""
+"""Maximum number of alternative texts of a reading."""
 
 _ASTRAY = 2e-3
-"""Probability of any text in a reading that is entirely wrong: so one reading cannot overrule all others."""
+"""Probability assigned to every text for an entirely wrong reading, so that one reading cannot overrule the
+others."""
 
 _LEAST = 1e-4
 
@@ -49,11 +50,11 @@ def read_plate(
         lexicon: texts of the map's plates; any other text is then read only if it is very clear.
 
     Returns:
-        The most probable text and its probability, with the next ones in `alternatives`; "" if the box holds
-        no plate.
+        The most probable text and its probability, with the next most probable ones in `alternatives`; "" if
+        the box holds no plate.
 
     Raises:
-        ValueError: `image` is no such image, or the lexicon has a text that no plate can have.
+        ValueError: `image` is not such an image, or the lexicon has a text that no plate can have.
     """
     texts = frozenset(lexicon or ())
     wrong = sorted(text for text in texts if not _is_text(text))
@@ -69,7 +70,7 @@ def read_plate(
 
 def reading_of(output: NetworkOutput, net: LetterNet, lexicon: Collection[str] = ()) -> Reading:
     """Return the reading of a strip from the network's output."""
-    return weighed(texts_of(output, lexicon), output.plate, net, lexicon)
+    return weigh(texts_of(output, lexicon), output.plate, net, lexicon)
 
 
 def texts_of(output: NetworkOutput, lexicon: Collection[str] = ()) -> dict[str, float]:
@@ -84,7 +85,7 @@ def texts_of(output: NetworkOutput, lexicon: Collection[str] = ()) -> dict[str, 
     return seen
 
 
-def weighed(seen: dict[str, float], plate: float, net: LetterNet, lexicon: Collection[str] = ()) -> Reading:
+def weigh(seen: dict[str, float], plate: float, net: LetterNet, lexicon: Collection[str] = ()) -> Reading:
     """Return the reading by the network's output and the prior.
 
     Args:
@@ -106,7 +107,7 @@ def weighed(seen: dict[str, float], plate: float, net: LetterNet, lexicon: Colle
     return _reading({"": -_softplus(plate), **weights})
 
 
-def combined(readings: Iterable[Reading]) -> Reading:
+def combine_readings(readings: Iterable[Reading]) -> Reading:
     """Combine several readings of one plate, assumed to be independent: their probabilities multiply.
 
     Readings of "" count as well: if most are, so is the result. Without any readings it is "" with confidence

@@ -18,35 +18,35 @@ from colony.vision.gray_images import Gray
 from colony.vision.level_camera import LevelCamera
 from colony.vision.plates.detector import find_plates
 from colony.vision.plates.geometry import WallView, is_too_steep, starting_column
-from colony.vision.plates.map import known_plate
+from colony.vision.plates.map import match_plate
 from colony.vision.plates.observations import FoundPlate, PlateObservation, fix_of_plate, observe_plate
 from colony.vision.plates.thesis import thesis_plates
 from colony.vision.plates.tracks import PlateTracks, Track
 
 MIN_OBSERVATIONS, MIN_EVIDENCE, MIN_HITS = 3, 1.5, 0.4
-"""Thresholds of a plate without a map.
+"""Thresholds for reporting a plate without a map.
 
-The number of observations, the sum of their scores, and the part of the images that should show it in which
-it was found.
+They apply to the number of observations, to the sum of their scores, and to the fraction of hits among the
+images that should show the plate.
 """
 
 MAX_DRIFT = 0.15
-"""Largest apparent motion of a plate with the robot, as a part of the distance traveled.
+"""Maximum apparent motion of a plate with the robot, as a fraction of the distance traveled.
 
-A thing that seems to move more does not have the size of a plate.
+An object that seems to move more does not have the size of a plate.
 """
 
 MAX_RISE_MM = 20.0
-"""Largest height of a plate above or below the camera, by all observations."""
+"""Maximum distance of a plate above or below the camera, by all observations."""
 
 MIN_AGREEMENT = 0.45
-"""Least part of the observations with the same text: other things read differently each time."""
+"""Minimum part of the observations with the same text: other objects read differently each time."""
 
 KNOWN_PLATE_OBSERVATIONS, KNOWN_PLATE_EVIDENCE = 2, 0.6
-"""Least number of observations, and evidence, of a plate that the map has at this place."""
+"""Minimum number of observations, and minimum evidence, of a plate that the map has at this position."""
 
 SETTLED_OBSERVATIONS = 6
-"""Number of observations after which a plate is reported, or earlier when it leaves the view.
+"""Number of observations after which a plate is reported; a plate that leaves the view is reported earlier.
 
 More observations make a better reading.
 """
@@ -64,8 +64,9 @@ class View(NamedTuple):
         t_ns: time of the image.
         band: rows of the image from `first_row` on; None without a usable image.
         robot: estimated pose of the robot.
-        tilt_deg: beta; None if the direction of the hallway is unknown.
-        distance_mm: d, from the camera to the wall by sonar; None without a reading.
+        tilt_deg: angle beta between the optical axis and the wall's normal; None if the direction of the
+            hallway is unknown.
+        distance_mm: distance d from the camera to the wall, by sonar; None without a reading.
         floor: the robot's floor, "" if unknown.
     """
 
@@ -79,7 +80,7 @@ class View(NamedTuple):
 
 
 class FloorPlates(NamedTuple):
-    """The plates of a floor's map, and the gate of their distance from their places, in mm."""
+    """The plates of a floor's map, and the gate for their distance from an observation, in mm."""
 
     plates: Sequence[Plate]
     gate_mm: float
@@ -93,7 +94,7 @@ class SearchResult(NamedTuple):
 
 
 class PlateSearch:
-    """The search with or without a map. Mutable: its tracks, and the floor.
+    """The search with or without a map. Mutable.
 
     Args:
         reader: reader of the texts; None to leave plates unread.
@@ -107,7 +108,7 @@ class PlateSearch:
 
     def update(self, view: View, known: FloorPlates | None = None) -> SearchResult:
         """Update the tracks with a view; return the new plates and the fixes."""
-        if view.floor != self._floor:  # a plate at the same place on another floor is another plate
+        if view.floor != self._floor:  # a plate at the same position on another floor is another plate
             self._floor, self._tracks = view.floor, PlateTracks(self._camera)
         now = self._observed(view)
         fixes = [
@@ -125,7 +126,7 @@ class PlateSearch:
         return SearchResult(tuple(plates), tuple(fixes))
 
     def _observed(self, view: View) -> tuple[Track, ...]:
-        """Update the tracks with a view, and return those of the plates in it."""
+        """Update the tracks with a view, and return the tracks of the plates in it."""
         if view.band is None or (view.tilt_deg is not None and is_too_steep(view.tilt_deg)):
             self._tracks.move(view.t_ns, view.robot)
             return ()
@@ -138,7 +139,7 @@ class PlateSearch:
         if track.door is None and track.count >= KNOWN_PLATE_OBSERVATIONS:
             reading = self._read(track)
             x, y = track.place.tolist()
-            plate = known_plate(
+            plate = match_plate(
                 (x, y), track.observations[-1], reading.text, reading.confidence, known.plates,
                 gate=known.gate_mm,
                 taken=(other.door for other in self._tracks.tracks if other.door is not None),
@@ -186,18 +187,18 @@ class PlateSearch:
         )  # fmt: skip
 
     def _read(self, track: Track) -> Reading:
-        """Return the reading of a track, by all observations."""
+        """Return the combined reading of a track's observations."""
         if self._reader is None:
             return UNREAD
-        from colony.vision.plates.reader import combined
+        from colony.vision.plates.reader import combine_readings
 
-        return combined([observation.reading for observation in track.observations])
+        return combine_readings([observation.reading for observation in track.observations])
 
 
 class ThesisSearch:
     """The search as printed: a plate on a part of the wall that the last image did not show is a new one.
 
-    The last image is the last one with a plate. Mutable: the wall and the pose of that image.
+    The last image is the last one with a plate. Mutable.
     """
 
     def __init__(self, camera: LevelCamera, reader: Reader | None = None) -> None:
@@ -219,7 +220,7 @@ class ThesisSearch:
         return SearchResult(tuple(self._report(view, view.band, box) for box in boxes))
 
     def _start(self, wall: WallView, here: Pose) -> int:
-        """Return the first column that shows wall outside of the last image with a plate."""
+        """Return the first column that shows wall outside the last image with a plate."""
         if self._last is None:
             return 0
         before, there = self._last

@@ -20,13 +20,12 @@ PLATE_LEFT, PLATE_RIGHT, PLATE_TOP, PLATE_BOTTOM = 2.5, 60.5, 1.5, 21.5
 """Edges of the plate in the strip, with a margin for inaccurate corners."""
 
 MIN_CONTRAST = 6.0
-"""Least standard deviation of the gray levels that is normalized to 1; stretching strips of less would
-amplify
-noise."""
+"""Minimum standard deviation of the gray levels that is normalized to 1; stretching strips with less would
+amplify noise."""
 
 _MAX_SAMPLES = 4
 _MIN_AREA = 12.0
-_FARTHEST = 1e5
+_MAX_COORDINATE = 1e5
 
 Floats = npt.NDArray[np.float32]
 Corners = tuple[Corner, Corner, Corner, Corner]
@@ -42,10 +41,10 @@ def plate_strip(image: Gray, corners: Corners) -> Floats | None:
 
     Returns:
         (24, 64), with mean 0 and, with sufficient contrast, standard deviation 1; None if the corners are not
-        finite, or no upright convex quadrilateral of some pixels.
+        finite, or not an upright convex quadrilateral of some pixels.
 
     Raises:
-        ValueError: it is no such image.
+        ValueError: `image` is not such an image.
     """
     gray = gray_image(image)
     if not _is_plate(corners):
@@ -70,7 +69,7 @@ def plate_strip(image: Gray, corners: Corners) -> Floats | None:
 
 def _is_plate(corners: Corners) -> bool:
     """Return True if the corners go clockwise (with rows downward) around a convex area of some pixels."""
-    if not all(math.isfinite(x) and abs(x) < _FARTHEST for corner in corners for x in corner):
+    if not all(math.isfinite(x) and abs(x) < _MAX_COORDINATE for corner in corners for x in corner):
         return False
     turns = []
     for i in range(4):
@@ -85,8 +84,8 @@ def _samples(corners: Corners) -> int:
     (ax, ay), (bx, by), (cx, cy), (dx, dy) = corners
     width = max(math.hypot(bx - ax, by - ay), math.hypot(cx - dx, cy - dy))
     height = max(math.hypot(dx - ax, dy - ay), math.hypot(cx - bx, cy - by))
-    most = max(width / (PLATE_RIGHT - PLATE_LEFT), height / (PLATE_BOTTOM - PLATE_TOP))
-    return max(1, min(_MAX_SAMPLES, math.ceil(most)))
+    scale = max(width / (PLATE_RIGHT - PLATE_LEFT), height / (PLATE_BOTTOM - PLATE_TOP))
+    return max(1, min(_MAX_SAMPLES, math.ceil(scale)))
 
 
 def _stretched(strip: Floats) -> Floats:

@@ -1,7 +1,7 @@
 """PlFinder as printed: detects plates by closed borders with corners (thesis section 5.7).
 
 The negative of the image is stretched, which makes plates bright, and thresholded. From each transition from
-dark to bright on the middle line, or else on a line above it, the border is traced; the corners of its chain
+dark to bright on the middle row, or else on a row above it, the border is traced; the corners of its chain
 code give a bounding box, which is a plate if it has about the size of one.
 
 Not printed, and chosen here: the threshold, half of the scale; the sizes that are accepted, those of a plate
@@ -21,7 +21,7 @@ from colony.nav.maps.signs import PLATE_HEIGHT_MM, PLATE_WIDTH_MM
 from colony.vision.detections import PlateBox
 from colony.vision.gray_images import Gray, gray_band
 from colony.vision.level_camera import LevelCamera
-from colony.vision.plates.chain_code import corners, traced
+from colony.vision.plates.chain_code import corners, trace_border
 from colony.vision.plates.geometry import MAX_TILT_DEG
 
 SCAN_LINES = 40
@@ -32,7 +32,7 @@ MIDDLE_LEVEL, LOWER_EXPONENT, UPPER_EXPONENT = 0.8 * 255.0, 5.0, 0.5
 
 THRESHOLD = 128
 
-NEAREST_MM, MAX_COORDINATE_MM = 800.0, 2600.0
+NEAREST_MM, FARTHEST_MM = 800.0, 2600.0
 _MIN_CORNERS = 4
 
 
@@ -42,7 +42,7 @@ def scan_band(camera: LevelCamera) -> tuple[int, int]:
     return (camera.rows - count) // 2, count
 
 
-def stretched(level: float) -> float:
+def stretch(level: float) -> float:
     """Return the gray level that a level of the negative becomes; 0 stays 0."""
     if level <= MIDDLE_LEVEL:
         return float((level / MIDDLE_LEVEL) ** LOWER_EXPONENT * MIDDLE_LEVEL)
@@ -50,8 +50,8 @@ def stretched(level: float) -> float:
     return float(((level - MIDDLE_LEVEL) / above) ** UPPER_EXPONENT * above + MIDDLE_LEVEL)
 
 
-_BRIGHT = np.array([stretched(255.0 - level) >= THRESHOLD for level in range(256)])
-"""Table that is True for each gray level of the image that ends up bright."""
+_BRIGHT = np.array([stretch(255.0 - level) >= THRESHOLD for level in range(256)])
+"""Table by gray level: True if the level becomes bright."""
 
 
 def thesis_plates(
@@ -61,12 +61,12 @@ def thesis_plates(
 
     Args:
         band: an image or a band of rows, as for `detector.find_plates`; only its scan lines are searched.
-        camera: the camera; the default is one of 60 degrees.
-        first_row: first row of the band in the whole image. Corners are given in the band.
-        starting_column: first column to search; those to the left of it were searched in an image before.
+        camera: the camera; the default has a field of view of 60 degrees.
+        first_row: first row of the band in the whole image. Corners are relative to the band.
+        starting_column: first column to search; those to the left were searched in an earlier image.
 
     Raises:
-        ValueError: `band` is no image, or not one of this camera.
+        ValueError: `band` is not an image, or not one of this camera.
     """
     gray, camera = gray_band(band, camera, first_row)
     first, count = scan_band(camera)
@@ -75,28 +75,28 @@ def thesis_plates(
     middle = (camera.rows - 1) // 2 - first_row - top
     if not 0 <= middle < len(lines):
         return ()
-    return tuple(plate.lowered(top) for plate in _plates(lines, middle, camera, starting_column))
+    return tuple(plate.shifted_down(top) for plate in _plates(lines, middle, camera, starting_column))
 
 
 def _plates(lines: Gray, middle: int, camera: LevelCamera, starting_column: int) -> Iterator[PlateBox]:
     binary = _BRIGHT[lines]
-    done = starting_column
+    next_column = starting_column
     for column, row in _transitions(binary, middle):
-        if column < done:
+        if column < next_column:
             continue
-        border = traced(binary, column, row)
+        border = trace_border(binary, column, row)
         if border is None:
             continue
         found = corners(border)
         if len(found) >= _MIN_CORNERS and (plate := _plate(found, camera)) is not None:
-            done = math.ceil(plate.corners[1][0])
+            next_column = math.ceil(plate.corners[1][0])
             yield plate
 
 
 def _transitions(binary: NDArray[np.bool_], middle: int) -> list[tuple[int, int]]:
     """Return the changes from dark to bright, from left to right.
 
-    They are those of the middle line or else of the lowest line above it that has any.
+    They are those of the middle row, or else of the lowest row above it that has any.
     """
     rising = ~binary[:, :-1] & binary[:, 1:]
     for row in range(middle, -1, -1):
@@ -110,7 +110,7 @@ def _plate(found: NDArray[np.int64], camera: LevelCamera) -> PlateBox | None:
     """Return the bounding box of corners, if it has the size of a plate."""
     left, top = (float(n) - 0.5 for n in found.min(axis=0))
     right, bottom = (float(n) + 0.5 for n in found.max(axis=0))
-    nearest, farthest = camera.focal / NEAREST_MM, camera.focal / MAX_COORDINATE_MM
+    nearest, farthest = camera.focal / NEAREST_MM, camera.focal / FARTHEST_MM
     narrowest = math.cos(math.radians(MAX_TILT_DEG)) * PLATE_WIDTH_MM
     if not farthest * PLATE_HEIGHT_MM <= bottom - top <= nearest * PLATE_HEIGHT_MM:
         return None

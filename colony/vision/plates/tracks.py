@@ -1,9 +1,9 @@
 """Tracks of plates over several images.
 
-A Kalman filter estimates the place of a plate from its observations, each of which is accurate across the
-line of sight and less so along it. A detection within the gate of a track is the same plate again; an image
-that should show a plate and does not counts against it. A jump of the robot's position is a correction by
-another client, and moves all places with it.
+A Kalman filter estimates the position of a plate from its observations, each of which is accurate across the
+line of sight and less so along it. A detection within the gate of a track is the same plate; an image
+that should show a plate but does not counts against it. A jump of the robot's position is a correction by
+another client, and moves all positions with it.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ CROSS_GATE_MM = 300.0
 """Gate of an observation across the line of sight: two plates are always farther apart."""
 
 DEPTH_GATE = 0.2
-"""Gate of an observation along the line of sight, as a part of the distance."""
+"""Gate of an observation along the line of sight, as a fraction of the distance."""
 
 DROP_MM = 6_000.0
-"""Distance beyond which a track is dropped; if the robot comes back, the plate is reported again."""
+"""Distance beyond which a track is dropped; if the robot returns, the plate is reported again."""
 
 MAX_OBSERVATIONS = 24
-"""Number of a plate's observations that are kept."""
+"""Maximum number of observations kept per plate."""
 
-_CROSS_SIGMA = 0.012  # of the range, from the heading
+_CROSS_SIGMA = 0.012  # fraction of the range, due to the heading
 _MIN_SIGMA_MM = 10.0
-_DRIFT_MM = 12.0  # of the odometry, from observation to observation
+_DRIFT_MM = 12.0  # drift of the odometry between observations
 _SURE_MISSES = 4
-_BASE_MM = 240.0  # observations from nearer places do not reveal a thing's distance
-_RIM = 8.0  # pixels: a plate nearer to the rim of an image may be missed
-_FASTEST_MM_S, _FASTEST_DEG_S = 800.0, 100.0
+_BASE_MM = 240.0  # from positions closer together, observations do not reveal an object's distance
+_RIM_PIXELS = 8.0  # a plate nearer to the rim of the image may be missed
+_MAX_SPEED_MM_S, _MAX_TURN_DEG_S = 800.0, 100.0
 _SLACK_MM, _SLACK_DEG = 20.0, 1.5
 
 Floats = NDArray[np.float64]
@@ -48,12 +48,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Track:
-    """A track of a possible plate. Mutable: its place, and its observations.
+    """A track of a possible plate. Mutable.
 
     Attributes:
-        place, covariance: estimate of its middle, (2,) in mm, and its covariance, (2, 2).
+        place, covariance: estimated position of its center, (2,) in mm, and its covariance, (2, 2).
         observations: the newest observations assigned to it, oldest first.
-        origins, places: the robot's place at each of these observations, and the plate's by it, in mm.
+        origins, places: the position of the robot, and of the plate, at each of these observations, in mm.
         count, evidence: number of all observations, and the sum of their scores.
         misses: number of images that should have shown it, and did not.
         reported: True after the plate was reported.
@@ -73,25 +73,25 @@ class Track:
 
     @property
     def hits(self) -> float:
-        """Part of the images that should show it in which it was found."""
+        """Fraction of hits among the images that should show the plate."""
         return self.count / (self.count + self.misses)
 
     @property
     def drift(self) -> float:
-        """Apparent motion of the track with the robot, as a part of the distance traveled.
+        """Apparent motion of the track with the robot, as a fraction of the distance traveled.
 
-        It is about 0 for a plate, and more for a thing of another size, whose distance is estimated wrong.
-        The median over pairs of observations makes it robust to a jump of the position.
+        It is about 0 for a plate, and larger for objects of other sizes, whose distances are estimated
+        wrongly. The median over pairs of observations makes it robust to a jump of the position.
         """
         origins, places = np.array(self.origins), np.array(self.places)
-        ways, moves = origins[:, None] - origins[None], places[:, None] - places[None]
-        squared = (ways**2).sum(axis=2)
+        travels, moves = origins[:, None] - origins[None], places[:, None] - places[None]
+        squared = (travels**2).sum(axis=2)
         far = squared >= _BASE_MM**2
-        return float(np.median((ways * moves).sum(axis=2)[far] / squared[far])) if far.any() else 0.0
+        return float(np.median((travels * moves).sum(axis=2)[far] / squared[far])) if far.any() else 0.0
 
     @property
     def rise_mm(self) -> float:
-        """Height of its middle above the camera, by all observations."""
+        """Height of its center above the camera, by all observations."""
         return float(np.median([observation.rise_mm for observation in self.observations]))
 
     @classmethod
@@ -102,7 +102,7 @@ class Track:
         return track
 
     def update(self, observation: PlateObservation) -> None:
-        """Update the Kalman filter of the place with an observation."""
+        """Update the Kalman filter of the position with an observation."""
         noise = _covariance(observation)
         prior = self.covariance + np.eye(2) * _DRIFT_MM**2
         gain = prior @ np.linalg.inv(prior + noise)
@@ -111,7 +111,7 @@ class Track:
         self._add(observation)
 
     def move(self, rotation: Floats, here: Floats, there: Floats) -> None:
-        """Turn all places about `here`, and move them so that `here` becomes `there`."""
+        """Turn all positions about `here`, and move them so that `here` becomes `there`."""
 
         def at(place: Floats) -> Floats:
             return np.asarray(there + rotation @ (place - here))
@@ -143,7 +143,7 @@ class PlateTracks:
         return tuple(self._tracks)
 
     def update(self, t_ns: int, robot: Pose, observations: Sequence[PlateObservation]) -> tuple[Track, ...]:
-        """Update the tracks with the observations of an image; return their tracks, in the same order."""
+        """Update the tracks with an image's observations; return the track of each, in the same order."""
         self.move(t_ns, robot)
         free = list(self._tracks)
         found: list[Track] = []
@@ -163,17 +163,17 @@ class PlateTracks:
         return tuple(found)
 
     def move(self, t_ns: int, robot: Pose) -> None:
-        """Record the robot's pose; if its position was corrected, move all places with it."""
+        """Record the robot's pose; if its position was corrected, move all positions with it."""
         last, self._last = self._last, (t_ns, robot)
         if last is None:
             return
         passed_s = max(t_ns - last[0], 0) / 1e9
         before = last[1]
         turned = math.remainder(robot.heading_deg - before.heading_deg, 360.0)
-        way = math.hypot(robot.x_mm - before.x_mm, robot.y_mm - before.y_mm)
+        travel_mm = math.hypot(robot.x_mm - before.x_mm, robot.y_mm - before.y_mm)
         if (
-            way <= _FASTEST_MM_S * passed_s + _SLACK_MM
-            and abs(turned) <= _FASTEST_DEG_S * passed_s + _SLACK_DEG
+            travel_mm <= _MAX_SPEED_MM_S * passed_s + _SLACK_MM
+            and abs(turned) <= _MAX_TURN_DEG_S * passed_s + _SLACK_DEG
         ):
             return
         sine, cosine = math.sin(math.radians(turned)), math.cos(math.radians(turned))
@@ -183,7 +183,7 @@ class PlateTracks:
             track.move(rotation, here, there)
 
     def is_in_view(self, track: Track) -> bool:
-        """Return True if a whole plate at the track's place would be in the newest image."""
+        """Return True if a whole plate at the track's position would be in the newest image."""
         if self._last is None:
             return False
         robot = self._last[1]
@@ -193,11 +193,11 @@ class PlateTracks:
         if depth <= PLATE_WIDTH_MM:
             return False
         half = self._camera.focal * (abs(right) + PLATE_WIDTH_MM / 2.0) / depth
-        return bool(half < self._camera.columns / 2.0 - _RIM)
+        return bool(half < self._camera.columns / 2.0 - _RIM_PIXELS)
 
 
 def _covariance(observation: PlateObservation) -> Floats:
-    """Return the covariance of the place by one observation."""
+    """Return the covariance of the position by one observation."""
     along = _MIN_SIGMA_MM + DEPTH_SIGMA * observation.range_mm
     cross = _MIN_SIGMA_MM + _CROSS_SIGMA * observation.range_mm
     x, y = observation.ray
@@ -208,16 +208,16 @@ def _covariance(observation: PlateObservation) -> Floats:
 def _nearest(observation: PlateObservation, tracks: Sequence[Track]) -> Track | None:
     """Return the nearest track within the gates of an observation, or None."""
     x, y = observation.ray
-    near: list[tuple[float, Track]] = []
+    candidates: list[tuple[float, Track]] = []
     for track in tracks:
         dx, dy = (track.place - observation.place).tolist()
         along, cross = abs(x * dx + y * dy), abs(y * dx - x * dy)
         if cross < CROSS_GATE_MM and along < DEPTH_GATE * observation.range_mm + CROSS_GATE_MM / 2.0:
-            near.append((math.hypot(along / 2.0, cross), track))
-    return min(near, key=lambda match: match[0])[1] if near else None
+            candidates.append((math.hypot(along / 2.0, cross), track))
+    return min(candidates, key=lambda match: match[0])[1] if candidates else None
 
 
 def _is_worth_keeping(track: Track, robot: Pose) -> bool:
-    away = math.hypot(*(track.place - (robot.x_mm, robot.y_mm)).tolist())
+    distance_mm = math.hypot(*(track.place - (robot.x_mm, robot.y_mm)).tolist())
     missing = track.misses >= _SURE_MISSES and track.misses > 2 * track.count
-    return away < DROP_MM and (track.reported or not missing)
+    return distance_mm < DROP_MM and (track.reported or not missing)

@@ -16,7 +16,7 @@ import numpy as np
 from colony.vision.letters.network import WEIGHTS_FILE, LetterNet, packed, unpacked
 from colony.vision.training.fonts import learned_fonts, unseen_fonts
 from colony.vision.training.learning import BATCH, Learner, learning
-from colony.vision.training.trial import Score, calibrated, junk_score, plate_score
+from colony.vision.training.trial import Score, calibrate, junk_score, plate_score
 
 STEPS = 1_200
 HEIGHTS_PX = (8.0, 10.0, 12.0, 16.0, 24.0, 40.0)
@@ -42,7 +42,7 @@ def main() -> None:
     )
     options = parser.parse_args()
     if options.seed < 0 or options.steps < 1 or options.looks < 1:
-        parser.error("expected a --seed from 0 on, --steps and --looks from 1 on")
+        parser.error("expected --seed of at least 0, --steps and --looks of at least 1")
     if options.out.suffix != ".npz" or not options.out.absolute().parent.is_dir():
         parser.error(f"cannot write `{options.out}`; expected a file ending in .npz, in a folder that exists")
     net = train(options.seed, options.steps)
@@ -67,11 +67,11 @@ def train(seed: int, steps: int) -> LetterNet:
         if len(losses) % _REPORT_STEPS == 0:
             print(f"step {len(losses)}: loss {np.mean(losses[-_REPORT_STEPS:]):.3f}", flush=True)
     stored = unpacked(packed(learner.network()))
-    return calibrated(stored, fonts, _CALIBRATION_SAMPLES, np.random.default_rng((seed, 1)))
+    return calibrate(stored, fonts, _CALIBRATION_SAMPLES, np.random.default_rng((seed, 1)))
 
 
 def evaluate(net: LetterNet, count: int, random: np.random.Generator) -> list[str]:
-    """Return a table of the share of samples read right, by font and height of the characters."""
+    """Return a table of the fractions of samples read correctly, by font and height of the characters."""
     lines = [
         "right of single looks, by the characters' height: " + ", ".join(f"{h:g} px" for h in HEIGHTS_PX)
     ]

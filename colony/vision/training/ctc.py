@@ -1,6 +1,6 @@
 """The loss of connectionist temporal classification, and its gradient (Graves et al., ICML 2006).
 
-The loss is the negative log probability of the right texts, over all their alignments to the columns.
+The loss is the negative log probability of the correct texts, summed over all alignments to the columns.
 """
 
 from __future__ import annotations
@@ -28,46 +28,46 @@ def ctc_loss(scores: Floats, texts: Sequence[str]) -> tuple[float, Floats]:
     count, columns, _ = scores.shape
     top = scores.max(axis=2, keepdims=True).astype(np.float64)
     logs = scores - top - np.log(np.exp(scores - top).sum(axis=2, keepdims=True))
-    states, valid, leaps = states_of(texts)
+    states, valid, skips = states_of(texts)
     emitted = np.take_along_axis(logs, np.broadcast_to(states[:, None], (count, columns, states.shape[1])), 2)
     emitted = np.where(valid[:, None], emitted, _IMPOSSIBLE)
-    ahead = _ahead(emitted, leaps)
+    forward = _forward(emitted, skips)
     lengths = valid.sum(axis=1)
-    behind = _behind(emitted, leaps, lengths)
-    each = np.arange(count)
-    last, rest = ahead[each, -1, lengths - 1], ahead[each, -1, np.maximum(lengths - 2, 0)]
+    backward = _backward(emitted, skips, lengths)
+    samples = np.arange(count)
+    last, rest = forward[samples, -1, lengths - 1], forward[samples, -1, np.maximum(lengths - 2, 0)]
     total = np.where(lengths > 1, np.logaddexp(last, rest), last)
-    shares = np.exp(np.minimum(ahead + behind - emitted - total[:, None, None], 0.0))
-    shares = np.where(valid[:, None], shares, 0.0)
-    wanted = np.zeros(scores.shape)
-    rows, times = each[:, None, None], np.arange(columns)[None, :, None]
-    np.add.at(wanted, (rows, times, states[:, None]), shares)
-    return float(-total.sum()), (np.exp(logs) - wanted).astype(np.float32)
+    posteriors = np.exp(np.minimum(forward + backward - emitted - total[:, None, None], 0.0))
+    posteriors = np.where(valid[:, None], posteriors, 0.0)
+    target = np.zeros(scores.shape)
+    rows, times = samples[:, None, None], np.arange(columns)[None, :, None]
+    np.add.at(target, (rows, times, states[:, None]), posteriors)
+    return float(-total.sum()), (np.exp(logs) - target).astype(np.float32)
 
 
-def _ahead(emitted: Doubles, leaps: npt.NDArray[np.bool_]) -> Doubles:
-    """Return the forward variables: log probabilities of the states, with the emissions so far."""
-    ahead = np.full(emitted.shape, _IMPOSSIBLE)
-    ahead[:, 0, :2] = emitted[:, 0, :2]
+def _forward(emitted: Doubles, skips: npt.NDArray[np.bool_]) -> Doubles:
+    """Return the forward variables: log probabilities of the states and the emissions so far."""
+    forward = np.full(emitted.shape, _IMPOSSIBLE)
+    forward[:, 0, :2] = emitted[:, 0, :2]
     for t in range(1, emitted.shape[1]):
-        at = ahead[:, t - 1].copy()
-        at[:, 1:] = np.logaddexp(at[:, 1:], ahead[:, t - 1, :-1])
-        leap = np.where(leaps[:, 2:], ahead[:, t - 1, :-2], _IMPOSSIBLE)
-        at[:, 2:] = np.logaddexp(at[:, 2:], leap)
-        ahead[:, t] = np.maximum(at + emitted[:, t], _IMPOSSIBLE)
-    return ahead
+        log_p = forward[:, t - 1].copy()
+        log_p[:, 1:] = np.logaddexp(log_p[:, 1:], forward[:, t - 1, :-1])
+        skip = np.where(skips[:, 2:], forward[:, t - 1, :-2], _IMPOSSIBLE)
+        log_p[:, 2:] = np.logaddexp(log_p[:, 2:], skip)
+        forward[:, t] = np.maximum(log_p + emitted[:, t], _IMPOSSIBLE)
+    return forward
 
 
-def _behind(emitted: Doubles, leaps: npt.NDArray[np.bool_], lengths: npt.NDArray[np.intp]) -> Doubles:
+def _backward(emitted: Doubles, skips: npt.NDArray[np.bool_], lengths: npt.NDArray[np.intp]) -> Doubles:
     """Return the backward variables: log probabilities of the emissions from each state on."""
-    behind = np.full(emitted.shape, _IMPOSSIBLE)
-    each = np.arange(len(lengths))
+    backward = np.full(emitted.shape, _IMPOSSIBLE)
+    samples = np.arange(len(lengths))
     for state in (lengths - 1, np.maximum(lengths - 2, 0)):
-        behind[each, -1, state] = emitted[each, -1, state]
+        backward[samples, -1, state] = emitted[samples, -1, state]
     for t in range(emitted.shape[1] - 2, -1, -1):
-        at = behind[:, t + 1].copy()
-        at[:, :-1] = np.logaddexp(at[:, :-1], behind[:, t + 1, 1:])
-        leap = np.where(leaps[:, 2:], behind[:, t + 1, 2:], _IMPOSSIBLE)
-        at[:, :-2] = np.logaddexp(at[:, :-2], leap)
-        behind[:, t] = np.maximum(at + emitted[:, t], _IMPOSSIBLE)
-    return behind
+        log_p = backward[:, t + 1].copy()
+        log_p[:, :-1] = np.logaddexp(log_p[:, :-1], backward[:, t + 1, 1:])
+        skip = np.where(skips[:, 2:], backward[:, t + 1, 2:], _IMPOSSIBLE)
+        log_p[:, :-2] = np.logaddexp(log_p[:, :-2], skip)
+        backward[:, t] = np.maximum(log_p + emitted[:, t], _IMPOSSIBLE)
+    return backward

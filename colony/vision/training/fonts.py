@@ -1,7 +1,7 @@
 """The fonts from which the network learns characters, and those on which it is only evaluated.
 
-matplotlib ships some, which are found without importing it; the others are small packages that carry font
-files and nothing else (the extra `dev`).
+Some are shipped with matplotlib, and are found without importing it; the others come from small packages that
+contain only font files (the extra `dev`).
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float32]
 
 _EPSILON = 1e-5
-_REMEMBERED = 0.98
+_MOMENTUM = 0.98
 """Fraction of the running mean and variance that remains after each batch."""
 
 
@@ -26,7 +26,7 @@ class Parameter:
         self.gradient: Floats = np.zeros_like(value)
 
 
-class Trained(Protocol):
+class TrainableLayer(Protocol):
     """A trainable layer."""
 
     def parameters(self) -> list[Parameter]:
@@ -38,7 +38,7 @@ class Trained(Protocol):
         ...
 
     def backward(self, gradient: Floats) -> Floats:
-        """Return the gradient by the input from that by the output; store the parameters' gradients."""
+        """Return the input's gradient for that of the output; store the parameters' gradients."""
         ...
 
 
@@ -46,8 +46,10 @@ class Convolution:
     """A convolution without strides, with zeros around its input.
 
     Args:
-        size: rows and columns of the kernel; `channels`: channels in and out; `pad`: rows and columns of
-            zeros.
+        size: rows and columns of the kernel.
+        channels: numbers of input and output channels.
+        pad: rows and columns of zeros on each side.
+        random: generator of the initial weights.
         first: True to leave out the gradient with respect to its input, which is not needed.
         last: True for a bias, and small initial weights, so that all classes are about equally probable.
     """
@@ -69,7 +71,7 @@ class Convolution:
         self._first = first
         self._pad = pad
         self._flat: Floats = np.zeros((0, 0), np.float32)
-        self._framed: tuple[int, ...] = ()
+        self._padded_shape: tuple[int, ...] = ()
 
     def parameters(self) -> list[Parameter]:
         """Return the kernel and the bias, if there is one."""
@@ -77,13 +79,13 @@ class Convolution:
 
     def forward(self, x: Floats) -> Floats:
         """Return the convolution of a batch, (count, rows, columns, channels)."""
-        high, wide, channels, out = self.kernel.value.shape
+        height, width, channels, out = self.kernel.value.shape
         up, left = self._pad
         x = np.pad(x, ((0, 0), (up, up), (left, left), (0, 0)))
-        self._framed = x.shape
-        count, rows, columns = x.shape[0], x.shape[1] - high + 1, x.shape[2] - wide + 1
+        self._padded_shape = x.shape
+        count, rows, columns = x.shape[0], x.shape[1] - height + 1, x.shape[2] - width + 1
         strides = (*x.strides[:3], *x.strides[1:])
-        patches = np.lib.stride_tricks.as_strided(x, (count, rows, columns, high, wide, channels), strides)
+        patches = np.lib.stride_tricks.as_strided(x, (count, rows, columns, height, width, channels), strides)
         self._flat = patches.reshape(count * rows * columns, -1)
         y = self._flat @ self.kernel.value.reshape(-1, out)
         if self.bias is not None:
@@ -92,7 +94,7 @@ class Convolution:
 
     def backward(self, gradient: Floats) -> Floats:
         """Set the parameters' gradients, and return the gradient of the input."""
-        high, wide, channels, out = self.kernel.value.shape
+        height, width, channels, out = self.kernel.value.shape
         count, rows, columns = gradient.shape[:3]
         flat = gradient.reshape(-1, out)
         self.kernel.gradient = (self._flat.T @ flat).reshape(self.kernel.value.shape)
@@ -101,14 +103,14 @@ class Convolution:
         if self._first:
             return gradient
         patches = (flat @ self.kernel.value.reshape(-1, out).T).reshape(
-            count, rows, columns, high, wide, channels
+            count, rows, columns, height, width, channels
         )
-        framed = np.zeros(self._framed, np.float32)
-        for i in range(high):
-            for j in range(wide):
-                framed[:, i : i + rows, j : j + columns] += patches[:, :, :, i, j]
+        padded = np.zeros(self._padded_shape, np.float32)
+        for i in range(height):
+            for j in range(width):
+                padded[:, i : i + rows, j : j + columns] += patches[:, :, :, i, j]
         up, left = self._pad
-        return framed[:, up : framed.shape[1] - up, left : framed.shape[2] - left]
+        return padded[:, up : padded.shape[1] - up, left : padded.shape[2] - left]
 
 
 class Normalization:
@@ -134,8 +136,8 @@ class Normalization:
         centered = x - mean
         flat = centered.reshape(-1, channels)
         variance = np.einsum("ij,ij->j", flat, flat) / np.float32(len(flat))
-        self.mean = _REMEMBERED * self.mean + (1.0 - _REMEMBERED) * mean
-        self.variance = _REMEMBERED * self.variance + (1.0 - _REMEMBERED) * variance
+        self.mean = _MOMENTUM * self.mean + (1.0 - _MOMENTUM) * mean
+        self.variance = _MOMENTUM * self.variance + (1.0 - _MOMENTUM) * variance
         self._deviation = np.sqrt(variance + np.float32(_EPSILON))
         self._normalized = centered / self._deviation
         y = self._normalized * self.scale.value + self.shift.value
@@ -165,7 +167,7 @@ class Pooling:
 
     def __init__(self, size: tuple[int, int]) -> None:
         self._size = size
-        self._greatest: npt.NDArray[np.bool_] = np.zeros(0, bool)
+        self._is_maximum: npt.NDArray[np.bool_] = np.zeros(0, bool)
 
     def parameters(self) -> list[Parameter]:
         """Return nothing: pooling has no parameters."""
@@ -176,17 +178,17 @@ class Pooling:
         if self._size == (1, 1):
             return x
         count, rows, columns, channels = x.shape
-        high, wide = self._size
-        cells = x.reshape(count, rows // high, high, columns // wide, wide, channels)
+        height, width = self._size
+        cells = x.reshape(count, rows // height, height, columns // width, width, channels)
         y: Floats = cells.max(axis=(2, 4), keepdims=True)
-        self._greatest = cells == y
+        self._is_maximum = cells == y
         return y[:, :, 0, :, 0]
 
     def backward(self, gradient: Floats) -> Floats:
         """Return the gradient of the input."""
         if self._size == (1, 1):
             return gradient
-        shared = gradient[:, :, None, :, None] * self._greatest
-        count, rows, high, columns, wide, channels = shared.shape
-        result: Floats = shared.reshape(count, rows * high, columns * wide, channels)
+        shared = gradient[:, :, None, :, None] * self._is_maximum
+        count, rows, height, columns, width, channels = shared.shape
+        result: Floats = shared.reshape(count, rows * height, columns * width, channels)
         return result

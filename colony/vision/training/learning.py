@@ -21,7 +21,7 @@ from colony.vision.letters.network import (
     LetterNet,
 )
 from colony.vision.training.ctc import ctc_loss
-from colony.vision.training.layers import Convolution, Normalization, Parameter, Pooling, Trained
+from colony.vision.training.layers import Convolution, Normalization, Parameter, Pooling, TrainableLayer
 from colony.vision.training.samples import Batch, batch
 
 Floats = npt.NDArray[np.float32]
@@ -38,7 +38,7 @@ RATE = 3e-3
 
 _WARM_STEPS = 100
 _FIRST_DECAY, _SECOND_DECAY, _EPSILON = 0.9, 0.99, 1e-8
-_STEEPEST = 5.0
+_MAX_GRADIENT_NORM = 5.0
 
 
 class _Stage(NamedTuple):
@@ -80,13 +80,13 @@ class Learner:
         self._head = _Stage(hidden, Normalization(HIDDEN), Pooling((1, 1)))
         self._head_last = Convolution((1, 1), (HIDDEN, 1), (0, 0), random, last=True)
         stages = [layer for stage in (*self._stages, self._head) for layer in stage]
-        layers: list[Trained] = [*stages, self._last, self._head_last]
+        layers: list[TrainableLayer] = [*stages, self._last, self._head_last]
         self._parameters = [p for layer in layers for p in layer.parameters()]
         self._moments = [(np.zeros_like(p.value), np.zeros_like(p.value)) for p in self._parameters]
         self._steps = 0
 
     def step(self, samples: Batch, rate: float) -> float:
-        """Make a training step on a batch; return its mean loss before the step."""
+        """Make a training step on a batch; return the mean loss before the step."""
         x = samples.strips[..., None]
         for i, stage in enumerate(self._stages, 1):
             x = stage.forward(x)
@@ -94,12 +94,12 @@ class Learner:
                 common = x
         scores = self._last.forward(x)
         plates = self._head_last.forward(self._head.forward(self._head_pool.forward(common)))
-        loss, by_scores, by_plates = _loss(scores[:, 0], plates[:, 0, 0, 0], samples.texts)
-        by_common = self._head.backward(self._head_last.backward(by_plates[:, None, None, None]))
-        by_common = self._head_pool.backward(by_common)
-        gradient = self._last.backward(by_scores[:, None])
+        loss, score_gradient, plate_gradient = _loss(scores[:, 0], plates[:, 0, 0, 0], samples.texts)
+        common_gradient = self._head.backward(self._head_last.backward(plate_gradient[:, None, None, None]))
+        common_gradient = self._head_pool.backward(common_gradient)
+        gradient = self._last.backward(score_gradient[:, None])
         for i, stage in reversed(list(enumerate(self._stages, 1))):
-            gradient = stage.backward(gradient + by_common if i == HEAD_AFTER else gradient)
+            gradient = stage.backward(gradient + common_gradient if i == HEAD_AFTER else gradient)
         self._descend(rate)
         return loss
 
@@ -112,42 +112,42 @@ class Learner:
     def _descend(self, rate: float) -> None:
         """Make a step of Adam (Kingma and Ba, ICLR 2015), with gradient clipping."""
         self._steps += 1
-        length = math.sqrt(sum(float(np.vdot(p.gradient, p.gradient)) for p in self._parameters))
-        factor = min(1.0, _STEEPEST / max(length, 1e-12))
-        first_share = 1.0 - _FIRST_DECAY**self._steps
-        second_share = 1.0 - _SECOND_DECAY**self._steps
+        norm = math.sqrt(sum(float(np.vdot(p.gradient, p.gradient)) for p in self._parameters))
+        factor = min(1.0, _MAX_GRADIENT_NORM / max(norm, 1e-12))
+        first_correction = 1.0 - _FIRST_DECAY**self._steps
+        second_correction = 1.0 - _SECOND_DECAY**self._steps
         for parameter, (first, second) in zip(self._parameters, self._moments, strict=True):
             gradient = parameter.gradient * np.float32(factor)
             first += (1.0 - _FIRST_DECAY) * (gradient - first)
             second += (1.0 - _SECOND_DECAY) * (gradient * gradient - second)
-            _move(parameter, first / first_share, second / second_share, rate)
+            _update(parameter, first / first_correction, second / second_correction, rate)
 
 
 def learning(
     learner: Learner, steps: int, fonts: Sequence[Path], random: np.random.Generator
 ) -> Iterator[float]:
-    """Yield the loss of each step, each on new samples. The learning rate falls to zero."""
+    """Train on new samples at each step, and yield its loss; the learning rate falls to zero."""
     for i in range(steps):
-        fall = 0.5 * (1.0 + math.cos(math.pi * i / steps))
-        yield learner.step(batch(BATCH, fonts, random), RATE * fall * min(1.0, (i + 1) / _WARM_STEPS))
+        decay = 0.5 * (1.0 + math.cos(math.pi * i / steps))
+        yield learner.step(batch(BATCH, fonts, random), RATE * decay * min(1.0, (i + 1) / _WARM_STEPS))
 
 
 def _loss(scores: Floats, plates: Floats, texts: Sequence[str]) -> tuple[float, Floats, Floats]:
-    """Return the mean loss, and its gradients by the scores of the classes and the plate's log odds.
+    """Return the mean loss, and its gradients with respect to the class scores and the plate's log odds.
 
     Only plates contribute to the loss of the characters, as other samples have none.
     """
     is_plate = np.array([bool(text) for text in texts])
-    by_scores = np.zeros_like(scores)
+    score_gradient = np.zeros_like(scores)
     loss = 0.0
     if is_plate.any():
-        loss, by_scores[is_plate] = ctc_loss(scores[is_plate], [text for text in texts if text])
+        loss, score_gradient[is_plate] = ctc_loss(scores[is_plate], [text for text in texts if text])
     signs = np.where(is_plate, 1.0, -1.0)
     wrong = 1.0 / (1.0 + np.exp(signs * plates.astype(np.float64)))
     loss += float(np.logaddexp(0.0, -signs * plates).sum())
-    by_plates = (-signs * wrong).astype(np.float32)
+    plate_gradient = (-signs * wrong).astype(np.float32)
     count = np.float32(len(texts))
-    return loss / len(texts), by_scores / count, by_plates / count
+    return loss / len(texts), score_gradient / count, plate_gradient / count
 
 
 def _linear(layer: Convolution) -> Layer:
@@ -155,5 +155,5 @@ def _linear(layer: Convolution) -> Layer:
     return Layer(layer.kernel.value.copy(), layer.bias.value.copy())
 
 
-def _move(parameter: Parameter, first: Floats, second: Floats, rate: float) -> None:
+def _update(parameter: Parameter, first: Floats, second: Floats, rate: float) -> None:
     parameter.value -= (rate * first / (np.sqrt(second) + _EPSILON)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Pictures of door plates, and of other things, at 2 mm per pixel, before the simulated camera."""
+"""Pictures of door plates, and of other objects, at 2 mm per pixel, before the simulated camera."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def reversed_plate(text: str, font: Path, random: np.random.Generator) -> Gray:
 
 
 def clutter(random: np.random.Generator) -> Gray:
-    """Draw other things: an empty plate, spots, bars, bricks, stripes, grain."""
+    """Draw clutter: an empty plate, spots, bars, bricks, stripes or grain."""
     import cv2
 
     picture = np.full((HEIGHT, WIDTH), random.uniform(0.0, 200.0), np.float32)
@@ -66,11 +66,11 @@ def clutter(random: np.random.Generator) -> Gray:
             picture += np.linspace(0.0, random.uniform(-60.0, 60.0), WIDTH, dtype=np.float32)
         case 1:
             for _ in range(int(random.integers(1, 12))):
-                middle = int(random.integers(WIDTH)), int(random.integers(HEIGHT))
+                center = int(random.integers(WIDTH)), int(random.integers(HEIGHT))
                 axes = int(random.integers(2, 50)), int(random.integers(2, 30))
                 angle = float(random.uniform(0.0, 180.0))
                 shade = random.uniform(0.0, 255.0)
-                cv2.ellipse(picture, middle, axes, angle, 0.0, 360.0, shade, -1)
+                cv2.ellipse(picture, center, axes, angle, 0.0, 360.0, shade, -1)
         case 2:
             for _ in range(int(random.integers(1, 10))):
                 corner = int(random.integers(-20, WIDTH)), int(random.integers(-20, HEIGHT))
@@ -78,21 +78,21 @@ def clutter(random: np.random.Generator) -> Gray:
                 cv2.rectangle(picture, corner, far, random.uniform(0.0, 255.0), -1)
         case 3:
             wide, high = int(random.integers(12, 70)), int(random.integers(10, 40))
-            joint, shade = int(random.integers(2, 6)), random.uniform(0.0, 255.0)
+            mortar, shade = int(random.integers(2, 6)), random.uniform(0.0, 255.0)
             phase = int(random.integers(70))
             is_striped = random.random() < 0.3
-            picture[:, (np.arange(WIDTH) + phase) % wide < (wide // 2 if is_striped else joint)] = shade
+            picture[:, (np.arange(WIDTH) + phase) % wide < (wide // 2 if is_striped else mortar)] = shade
             if not is_striped:
-                picture[(np.arange(HEIGHT) + phase) % high < joint] = shade
+                picture[(np.arange(HEIGHT) + phase) % high < mortar] = shade
         case _:
             coarse = random.uniform(0.0, 255.0, (int(random.integers(3, 16)), int(random.integers(4, 40))))
             picture[:] = cv2.resize(coarse.astype(np.float32), (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC)
     return np.clip(picture, 0.0, 255.0).astype(np.uint8)
 
 
-def _lay(picture: npt.NDArray[np.float32], ink: Gray, place: tuple[int, int], light: float) -> None:
-    """Draw characters into a picture, clipped to it; `place` is their top and left."""
-    top, left = place
+def _lay(picture: npt.NDArray[np.float32], ink: Gray, corner: tuple[int, int], light: float) -> None:
+    """Draw characters into a picture, clipped to it; `corner` is their top and left."""
+    top, left = corner
     up, start = max(0, top), max(0, left)
     down, end = min(HEIGHT, top + ink.shape[0]), min(WIDTH, left + ink.shape[1])
     if up < down and start < end:

@@ -1,4 +1,4 @@
-"""Training samples: strips of plates with their texts, and of other things without."""
+"""Training samples: strips of plates with their texts, and strips of other objects."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from colony.vision.training.texts import any_text, door_text
 Floats = npt.NDArray[np.float32]
 
 JUNK_SHARE = 0.3
-"""Fraction of samples that are no plate."""
+"""Fraction of samples that are not plates."""
 
 
 class Batch(NamedTuple):
-    """Strips (samples, 24, 64), and the text of each; "" for one that is no plate."""
+    """Strips (samples, 24, 64), and the text of each; "" for strips that are not plates."""
 
     strips: Floats
     texts: list[str]
@@ -35,7 +35,7 @@ class Sample(NamedTuple):
 
 
 def batch(count: int, fonts: Sequence[Path], random: np.random.Generator) -> Batch:
-    """Draw a batch of samples in the fonts, a part of them junk."""
+    """Draw a batch of samples in these fonts; `JUNK_SHARE` of them are junk."""
     strips, texts = np.zeros((count, STRIP_ROWS, STRIP_COLUMNS), np.float32), []
     for i in range(count):
         font = fonts[int(random.integers(len(fonts)))]
@@ -60,7 +60,7 @@ def plate_sample(
 
 
 def junk_sample(font: Path, random: np.random.Generator) -> Sample:
-    """Draw a sample of something that is no plate, or of a misplaced box."""
+    """Draw a sample of something other than a plate, or of a misplaced box."""
     height = views.drawn_height(random)
     kind = random.random()
     if kind < 0.4:

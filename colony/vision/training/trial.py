@@ -13,7 +13,7 @@ import numpy as np
 
 from colony.vision.detections import Reading
 from colony.vision.letters.network import LetterNet
-from colony.vision.plates.reader import reading_of, texts_of, weighed
+from colony.vision.plates.reader import reading_of, texts_of, weigh
 from colony.vision.plates.strip import plate_strip
 from colony.vision.training.samples import Sample, junk_sample, plate_sample
 from colony.vision.training.texts import door_text
@@ -28,7 +28,7 @@ _LEAST = 1e-4
 
 
 class Score(NamedTuple):
-    """The score of samples of plates: their number, and the number of texts read entirely right."""
+    """The score of samples of plates: their number, and the number of texts read without errors."""
 
     samples: int
     right: int
@@ -37,7 +37,10 @@ class Score(NamedTuple):
 class JunkScore(NamedTuple):
     """The score of samples of junk.
 
-    Their number, the number read as a text, and the number of these with a confidence of 0.9 or more.
+    Attributes:
+        samples: number of samples.
+        read: number of samples read as a text.
+        sure: number of these with a confidence of 0.9 or more.
     """
 
     samples: int
@@ -45,10 +48,10 @@ class JunkScore(NamedTuple):
     sure: int
 
 
-def calibrated(net: LetterNet, fonts: Sequence[Path], count: int, random: np.random.Generator) -> LetterNet:
+def calibrate(net: LetterNet, fonts: Sequence[Path], count: int, random: np.random.Generator) -> LetterNet:
     """Return the network with the sharpness and the trust in its prior that fit `count` samples best.
 
-    They maximize the likelihood of the right texts of these samples.
+    They maximize the likelihood of the samples' true texts.
     """
     seen: list[tuple[dict[str, float], float, str]] = []
     for _ in range(count):
@@ -64,7 +67,7 @@ def calibrated(net: LetterNet, fonts: Sequence[Path], count: int, random: np.ran
     choices = (replace(net, sharpness=s, trust=t) for s, t in itertools.product(SHARPNESSES, TRUSTS))
     return min(
         choices,
-        key=lambda choice: sum(_surprise(weighed(texts, plate, choice), text) for texts, plate, text in seen),
+        key=lambda choice: sum(_surprise(weigh(texts, plate, choice), text) for texts, plate, text in seen),
     )
 
 

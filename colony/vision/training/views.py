@@ -1,4 +1,4 @@
-"""Simulated views of a flat thing on a wall by a level camera, and the box that a detector may find."""
+"""Simulated views of a flat object on a wall by a level camera, and the box that a detector may find."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FINENESS = 3
 
 
 class View(NamedTuple):
-    """A part of a camera's image, and the thing's corners in it, clockwise from the upper left."""
+    """A part of a camera's image, and the object's corners in it, clockwise from the upper left."""
 
     image: Gray
     corners: Corners
@@ -73,7 +73,7 @@ def view(
 def jittered(corners: Corners, random: np.random.Generator) -> Corners:
     """Return the corners as a detector may find them.
 
-    Each is off by about a pixel, and all together by some hundredths of the plate's size.
+    Each corner is off by about a pixel, and all of them together by a few percent of the plate's size.
     """
     true = np.array(corners)
     size = true.max(axis=0) - true.min(axis=0)
@@ -83,7 +83,7 @@ def jittered(corners: Corners, random: np.random.Generator) -> Corners:
 
 
 def misplaced(corners: Corners, random: np.random.Generator) -> Corners:
-    """Draw a box that holds only a part of the plate, or much more than it."""
+    """Draw a box that holds only a part of the plate, or much more than the plate."""
     true = np.array(corners)
     along, down = true[1] - true[0], true[3] - true[0]
     match int(random.integers(4)):
@@ -98,8 +98,8 @@ def misplaced(corners: Corners, random: np.random.Generator) -> Corners:
             left, right = true[[0, 3]] + start * along, true[[0, 3]] + (start + kept) * along
             moved = np.array([left[0], right[0], right[1], left[1]])
         case _:
-            middle = true.mean(axis=0)
-            moved = middle + (true - middle) * random.uniform(1.5, 2.5)
+            center = true.mean(axis=0)
+            moved = center + (true - center) * random.uniform(1.5, 2.5)
     return _corners(moved)
 
 
@@ -115,8 +115,8 @@ def _projected(height_px: float, slant_deg: float, random: np.random.Generator) 
         corners[i] = x * SIDE.focal / z, up * PLATE_HEIGHT_MM / 2.0 * SIDE.focal / z
     roll = math.radians(random.normal(0.0, 0.8))
     turned = np.array([[math.cos(roll), -math.sin(roll)], [math.sin(roll), math.cos(roll)]])
-    middle = corners.mean(axis=0)
-    result: Doubles = (corners - middle) @ turned + middle
+    center = corners.mean(axis=0)
+    result: Doubles = (corners - center) @ turned + center
     return result
 
 

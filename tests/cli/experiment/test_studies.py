@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.cli.experiment.progress import described, is_bad
+from colony.cli.experiment.progress import describe, is_bad
 from colony.experiment.conduct import conduct
 from colony.experiment.record import RunKey
 from colony.experiment.sources.results import ALL_SOURCES, PoseErrors, SourceOutcome, SourceResult
@@ -90,5 +90,5 @@ def test_the_newest_run_of_each_study_is_told() -> None:
     outcome = SourceOutcome(failure="stuck", off_mm=0.0, contact_mm_s=0.0, errors=PoseErrors())
     key = RunKey("sources", 22, 3, "ours")
     newest = SourceResult(key=key, origin="A", goal="B", outcomes={ALL_SOURCES: outcome})
-    assert described(newest) == "run 22, seed 3, stuck"
+    assert describe(newest) == "run 22, seed 3, stuck"
     assert is_bad(newest)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from colony.nav.maps.viewpoints import pose_before
+from colony.nav.maps.viewpoints import viewpoint_of
 from colony.sim.cameras.camera import CameraConfig
 from colony.sim.cameras.snapshot import snapshot
 from colony.sim.hazards.hazards import Hazards, draw
@@ -33,7 +33,7 @@ def test_it_writes_what_each_camera_sees_and_says_what_that_is(colony: Colony, t
     assert "side.png: plate 376, columns 99 to 140, 1.83 m away" in out
     side = read(tmp_path / "side.png")
     scenery = draw(Hazards(), MSU, 7)
-    expected = snapshot(MSU, pose_before(MSU, "376"), CameraConfig(yaw_deg=90.0), scenery=scenery, seed=7)
+    expected = snapshot(MSU, viewpoint_of(MSU, "376"), CameraConfig(yaw_deg=90.0), scenery=scenery, seed=7)
     assert np.array_equal(side, expected)
     assert read(tmp_path / "front.png").shape == (120, 240)
     assert read(tmp_path / "up.png").shape == (120, 240)

@@ -45,4 +45,4 @@ def test_wiring_reads_as_in_the_language() -> None:
     inner = Chain(relation="inhibits", operands=(Use(name="b"), Use(name="c")), windows_ns=(2_000_000_000,))
     outer = Chain(relation="suppresses", operands=(Use(name="a"), inner, Use(name="d")), windows_ns=(0, 0))
     assert wiring_text(outer) == "a suppresses (b inhibits[2 s] c) suppresses d"
-    assert wiring_text(outer, most=2) == "a suppresses (b inhibits[2 s] c) suppresses ... (1 more)"
+    assert wiring_text(outer, max_operands=2) == "a suppresses (b inhibits[2 s] c) suppresses ... (1 more)"

@@ -83,7 +83,7 @@ def test_chains_in_chains_are_cut_alike() -> None:
     inner = Chain(relation="inhibits", operands=tuple(Use(name=n) for n in "bcd"), windows_ns=(0, 0))
     outer = Chain(relation="suppresses", operands=(Use(name="a"), inner, Use(name="e")), windows_ns=(0, 0))
     text = "a suppresses (b inhibits c inhibits ... (1 more)) suppresses ... (1 more)"
-    assert wiring_text(outer, most=2) == text
+    assert wiring_text(outer, max_operands=2) == text
 
 
 def test_short_columns_keep_their_width() -> None:

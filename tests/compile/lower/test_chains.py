@@ -7,7 +7,7 @@ import pytest
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
-from colony.execute.views import of_clients, whole
+from colony.execute.views import clients_view, whole_view
 
 LENGTH = 1500
 
@@ -41,7 +41,7 @@ def test_a_long_chain_read_first_in(place: str) -> None:
     text = f"{ROBOT}{lets}{PLACES[place].replace('END', f'g{LENGTH - 1}')}\nnetwork {{ out = {network} }}\n"
     program = load_text(text)
     clients = compile_program(program).clients
-    code = whole(lower(program, clients).code)
+    code = whole_view(lower(program, clients).code)
     assert len(code.ops) > LENGTH
     if place not in ("contract", "Python"):
-        assert len(of_clients(lower(program, clients).code, [("out", "m")]).ops) > LENGTH
+        assert len(clients_view(lower(program, clients).code, [("out", "m")]).ops) > LENGTH

@@ -10,7 +10,7 @@ from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Code, Kind, PythonActive, PythonField
-from colony.execute.views import of_clients
+from colony.execute.views import clients_view
 from colony.ir import expression as e
 from colony.ir.frame import Frame
 from colony.ir.program import Let
@@ -63,5 +63,5 @@ def test_fields_of_a_module_in_python_have_the_kinds_of_their_types() -> None:
 
 def test_the_activity_of_a_module_elsewhere_is_a_truth_value() -> None:
     program = load_text(PYTHON)
-    code = of_clients(lower(program, compile_program(program).clients).code, [("out", "m")])
+    code = clients_view(lower(program, compile_program(program).clients).code, [("out", "m")])
     assert kinds(code, PythonActive) == [Kind.BOOL]

@@ -12,7 +12,7 @@ from colony.dsl.load import load_text
 from colony.execute.code import Apply, Code, Kind, Literal, OldCell, PythonActive, SensorFresh, operands
 from colony.execute.executor import ProgramExecutor
 from colony.execute.operators import Operator
-from colony.execute.views import of_clients
+from colony.execute.views import clients_view
 from colony.ir.expression import (
     NESTING_LIMIT,
     Binary,
@@ -133,7 +133,7 @@ contract c: previous(out.v, 0) < 9
 def test_a_client_alone() -> None:
     program = load_text(SHARED)
     clients = compile_program(program).clients
-    big, small = (of_clients(lower(program, clients).code, [("out", m)]) for m in ("big", "small"))
+    big, small = (clients_view(lower(program, clients).code, [("out", m)]) for m in ("big", "small"))
     assert _count(big, Operator.SUM) == 1
     assert _count(small, Operator.SUM) == 0
     for code in (big, small):
@@ -151,9 +151,9 @@ def test_no_such_client() -> None:
     program = load_text(SHARED)
     clients = compile_program(program).clients
     with pytest.raises(KeyError):
-        of_clients(lower(program, clients).code, [("out", "none")])
+        clients_view(lower(program, clients).code, [("out", "none")])
     with pytest.raises(KeyError):
-        of_clients(lower(program, clients).code, [("none", "big")])
+        clients_view(lower(program, clients).code, [("none", "big")])
 
 
 def test_big_arrays_stand_as_their_elements_once() -> None:

@@ -58,7 +58,7 @@ def of_suppression(network: SuppressionNetwork) -> str:
     return "\n".join(lines)
 
 
-def of_clients(clients: ClientList) -> str:
+def clients_view(clients: ClientList) -> str:
     """Return a client a line, with its guard, and with the exclusive one where that is another."""
     guards = GuardText(clients.guards)
 

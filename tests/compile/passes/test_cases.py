@@ -10,13 +10,13 @@ from colony.compile.passes.elaborate import elaborate
 from colony.compile.passes.eliminate_inhibition import eliminate_inhibition
 from colony.compile.passes.forward_traversal import forward_traversal
 from tests.case_files import Case, cases
-from tests.compile.passes.as_text import of_clients, of_network, of_suppression
+from tests.compile.passes.as_text import clients_view, of_network, of_suppression
 from tests.wiring import program
 
 PASSES = {
     "elaborate": lambda text: of_network(elaborate(program(text))),
     "eliminate_inhibition": lambda text: of_suppression(eliminate_inhibition(elaborate(program(text)))),
-    "forward_traversal": lambda text: of_clients(
+    "forward_traversal": lambda text: clients_view(
         forward_traversal(eliminate_inhibition(elaborate(program(text))))
     ),
 }

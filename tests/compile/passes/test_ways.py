@@ -25,9 +25,9 @@ from tests.wiring import program
 def test_ways_of_a(wiring: str, several: bool) -> None:
     compilation = compile_program(program(f"drive = {wiring}"))
     for clients in (compilation.traversal, compilation.clients):
-        assert any(c.several_ways for c in clients.actuators[0].clients if c.module == "a") is several
+        assert any(c.has_several_paths for c in clients.actuators[0].clients if c.module == "a") is several
 
 
 def test_ways_to_another_actuator_do_not_count() -> None:
     (_, arm) = compile_program(program("drive = a suppresses b\narm = a")).clients.actuators
-    assert not any(c.several_ways for c in arm.clients)
+    assert not any(c.has_several_paths for c in arm.clients)

@@ -12,7 +12,7 @@ from colony.experiment.plates.judging import (
     MIN_VIEW_NS,
     Sighting,
     judge_sightings,
-    true_place,
+    true_position,
 )
 from colony.experiment.plates.passed import Pass
 from colony.experiment.plates.record import Outcome, Tally, tally
@@ -22,7 +22,7 @@ from colony.nav.maps.stickrep.model import Pose
 
 _PLATES = tuple(
     Plate(
-        edge=0, start_mm=0.0, end_mm=356.0, middle=Point(0.0, y), heading_deg=90.0, door=door, text=door[:3]
+        edge=0, start_mm=0.0, end_mm=356.0, center=Point(0.0, y), heading_deg=90.0, door=door, text=door[:3]
     )
     for door, y in (("352.second", 1000.0), ("354", 3000.0), ("356", 5000.0))
 )  # fmt: skip
@@ -30,7 +30,7 @@ LONG = 2 * MIN_VIEW_NS
 
 
 def _judged(sightings: list[Sighting], passes: list[Pass]) -> tuple[Outcome, ...]:
-    return judge_sightings(sightings, _PLATES, passes, lambda one: f"a thing at {one.place.y:g}")
+    return judge_sightings(sightings, _PLATES, passes, lambda one: f"a thing at {one.position.y:g}")
 
 
 def _seen(t_ns: int, y: float, text: str = "", x: float = 0.0) -> Sighting:
@@ -103,7 +103,7 @@ _POSES = st.builds(Pose, _NUMBERS, _NUMBERS, _HEADINGS)
 def test_a_true_place_is_as_far_away_and_in_the_same_direction(
     x: float, y: float, believed: Pose, true: Pose
 ) -> None:
-    place = true_place(Point(x, y), believed, true)
+    place = true_position(Point(x, y), believed, true)
     for angle in (0.0, 90.0):
         assert math.isclose(
             _component(place, true, angle), _component(Point(x, y), believed, angle), abs_tol=1e-5
@@ -118,4 +118,4 @@ def _component(place: Point, pose: Pose, off_deg: float) -> float:
 
 def test_a_right_belief_changes_nothing() -> None:
     pose = Pose(3.0, 4.0, 30.0)
-    assert math.dist(true_place(Point(10.0, 20.0), pose, pose), (10.0, 20.0)) < 1e-9
+    assert math.dist(true_position(Point(10.0, 20.0), pose, pose), (10.0, 20.0)) < 1e-9

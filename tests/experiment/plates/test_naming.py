@@ -52,8 +52,8 @@ def test_what_hangs_on_walls_comes_before_them_and_people_before_all() -> None:
     wall, door = _first(EdgeKind.WALL), _first(EdgeKind.DOOR)
     half = FLOOR_LENGTHS[wall] / 2, FLOOR_LENGTHS[door] / 2
     posters = (
-        Poster(edge=wall, start_mm=half[0], middle_mm=1350.0, kind=OTHER_KINDS[0]),
-        Poster(edge=door, start_mm=half[1], middle_mm=1350.0, kind=BLACK_KINDS[0]),
+        Poster(edge=wall, start_mm=half[0], center_mm=1350.0, kind=OTHER_KINDS[0]),
+        Poster(edge=door, start_mm=half[1], center_mm=1350.0, kind=BLACK_KINDS[0]),
     )
     scenery = replace(EMPTY, posters=posters)
     name = sighting_namer(FLOOR, scenery, lambda t_ns: ())

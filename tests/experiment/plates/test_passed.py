@@ -16,7 +16,7 @@ STEP_MM, STEP_NS = 50.0, 100_000_000
 def _plate(x_mm: float = 0.0, y_mm: float = 10_000.0, heading_deg: float = 90.0) -> Plate:
     """On a wall to the west of somebody who goes north, as far as it is told otherwise."""
     return Plate(
-        edge=0, start_mm=0.0, end_mm=PLATE_WIDTH_MM, middle=Point(x_mm, y_mm), heading_deg=heading_deg,
+        edge=0, start_mm=0.0, end_mm=PLATE_WIDTH_MM, center=Point(x_mm, y_mm), heading_deg=heading_deg,
         door="1", text="1",
     )  # fmt: skip
 

@@ -50,7 +50,7 @@ def test_all_finders_find_and_ours_read_the_plates(walk: tuple[PlateResult, Plat
 
 def test_sightings_are_where_plates_really_are(walk: tuple[PlateResult, PlateRun]) -> None:
     result, driven = walk
-    places = {plate.door: plate.middle for plate in driven.plates}
+    places = {plate.door: plate.center for plate in driven.plates}
     for finder in ("ours", "map"):
         [one] = [one for one in result.outcomes[finder] if one.kind == "found"]
         assert one.x_mm == pytest.approx(places[one.name].x, abs=150.0)

@@ -30,7 +30,7 @@ def matrix(automaton: Automaton, symbol: str) -> Matrix:
 
     def chance(state: str, to: str) -> Fraction:
         arc = automaton.arcs.get((state, symbol))  # type: ignore[call-overload]
-        if arc is None or arc.to != to:
+        if arc is None or arc.target != to:
             return Fraction(0)
         return prod((automaton.events[event] for event in arc.events), start=Fraction(1))
 

@@ -16,7 +16,7 @@ from colony.nav.confidence.estimate import (
     RunOutcome,
     clopper_pearson,
     counts_of,
-    estimated,
+    estimate_automaton,
     regularized_beta,
     string_interval,
     wilson,
@@ -49,14 +49,14 @@ def test_more_modes_than_there_are_cannot_be_completed() -> None:
 
 
 def test_the_published_counts_make_the_published_automaton() -> None:
-    assert estimated(PUBLISHED_COUNTS).events == PUBLISHED.events
+    assert estimate_automaton(PUBLISHED_COUNTS).events == PUBLISHED.events
     assert PUBLISHED.arcs == PUBLISHED_ARCS
     fractions = (Fraction(1), Fraction(99, 101), Fraction(76, 79), Fraction(56, 57), Fraction(1))
     assert tuple(PUBLISHED.events[event] for event in Event) == fractions
 
 
 def test_what_was_never_tried_counts_as_sure() -> None:
-    assert estimated(counts_of([])).confidence("ld") == 1
+    assert estimate_automaton(counts_of([])).confidence("ld") == 1
 
 
 def test_runs_drawn_from_the_automaton_give_it_back() -> None:
@@ -74,7 +74,7 @@ def test_runs_drawn_from_the_automaton_give_it_back() -> None:
         runs.append(RunOutcome(modes=modes, completed=completed, first_light_found=found))
     counts = counts_of(runs)
     reached = sum(run.completed == len(modes) for run in runs) / len(runs)
-    assert float(estimated(counts).confidence(modes) or 0) == pytest.approx(reached, abs=0.03)
+    assert float(estimate_automaton(counts).confidence(modes) or 0) == pytest.approx(reached, abs=0.03)
     for event, truth in ((Event.LIGHTS, 0.93), (Event.CORNER, 0.9), (Event.CORNER_LIGHT, 0.95)):
         low, high = clopper_pearson(counts[event], level=0.999)
         assert low < truth < high, event

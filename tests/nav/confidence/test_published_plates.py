@@ -31,7 +31,7 @@ def test_the_map_has_the_plates_of_a_walk_on_its_left_in_this_order(walk: Publis
         plate.door
         for leg in plan(FLOOR, walk.origin, walk.goal).segments
         for plate in _along(leg)
-        if 0.0 < _place(plate.middle, leg)[0] < leg.length_mm and 0.0 < _place(plate.middle, leg)[1] < 2500.0
+        if 0.0 < _place(plate.center, leg)[0] < leg.length_mm and 0.0 < _place(plate.center, leg)[1] < 2500.0
     ]
     found = [text for text in walk.found if text in passed]
     assert found == sorted(found, key=passed.index)
@@ -47,4 +47,4 @@ def _place(point: Sequence[float], leg: Segment) -> tuple[float, float]:
 
 
 def _along(leg: Segment) -> list[Plate]:
-    return sorted(PLATES, key=lambda plate: _place(plate.middle, leg)[0])
+    return sorted(PLATES, key=lambda plate: _place(plate.center, leg)[0])

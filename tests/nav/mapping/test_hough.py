@@ -71,7 +71,7 @@ def test_the_heavier_of_two_lines_leads() -> None:
 def test_few_cells_are_no_line() -> None:
     assert lines_in(Cells(*(np.zeros(0) for _ in range(3)))) == ()
     assert lines_in(cells_along((0.0, 1_000.0, 0, 200))) == ()
-    assert lines_in(cells_along((0.0, 1_000.0, 0, 500)), HoughParameters(least_length_mm=300.0)) != ()
+    assert lines_in(cells_along((0.0, 1_000.0, 0, 500)), HoughParameters(min_length_mm=300.0)) != ()
 
 
 def test_a_line_knows_its_length() -> None:

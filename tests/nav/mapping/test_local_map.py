@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.nav.mapping.himm import HimmParameters, LocalPose
-from colony.nav.mapping.local_map import Trail, local_pose, moved_by, relative_pose
+from colony.nav.mapping.local_map import Trail, local_pose, pose_after, relative_pose
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.echoes import CHANNELS
 from colony.nav.pose.steps import Step
@@ -24,13 +24,13 @@ def test_the_local_frame_of_a_pose() -> None:
 
 
 def test_steps_are_taken_in_the_frame_of_the_robot() -> None:
-    at = moved_by(LocalPose(0.0, 0.0, math.radians(90.0)), Step(100.0, 20.0, 0.5))
+    at = pose_after(LocalPose(0.0, 0.0, math.radians(90.0)), Step(100.0, 20.0, 0.5))
     assert at == pytest.approx((-20.0, 100.0, math.radians(90.0) + 0.5))
 
 
 @given(origin=local_poses, pose=local_poses)
 def test_seen_from_undoes_a_step(origin: LocalPose, pose: LocalPose) -> None:
-    assert moved_by(origin, Step(*relative_pose(origin, pose))) == pytest.approx(pose, abs=1e-6)
+    assert pose_after(origin, Step(*relative_pose(origin, pose))) == pytest.approx(pose, abs=1e-6)
 
 
 def hallway_scan(left_mm: float, heading_rad: float) -> np.ndarray:

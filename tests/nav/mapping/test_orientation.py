@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.nav.mapping.orientation import directed, wrapped
+from colony.nav.mapping.orientation import hallway_direction, wrap_deg
 
 angles = st.floats(-720.0, 720.0).map(lambda angle: round(angle * 8) / 8)  # so that sums are exact
 
@@ -13,7 +13,7 @@ angles = st.floats(-720.0, 720.0).map(lambda angle: round(angle * 8) / 8)  # so 
     ("angle", "expected"), [(0, 0), (180, 180), (-180, 180), (190, -170), (540, 180), (-90, -90), (359, -1)]
 )
 def test_wrapped(angle: float, expected: float) -> None:
-    assert wrapped(angle) == expected
+    assert wrap_deg(angle) == expected
 
 
 @pytest.mark.parametrize(
@@ -31,12 +31,12 @@ def test_wrapped(angle: float, expected: float) -> None:
     ],
 )
 def test_the_direction_nearer_to_the_goal(orientation: float, goal: float, expected: float) -> None:
-    assert directed(orientation, goal) == expected
+    assert hallway_direction(orientation, goal) == expected
 
 
 @given(orientation=angles, goal=angles)
 def test_it_is_along_the_orientation_and_within_a_right_angle(orientation: float, goal: float) -> None:
-    direction = directed(orientation, goal)
+    direction = hallway_direction(orientation, goal)
     assert (direction - orientation) % 180.0 == 0.0
     assert -180.0 < direction <= 180.0
-    assert abs(wrapped(goal - direction)) <= 90.0
+    assert abs(wrap_deg(goal - direction)) <= 90.0

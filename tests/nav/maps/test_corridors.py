@@ -78,7 +78,7 @@ def test_an_elbow_has_a_turning_space() -> None:
     found = corridors_of(drawn("0 0 0: R 8000, R 2000, R 6000, L 7000, R 2000, R 9000"))
     assert spans(found) == {(1000, 0, 1000, 8000, 2000), (9000, 1000, 0, 1000, 2000)}
     (space,) = turning_spaces_of(found)
-    assert space.middle == pytest.approx(Point(1000.0, 1000.0))
+    assert space.center == pytest.approx(Point(1000.0, 1000.0))
 
 
 def test_a_crossing_of_different_widths() -> None:
@@ -86,7 +86,7 @@ def test_a_crossing_of_different_widths() -> None:
     found = corridors_of(drawn(f"0 0 270: {arms}", start="1100 -500 0"))
     assert spans(found) == {(1100, -14000, 1100, 0, 2200), (9200, -7500, -8000, -7500, 3000)}
     (space,) = turning_spaces_of(found)
-    assert space.middle == pytest.approx(Point(1100.0, -7500.0))
+    assert space.center == pytest.approx(Point(1100.0, -7500.0))
 
 
 def test_a_corridor_that_ends_in_another() -> None:
@@ -157,8 +157,8 @@ def test_along_and_beside_are_those_of_the_middle_line() -> None:
         start=Point(1000.0, 2000.0), end=Point(-3000.0, 2000.0), heading_deg=90.0, width_mm=2000.0, edges=()
     )
     assert corridor.along(0.0, 2500.0) == pytest.approx(1000.0)
-    assert corridor.beside(0.0, 2500.0) == pytest.approx(-500.0)
-    assert corridor.at(4000.0) == pytest.approx(corridor.end)
+    assert corridor.offset(0.0, 2500.0) == pytest.approx(-500.0)
+    assert corridor.point_at(4000.0) == pytest.approx(corridor.end)
 
 
 def test_lines_that_end_before_each_other_do_not_cross() -> None:

@@ -8,8 +8,8 @@ import pytest
 from colony.nav.confidence.published_runs import PUBLISHED_RUNS
 from colony.nav.maps.building import load_building
 from colony.nav.maps.corridors import corridors_of
+from colony.nav.maps.stickrep.connections import linked_rings
 from colony.nav.maps.stickrep.geometry import corners
-from colony.nav.maps.stickrep.joints import linked_rings
 from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.nav.maps.stickrep.writer import write_map

@@ -51,8 +51,8 @@ def nook(folder: Path, after_m: float) -> Map:
 def on_its_wall(floor: Map, sign: Sign) -> bool:
     x0, y0, x1, y1 = walls_of(floor).segments[sign.edge].tolist()
     length = math.hypot(x1 - x0, y1 - y0)
-    along = ((sign.middle.x - x0) * (x1 - x0) + (sign.middle.y - y0) * (y1 - y0)) / length
-    across = ((sign.middle.y - y0) * (x1 - x0) - (sign.middle.x - x0) * (y1 - y0)) / length
+    along = ((sign.center.x - x0) * (x1 - x0) + (sign.center.y - y0) * (y1 - y0)) / length
+    across = ((sign.center.y - y0) * (x1 - x0) - (sign.center.x - x0) * (y1 - y0)) / length
     inside = 0.0 <= sign.start_mm < sign.end_mm <= length
     return inside and abs(across) < 1e-3 and abs(along - (sign.start_mm + sign.end_mm) / 2) < 1e-3
 
@@ -66,7 +66,7 @@ def test_every_door_of_the_maps_has_a_plate_that_faces_free_space(path: Path) ->
     for sign in (*plates, *markers_of(floor)):
         assert on_its_wall(floor, sign)
         away = direction(sign.heading_deg + 180.0)
-        before = Point(sign.middle.x + 10.0 * away.x, sign.middle.y + 10.0 * away.y)
+        before = Point(sign.center.x + 10.0 * away.x, sign.center.y + 10.0 * away.y)
         assert free_distance(walls.segments, before, away) > 1000.0
         into = direction(sign.heading_deg)
         assert free_distance(walls.segments, before, into) == pytest.approx(10.0, abs=0.1)
@@ -85,7 +85,7 @@ def test_a_plate_is_at_the_right_jamb_as_seen_by_who_stands_before_it(tmp_path: 
     # The wall runs north with the corridor to its east: a robot that faces it looks west, and right is north.
     (plate,) = plates_of(nook(tmp_path, 1.0))
     assert plate.heading_deg == pytest.approx(90.0)
-    assert plate.middle.y > 4900.0
+    assert plate.center.y > 4900.0
     assert plate.start_mm == 70.0
 
 

@@ -9,25 +9,25 @@ import pytest
 from colony.nav.maps.signs import plates_of
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import EdgeKind
-from colony.nav.maps.viewpoints import NoPlaceError, parse_pose, pose_before
+from colony.nav.maps.viewpoints import NoViewpointError, parse_pose, viewpoint_of
 from colony.nav.maps.walls import free_distance, walls_of
 from tests.buildings import MSU
 
 
 def test_a_door_with_a_plate_has_it_to_the_robots_left_in_mid_corridor() -> None:
     for plate in plates_of(MSU):
-        x, y, heading = pose_before(MSU, plate.door)
-        bearing = math.degrees(math.atan2(x - plate.middle.x, plate.middle.y - y)) - heading
+        x, y, heading = viewpoint_of(MSU, plate.door)
+        bearing = math.degrees(math.atan2(x - plate.center.x, plate.center.y - y)) - heading
         assert bearing % 360.0 == pytest.approx(90.0, abs=1e-6), plate.door
-        distance = math.hypot(plate.middle.x - x, plate.middle.y - y)
-        away = Point((x - plate.middle.x) / distance, (y - plate.middle.y) / distance)
-        free = free_distance(walls_of(MSU).segments, plate.middle, away)
+        distance = math.hypot(plate.center.x - x, plate.center.y - y)
+        away = Point((x - plate.center.x) / distance, (y - plate.center.y) / distance)
+        free = free_distance(walls_of(MSU).segments, plate.center, away)
         assert distance == pytest.approx(min(free / 2, 1900.0))
 
 
 def test_an_elevator_is_ahead() -> None:
-    x, y, heading = pose_before(MSU, "acs.elev")
-    assert (x, y, heading) == pose_before(MSU, "acs.elev.L")
+    x, y, heading = viewpoint_of(MSU, "acs.elev")
+    assert (x, y, heading) == viewpoint_of(MSU, "acs.elev.L")
     walls = walls_of(MSU)
     names = [node.name for ring in MSU.rings for node in ring.nodes]
     edge = names.index("acs.elev.L")
@@ -41,8 +41,8 @@ def test_every_node_is_a_place_or_says_why_not() -> None:
     refused = 0
     for node in (node.name for ring in MSU.rings for node in ring.nodes):
         try:
-            x, y, heading = pose_before(MSU, node)
-        except NoPlaceError:
+            x, y, heading = viewpoint_of(MSU, node)
+        except NoViewpointError:
             refused += 1
         else:
             parse_pose(MSU, f"{x!r},{y!r},{heading!r}")
@@ -59,7 +59,7 @@ def test_every_node_is_a_place_or_says_why_not() -> None:
     ],
 )
 def test_poses_that_are_none(place: str, found: str) -> None:
-    with pytest.raises(NoPlaceError, match=found):
+    with pytest.raises(NoViewpointError, match=found):
         parse_pose(MSU, place)
 
 
@@ -68,5 +68,5 @@ def test_a_pose_is_taken_as_it_is() -> None:
 
 
 def test_a_name_that_is_not_there_has_others_like_it() -> None:
-    with pytest.raises(NoPlaceError, match="no door or node `3767`; did you mean `377` or `376`"):
-        pose_before(MSU, "3767")
+    with pytest.raises(NoViewpointError, match="no door or node `3767`; did you mean `377` or `376`"):
+        viewpoint_of(MSU, "3767")

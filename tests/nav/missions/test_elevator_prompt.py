@@ -6,7 +6,7 @@ from pathlib import Path
 
 from colony.nav.maps.building import Building, load_building
 from colony.nav.missions.elevator_calls import ElevatorCall
-from colony.nav.missions.elevator_prompt import PollResult, asked_for, elevator_prompt
+from colony.nav.missions.elevator_prompt import PollResult, elevator_prompt, instructions
 from colony.nav.shared import ELEVATOR_CALL, FLOOR_REACHED
 from tests.nav.floors import two_floors
 from tests.nav.script_stage import Stage
@@ -50,7 +50,7 @@ def test_enter_tells_that_the_floor_is_reached(tmp_path: Path) -> None:
     assert desk.run(CALL) == 0
     assert desk.said == [
         "Press the button of the elevator lift on floor 1, up. "
-        "When the robot has turned around inside, press that of floor 2.",
+        "When the robot has turned around inside, press the one for floor 2.",
         "Press Enter here when its doors are open on floor 2.",
     ]
     desk.line_input.lines.append("line")
@@ -96,7 +96,7 @@ def test_floors_that_are_not_counted_are_neither_up_nor_down(tmp_path: Path) -> 
     path = tmp_path / "ground.stickrep"
     path.write_text(path.read_text().replace("floor  1", "floor  lobby"))
     building = load_building(path)
-    assert asked_for(building, ElevatorCall("liftL", "ground", "upper")) == (
+    assert instructions(building, ElevatorCall("liftL", "ground", "upper")) == (
         "Press the button of the elevator lift on floor lobby. "
-        "When the robot has turned around inside, press that of floor 2."
+        "When the robot has turned around inside, press the one for floor 2."
     )

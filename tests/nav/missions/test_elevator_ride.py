@@ -80,10 +80,10 @@ class Ride:
 
     def run(self, seconds: float) -> None:
         """Until the Planner has ended, or for so long."""
-        while not self.loop.scripts.ended("planner") and self.loop.now_ns < seconds * 1e9:
+        while not self.loop.scripts.has_ended("planner") and self.loop.now_ns < seconds * 1e9:
             self.loop.frame()
             pose, cabin = self.site.world.true_pose(0), self._cabins[self.site.floor]
-            along, deep = cabin.inside(pose.x_mm, pose.y_mm)
+            along, deep = cabin.coordinates(pose.x_mm, pose.y_mm)
             self.deepest = max(self.deepest, deep)
             if abs(deep) < 100.0:
                 self.in_doors.append(along)

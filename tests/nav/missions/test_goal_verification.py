@@ -23,7 +23,7 @@ PLATE = next(plate for plate in plates_of(FLOOR) if plate.door == "376")
 
 
 def seen(text: str, off_mm: float = 0.0) -> ReportedPlate:
-    return ReportedPlate(1, 1, text, PLATE.middle.x + off_mm, PLATE.middle.y)
+    return ReportedPlate(1, 1, text, PLATE.center.x + off_mm, PLATE.center.y)
 
 
 @pytest.mark.parametrize(

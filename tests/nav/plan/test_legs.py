@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.nav.maps.corridors import STAND_MM, Corridor
+from colony.nav.maps.corridors import END_CLEARANCE_MM, Corridor
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.plan.legs import LEAVE_MM, LIGHT_AHEAD_MM, DisconnectedCorridors, Leg, legs_of, segments_of
 
@@ -103,8 +103,10 @@ def test_who_stands_in_the_turning_space_goes_back_to_its_middle() -> None:
 
 def test_nobody_stands_in_the_wall_with_which_a_corridor_ends() -> None:
     """Where a way begins or ends at a corner of the walls."""
-    assert modes((SOUTH,), SOUTH.end, Point(9000.0, 0.0))[0] == f"D{9000 - SOUTH.end.x - STAND_MM:.0f} "
-    assert modes((WEST,), Point(0.0, 9000.0), WEST.end)[0] == f"D{WEST.end.y - STAND_MM - 9000:.0f} "
+    assert (
+        modes((SOUTH,), SOUTH.end, Point(9000.0, 0.0))[0] == f"D{9000 - SOUTH.end.x - END_CLEARANCE_MM:.0f} "
+    )
+    assert modes((WEST,), Point(0.0, 9000.0), WEST.end)[0] == f"D{WEST.end.y - END_CLEARANCE_MM - 9000:.0f} "
     nook = corridor((0.0, 0.0), (800.0, 0.0), width=1200.0)
     assert modes((nook,), nook.start, nook.end)[0] == "D0 "
 

@@ -12,8 +12,15 @@ import pytest
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.missions.goal_verification import Verdict
-from colony.nav.plan.plan import Place, Plan, Segment
-from colony.nav.plan.planner import INTO_ELEVATOR_MM, Goal, goal_of, place_after_ride, planner, progress_along
+from colony.nav.plan.plan import FloorPoint, Plan, Segment
+from colony.nav.plan.planner import (
+    INTO_ELEVATOR_MM,
+    Goal,
+    goal_of,
+    planner,
+    position_after_ride,
+    progress_along,
+)
 from colony.nav.shared import (
     CEILING_LIGHT,
     ELEVATOR_CALL,
@@ -38,11 +45,11 @@ from colony.runtime.library import data
 from tests.nav.script_stage import Stage
 
 
-def at(x: float, y: float, floor: str = "f") -> Place:
-    return Place(x, y, floor)
+def at(x: float, y: float, floor: str = "f") -> FloorPoint:
+    return FloorPoint(x, y, floor)
 
 
-def segment(kind: GoalKind, heading: float, start: Place, end: Place, *lights: float) -> Segment:
+def segment(kind: GoalKind, heading: float, start: FloorPoint, end: FloorPoint, *lights: float) -> Segment:
     return Segment(kind=kind, heading_deg=heading, start=start, end=end, width_mm=2500.0, lights_mm=lights)
 
 
@@ -264,7 +271,7 @@ def test_after_a_ride_the_robot_is_on_the_other_floor() -> None:
     assert goals(made) == [("V", 270.0, 1200.0 + 100.0 + INTO_ELEVATOR_MM)]
     # The doors there are north of it, and the corridor is 300 mm wider on this side of them.
     assert (made.x, made.y, made.heading) == pytest.approx((5000.0, 5200.0, 180.0))
-    assert place_after_ride(RIDE, 1000.0, 2000.0) == pytest.approx((5000.0, 5300.0))
+    assert position_after_ride(RIDE, 1000.0, 2000.0) == pytest.approx((5000.0, 5300.0))
     assert RIDE.length_mm == 0.0
 
 
@@ -290,7 +297,7 @@ def test_an_elevator_is_entered_however_near_its_doors_are() -> None:
 # --- what hangs at the goal -----------------------------------------------------------------------------
 
 PLATE = Plate(
-    edge=0, start_mm=0.0, end_mm=356.0, middle=Point(-6000.0, 10800.0), heading_deg=180.0, door="b", text="12"
+    edge=0, start_mm=0.0, end_mm=356.0, center=Point(-6000.0, 10800.0), heading_deg=180.0, door="b", text="12"
 )
 
 

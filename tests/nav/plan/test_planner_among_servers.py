@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from colony.nav.missions.clerk import clerk
-from colony.nav.plan.plan import Place, Plan, Segment
+from colony.nav.plan.plan import FloorPoint, Plan, Segment
 from colony.nav.plan.planner import Positions, planner
 from colony.nav.shared import (
     CEILING_LIGHT,
@@ -79,12 +79,12 @@ def _count(offsets: list[float]) -> Generator[Step, Any, None]:
             yield from do("DServer", data.set(CEILING_LIGHT, passed))
 
 
-def segment(kind: GoalKind, heading: float, start: Place, end: Place, *lights: float) -> Segment:
+def segment(kind: GoalKind, heading: float, start: FloorPoint, end: FloorPoint, *lights: float) -> Segment:
     return Segment(kind=kind, heading_deg=heading, start=start, end=end, width_mm=2500.0, lights_mm=lights)
 
 
 A, B, C, D, E, F = (
-    Place(x, y, "f") for x, y in ((0, 0), (0, 3e3), (0, 4e3), (-1e3, 4e3), (-3e3, 4e3), (-5e3, 4e3))
+    FloorPoint(x, y, "f") for x, y in ((0, 0), (0, 3e3), (0, 4e3), (-1e3, 4e3), (-3e3, 4e3), (-5e3, 4e3))
 )
 PLAN = Plan(
     origin="a",

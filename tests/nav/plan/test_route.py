@@ -203,7 +203,12 @@ def test_a_floor_may_have_the_name_of_another_map() -> None:
     renamed = Building(
         maps=tuple(replace(floor, name=names[floor.name]) for floor in (three, two)),
         rides=tuple(
-            Ride(*(place_after_ride._replace(map=names[place_after_ride.map]) for place_after_ride in ride))
+            Ride(
+                *(
+                    position_after_ride._replace(map=names[position_after_ride.map])
+                    for position_after_ride in ride
+                )
+            )
             for ride in building("msu_engineering_3").rides
         ),
     )
@@ -251,7 +256,7 @@ def test_every_door_has_a_plan_and_every_plan_is_a_way(name: str) -> None:
             middle = [(a + b) / 2 for a, b in zip(segment.start[:2], segment.end[:2], strict=True)]
             assert in_free_space(rings, *middle)
             ends = (segment.start[:2], segment.end[:2])
-            assert any(all(abs(c.beside(*end)) < 1.0 for end in ends) for c in middles)
+            assert any(all(abs(c.offset(*end)) < 1.0 for end in ends) for c in middles)
         check_modes(found)
 
 

@@ -256,7 +256,7 @@ def test_every_light_hangs_in_the_middle_of_a_corridor(grid: Grid) -> None:
 
 
 def oracle(grid: Grid, origin: tuple[str, float, float], goal: tuple[str, float, float]) -> float:
-    """The length of the shortest way along the middle lines."""
+    """The length of the shortest way along the centerlines."""
     xs, ys = grid.middles
     graph = nx.Graph()
     lines: dict[tuple[str, float], set[tuple[float, float]]] = {}

@@ -46,7 +46,7 @@ def test_it_expects_what_the_simulator_reads(poses: list[tuple[float, float, flo
         except ValueError:  # too near to a wall
             continue
         tried += 1
-        expected = RING.predict(reflectors.near(x, y, 7_000.0), x, y, math.radians(heading))
+        expected = RING.predict(reflectors.within(x, y, 7_000.0), x, y, math.radians(heading))
         sure = np.isfinite(expected.sigma)
         off += (world.sonar(0) - expected.ranges)[sure].tolist()
     assert tried > 60
@@ -59,7 +59,7 @@ def test_the_jacobian_is_the_slope_of_the_ranges(poses: list[tuple[float, float,
     reflectors = reflectors_of(walls_of(load_map(LOOP)))
     off = []
     for x, y, heading in poses:
-        near, angle = reflectors.near(x, y, 7_000.0), math.radians(heading)
+        near, angle = reflectors.within(x, y, 7_000.0), math.radians(heading)
         here = RING.predict(near, x, y, angle)
         for column, (dx, dy, turn) in enumerate([(0.5, 0, 0), (0, 0.5, 0), (0, 0, 1e-4)]):
             there = RING.predict(near, x + dx, y + dy, angle + turn)
@@ -104,7 +104,7 @@ def test_doors_are_trusted_less_than_walls() -> None:
 
 def test_nothing_near_by_and_nothing_within_reach() -> None:
     reflectors = reflectors_of(walls_of(read_map(Source("room", ROOM))))
-    none = reflectors.near(50_000.0, 0.0, 1_000.0)
+    none = reflectors.within(50_000.0, 0.0, 1_000.0)
     assert len(none.length) == 0
     for expected in (
         RING.predict(none, 0.0, 0.0, 0.0),

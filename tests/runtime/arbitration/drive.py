@@ -5,7 +5,7 @@ from __future__ import annotations
 from colony.ir.program import Actuator, ActuatorField
 from colony.runtime.arbitration.arbiter import Arbiter, Timing
 from colony.runtime.protocol.bindings import ActuatorBinding
-from colony.runtime.protocol.deployment import ActuatorTable, actuator_table
+from colony.runtime.protocol.deployment import ActuatorSpec, actuator_spec
 from colony.runtime.protocol.fields import SPEED
 from colony.runtime.protocol.messages import Request, Tick
 
@@ -30,12 +30,12 @@ def ranked(*clients: str) -> tuple[tuple[str, int], ...]:
     return tuple(zip(clients, range(len(clients), 0, -1), strict=True))
 
 
-def table(actuator: Actuator, *clients: str) -> ActuatorTable:
+def table(actuator: Actuator, *clients: str) -> ActuatorSpec:
     """Return an actuator with these clients, as it is deployed."""
     binding = ActuatorBinding(
-        actuator=actuator.name, server=actuator.server, command=actuator.command, places=()
+        actuator=actuator.name, server=actuator.server, command=actuator.command, field_indices=()
     )
-    return actuator_table(actuator, binding, ranked(*clients))
+    return actuator_spec(actuator, binding, ranked(*clients))
 
 
 def request(client: str, bid: str = "silent", k: int = 0) -> Request:

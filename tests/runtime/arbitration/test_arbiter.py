@@ -16,7 +16,13 @@ from colony.runtime.arbitration.arbiter import (
     Dispatch,
     timing,
 )
-from colony.runtime.arbitration.ballot import Ballot, Interventions, OutsideCommand, Places, malformed
+from colony.runtime.arbitration.ballot import (
+    Ballot,
+    ClientRanking,
+    Interventions,
+    OutsideCommand,
+    request_error,
+)
 from colony.runtime.protocol.fields import SPEED
 from colony.runtime.protocol.messages import Request, Tick, Verdict
 from tests.runtime.arbitration.drive import COMMANDS, DRIVE, MS, PLACES, TIMES, arbiter, request, table, tick
@@ -178,7 +184,7 @@ def test_idle_hold_dispatches_nothing_to_send() -> None:
 
 
 BAD = [
-    ("stranger", (1.0, 1.0), None, "is no client"),
+    ("stranger", (1.0, 1.0), None, "is not a client"),
     ("cruise", (1.0,), None, "1 values, expected 2"),
     ("cruise", None, None, "without values"),
     ("cruise", (float("nan"), 0.0), None, "velocity = nan"),
@@ -192,7 +198,7 @@ BAD = [
 @pytest.mark.parametrize(("client", "values", "fault", "text"), BAD)
 def test_nothing_malformed_moves_a_robot(client: str, values: object, fault: str | None, text: str) -> None:
     bad = Request(k=0, actuator="drive", client=client, bid="command", values=values, fault=fault)  # type: ignore[arg-type]
-    assert text in (malformed(bad, table(DRIVE), PLACES) or "")
+    assert text in (request_error(bad, table(DRIVE), PLACES) or "")
     one = arbiter()
     one.open(tick(), frozenset(), 0)
     events = [*one.receive(bad, MS)]
@@ -215,9 +221,9 @@ def test_a_bool_field_takes_only_bools() -> None:
         idle=None,
     )
     good = Request(k=0, actuator="lamp", client="a", bid="command", values=(True,))
-    assert malformed(good, table(lamp), ("a",)) is None
+    assert request_error(good, table(lamp), ("a",)) is None
     bad = Request(k=0, actuator="lamp", client="a", bid="command", values=(1.0,))
-    assert malformed(bad, table(lamp), ("a",)) is not None
+    assert request_error(bad, table(lamp), ("a",)) is not None
 
 
 def test_values_are_told_in_declared_units() -> None:
@@ -244,7 +250,7 @@ def outside(priority: int, *values: float, connection: str = "ann/1") -> Outside
 
 def choice(came: str, interventions: Interventions, lost: str = "") -> tuple[str | None, bool]:
     """Who would act, by the bids of the three clients as in the table above, and whether that is settled."""
-    ballot = Ballot(Places(tuple(zip(PLACES, (6, 4, 2), strict=True))), lost.split())
+    ballot = Ballot(ClientRanking(tuple(zip(PLACES, (6, 4, 2), strict=True))), lost.split())
     for client, letter in zip(PLACES, came, strict=True):
         if letter == "x":
             ballot.exclude(client)
@@ -318,7 +324,7 @@ def test_the_rule_is_the_same_however_it_is_computed() -> None:
             bids = dict(zip(PLACES, by_client, strict=True))
             came = {c: b.split()[-1] for c, b in bids.items() if b not in ("absent", "lost")}
             lost = {c for c, b in bids.items() if b.startswith("lost")}
-            ballot = Ballot(Places(tuple(zip(PLACES, (6, 4, 2), strict=True))), lost)
+            ballot = Ballot(ClientRanking(tuple(zip(PLACES, (6, 4, 2), strict=True))), lost)
             for client in reversed([c for c in PLACES if c in came]):
                 ballot.take(request(client, came[client]))
             by, acts, settled = ballot.choose(Interventions(() if priority is None else (outside(priority),)))

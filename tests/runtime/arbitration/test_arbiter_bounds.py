@@ -16,7 +16,14 @@ from colony.runtime.arbitration.arbiter import (
     Timing,
     timing,
 )
-from colony.runtime.arbitration.ballot import Ballot, Choice, Interventions, OutsideCommand, Places, malformed
+from colony.runtime.arbitration.ballot import (
+    Ballot,
+    Choice,
+    ClientRanking,
+    Interventions,
+    OutsideCommand,
+    request_error,
+)
 from colony.runtime.protocol.fields import SPEED
 from colony.runtime.protocol.messages import Request, Tick, Verdict
 from tests.runtime.arbitration.drive import DRIVE, MS, PLACES, TIMES, arbiter, ranked, request, table, tick
@@ -30,7 +37,7 @@ def outside(priority: int) -> OutsideCommand:
 
 
 def test_priorities_are_those_given() -> None:
-    assert [Places((("a", 10), ("b", 5))).above(p) for p in (4, 5, 9, 10)] == [2, 1, 1, 0]
+    assert [ClientRanking((("a", 10), ("b", 5))).above(p) for p in (4, 5, 9, 10)] == [2, 1, 1, 0]
     one = Arbiter(structs.replace(table(DRIVE), clients=(("a", 10), ("b", 5))), TIMES)
     one.open(tick(), frozenset(), 0, Interventions(commands=(outside(7),)))
     dispatch, *_ = one.receive(
@@ -167,7 +174,7 @@ def test_only_what_has_a_unit_changes_on_its_way_out() -> None:
 def test_both_ends_of_a_range_are_in_it(velocity: float, taken: bool) -> None:
     command = Request(k=0, actuator="drive", client="cruise", bid="command", values=(velocity, 0.0))
     wrong = None if taken else f"`cruise` gave velocity = {velocity!r}"
-    assert malformed(command, table(DRIVE), PLACES) == wrong
+    assert request_error(command, table(DRIVE), PLACES) == wrong
 
 
 # --- ahead of time -----------------------------------------------------------------------------------
@@ -252,7 +259,7 @@ def test_a_remark_while_dispatched_is_of_this_frame_and_one_after_it_of_the_next
 
 
 def test_a_lost_client_that_commands_counts_neither_as_command_nor_as_heard() -> None:
-    ballot = Ballot(Places(ranked(*PLACES)), ["back_off"])
+    ballot = Ballot(ClientRanking(ranked(*PLACES)), ["back_off"])
     ballot.take(request("back_off", "command"))
     assert (ballot.commands, ballot.complete) == (0, False)
     assert ballot.choose(Interventions()) == Choice(None, None, False)
@@ -267,14 +274,14 @@ def test_a_lost_client_that_commands_counts_neither_as_command_nor_as_heard() ->
 
 def test_of_two_that_are_gone_the_higher_keeps_a_command_from_outside_out() -> None:
     for gone in (("back_off", "cruise"), ("cruise", "back_off")):
-        ballot = Ballot(Places(ranked(*PLACES)), gone)
+        ballot = Ballot(ClientRanking(ranked(*PLACES)), gone)
         ballot.take(request("avoid"))
         assert ballot.choose(Interventions(commands=(outside(2),))) == Choice(None, None, True)
         assert ballot.choose(Interventions(commands=(outside(4),))) == Choice(None, outside(4), True)
 
 
 def test_the_highest_of_several_commands_counts() -> None:
-    ballot = Ballot(Places(tuple(zip(PLACES, (30, 20, 10), strict=True))), ())
+    ballot = Ballot(ClientRanking(tuple(zip(PLACES, (30, 20, 10), strict=True))), ())
     for client in ("avoid", "cruise"):
         ballot.take(request(client, "command"))
     assert ballot.choose(Interventions()) == Choice("avoid", None, False)
@@ -285,7 +292,7 @@ def test_the_highest_of_several_commands_counts() -> None:
 
 
 def test_while_locked_only_the_command_of_the_holder_acts() -> None:
-    ballot = Ballot(Places(ranked(*PLACES)), ())
+    ballot = Ballot(ClientRanking(ranked(*PLACES)), ())
     other = OutsideCommand("other/1", 9, (0.0, 0.0))
     for holder, found in (("user/1", outside(3)), ("other/1", other), ("third/1", None), (None, None)):
         interventions = Interventions(commands=(other, outside(3)), hold="locked", holder=holder)

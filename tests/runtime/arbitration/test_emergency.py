@@ -100,7 +100,7 @@ def lit() -> DataStage:
 
 
 def lamp(stage: DataStage) -> bool:
-    found = stage.server._variables.present("Lamp")
+    found = stage.server._variables.current("Lamp")
     assert found is not None
     return bool(msgspec.msgpack.decode(found.data))
 

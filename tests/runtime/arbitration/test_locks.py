@@ -20,25 +20,25 @@ def names(calls: tuple[CallId, ...]) -> list[str]:
 
 
 def test_the_first_who_asks_gets_it_and_may_ask_again(lock: LockQueue) -> None:
-    assert lock.ask(asked("ann"), 0, wait_ns=0)
-    assert lock.ask(asked("ann", 2), 0, wait_ns=0)
+    assert lock.acquire(asked("ann"), 0, wait_ns=0)
+    assert lock.acquire(asked("ann", 2), 0, wait_ns=0)
     assert lock.holder == asked("ann").caller
     assert lock.release(asked("ann").caller) == ()
     assert lock.holder is None
 
 
 def test_who_does_not_wait_is_refused_by_name(lock: LockQueue) -> None:
-    lock.ask(asked("ann"), 0, wait_ns=0)
+    lock.acquire(asked("ann"), 0, wait_ns=0)
     with pytest.raises(RefusedError, match="ann holds the lock"):
-        lock.ask(asked("bob"), 0, wait_ns=0)
-    assert lock.waiting == ()
+        lock.acquire(asked("bob"), 0, wait_ns=0)
+    assert lock.queue == ()
 
 
 def test_those_who_wait_are_served_by_priority_and_then_in_turn(lock: LockQueue) -> None:
-    lock.ask(asked("ann"), 0, wait_ns=0)
+    lock.acquire(asked("ann"), 0, wait_ns=0)
     for name, priority in (("low", 1), ("high", 5), ("later", 5), ("lowest", -1)):
-        assert not lock.ask(asked(name, priority=priority), 0, wait_ns=S)
-    assert [c.name for c in lock.waiting] == ["high", "later", "low", "lowest"]
+        assert not lock.acquire(asked(name, priority=priority), 0, wait_ns=S)
+    assert [c.name for c in lock.queue] == ["high", "later", "low", "lowest"]
     order = []
     holder = asked("ann").caller
     while (granted := lock.release(holder)) != ():
@@ -49,9 +49,9 @@ def test_those_who_wait_are_served_by_priority_and_then_in_turn(lock: LockQueue)
 
 
 def test_all_calls_of_a_connection_that_wait_are_granted_together(lock: LockQueue) -> None:
-    lock.ask(asked("ann"), 0, wait_ns=0)
+    lock.acquire(asked("ann"), 0, wait_ns=0)
     for name, number in (("bob", 1), ("cy", 1), ("bob", 2)):
-        lock.ask(asked(name, number), 0, wait_ns=S)
+        lock.acquire(asked(name, number), 0, wait_ns=S)
     assert lock.release(asked("ann").caller) == (asked("bob", 1), asked("bob", 2))
     assert lock.release(asked("bob").caller) == (asked("cy"),)
 
@@ -60,16 +60,16 @@ def test_only_the_holder_gives_it_back(lock: LockQueue) -> None:
     with pytest.raises(RefusedError) as refused:
         lock.release(asked("ann").caller)
     assert refused.value.problem.code == "unlocked"
-    lock.ask(asked("ann"), 0, wait_ns=0)
+    lock.acquire(asked("ann"), 0, wait_ns=0)
     with pytest.raises(RefusedError):
         lock.release(asked("bob").caller)
     assert lock.holder == asked("ann").caller
 
 
 def test_the_dead_neither_hold_nor_wait(lock: LockQueue) -> None:
-    lock.ask(asked("ann"), 0, wait_ns=0)
-    lock.ask(asked("bob"), 0, wait_ns=S)
-    lock.ask(asked("cy"), 0, wait_ns=S)
+    lock.acquire(asked("ann"), 0, wait_ns=0)
+    lock.acquire(asked("bob"), 0, wait_ns=S)
+    lock.acquire(asked("cy"), 0, wait_ns=S)
     assert lock.drop(asked("bob").caller) == ()
     assert lock.drop(asked("ann").caller) == (asked("cy"),)
     assert lock.drop(asked("cy").caller) == ()
@@ -78,9 +78,9 @@ def test_the_dead_neither_hold_nor_wait(lock: LockQueue) -> None:
 
 def test_nobody_waits_for_longer_than_asked(lock: LockQueue) -> None:
     assert lock.wake_at is None
-    lock.ask(asked("ann"), 0, wait_ns=0)
-    lock.ask(asked("bob"), 0, wait_ns=2 * S)
-    lock.ask(asked("cy"), 0, wait_ns=S)
+    lock.acquire(asked("ann"), 0, wait_ns=0)
+    lock.acquire(asked("bob"), 0, wait_ns=2 * S)
+    lock.acquire(asked("cy"), 0, wait_ns=S)
     assert lock.wake_at == S
     assert lock.expire(S - 1) == ()
     assert lock.expire(S) == (asked("cy"),)

@@ -22,7 +22,7 @@ from colony.runtime.arbitration.motion import (
     Speeds,
     Turn,
     braking_speed,
-    interrupted,
+    interrupt,
     mode,
     step,
 )
@@ -145,7 +145,7 @@ def test_a_base_that_was_held_fast_does_not_swing_by_what_it_integrated() -> Non
             wanted, BaseObservation(OdometerPose(0.0, 0.0, 30.0), Speeds(100.0, 0.0), DT)
         )
     assert isinstance(wanted, Go)
-    assert wanted.error == -motion.MAX_INTEGRAL
+    assert wanted.integral == -motion.MAX_INTEGRAL
     assert speeds.turn == -motion.MAX_CORRECTION
 
 
@@ -192,14 +192,14 @@ def test_after_an_interruption_go_holds_the_heading_it_finds_and_a_move_goes_on(
     ).motion
     assert isinstance(go, Go)
     assert go.heading == 5.0
-    left = interrupted(go)
+    left = interrupt(go)
     assert isinstance(left, Go)
     assert left.heading is None
     move = step(
         Move(distance=100.0, velocity=50.0, acceleration=400.0),
         BaseObservation(OdometerPose(0.0, 0.0, 0.0), STILL, DT),
     ).motion
-    assert interrupted(move) is move
+    assert interrupt(move) is move
 
 
 def test_modes_are_the_labmates() -> None:

@@ -54,8 +54,10 @@ def test_a_command_ends_with_its_lease_and_one_without_does_not() -> None:
 def test_a_network_with_the_priority_of_somebody_outside_is_a_tie() -> None:
     outside_commanders = OutsideCommanders()
     outside_commanders.enter(caller("ann", 3), {})
-    assert outside_commanders.tied({1: "cruise"}) is None
-    assert outside_commanders.tied(PLACES) == "`back_off` has priority 3, with which ann (user/ann) commands"
+    assert outside_commanders.find_tie({1: "cruise"}) is None
+    assert (
+        outside_commanders.find_tie(PLACES) == "`back_off` has priority 3, with which ann (user/ann) commands"
+    )
 
 
 @pytest.mark.parametrize("lease_s", [0.0, -0.1, math.inf, -math.inf, math.nan, MAX_LEASE_S + 0.1])

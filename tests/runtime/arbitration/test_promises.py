@@ -265,7 +265,7 @@ def test_malformed_requests_move_nothing_and_are_told(stage: Stage) -> None:
     assert sent_by_frame(stage) == {0: [IDLE]}
     (verdict,) = stage.verdicts
     assert dict(verdict.fates)["cruise"] == "refused"
-    assert verdict.notes == ("`cruise` gave velocity = 9999.0", "`stranger` is no client of drive")
+    assert verdict.notes == ("`cruise` gave velocity = 9999.0", "`stranger` is not a client of drive")
 
 
 # --- emergency stop --------------------------------------------------------------------------------

@@ -16,21 +16,21 @@ from tests.runtime.arbitration.test_outside import PLACES, caller
 
 @pytest.mark.parametrize(("wait_ns", "waits"), [(-1, False), (0, False), (1, True)])
 def test_who_waits_for_a_moment_waits(lock: LockQueue, wait_ns: int, waits: bool) -> None:
-    lock.ask(asked("ann"), 0, wait_ns=0)
+    lock.acquire(asked("ann"), 0, wait_ns=0)
     if waits:
-        assert not lock.ask(asked("bob"), 7, wait_ns=wait_ns)
+        assert not lock.acquire(asked("bob"), 7, wait_ns=wait_ns)
         assert lock.wake_at == 7 + wait_ns
     else:
         with pytest.raises(RefusedError) as refused:
-            lock.ask(asked("bob"), 7, wait_ns=wait_ns)
+            lock.acquire(asked("bob"), 7, wait_ns=wait_ns)
         assert (refused.value.problem.code, refused.value.problem.message) == ("locked", "ann holds the lock")
 
 
 def test_who_asked_first_is_served_first_however_long_anybody_waits(lock: LockQueue) -> None:
-    lock.ask(asked("ann"), 0, wait_ns=0)
+    lock.acquire(asked("ann"), 0, wait_ns=0)
     for name, wait in (("patient", 9 * S), ("hasty", S), ("other", 5 * S)):
-        lock.ask(asked(name), 0, wait_ns=wait)
-    assert [c.name for c in lock.waiting] == ["patient", "hasty", "other"]
+        lock.acquire(asked(name), 0, wait_ns=wait)
+    assert [c.name for c in lock.queue] == ["patient", "hasty", "other"]
 
 
 def test_a_lock_that_nobody_holds(lock: LockQueue) -> None:
@@ -43,22 +43,22 @@ def test_a_lock_that_nobody_holds(lock: LockQueue) -> None:
 
 
 def test_who_gives_up_several_calls_is_out_of_all(lock: LockQueue) -> None:
-    lock.ask(asked("ann"), 0, wait_ns=0)
+    lock.acquire(asked("ann"), 0, wait_ns=0)
     for name, number, wait in (("bob", 1, S), ("cy", 1, 3 * S), ("bob", 2, 2 * S)):
-        lock.ask(asked(name, number), 0, wait_ns=wait)
+        lock.acquire(asked(name, number), 0, wait_ns=wait)
     assert lock.drop(asked("bob").caller) == ()
-    assert [c.name for c in lock.waiting] == ["cy"]
+    assert [c.name for c in lock.queue] == ["cy"]
     assert lock.holder == asked("ann").caller
     assert names(lock.release(asked("ann").caller)) == ["cy"]
-    assert lock.waiting == ()
+    assert lock.queue == ()
 
 
 def test_those_who_are_late_are_told_in_the_order_in_which_they_were_to_be_served(lock: LockQueue) -> None:
-    lock.ask(asked("ann"), 0, wait_ns=0)
+    lock.acquire(asked("ann"), 0, wait_ns=0)
     for name, priority in (("low", 1), ("high", 5), ("patient", 9)):
-        lock.ask(asked(name, priority=priority), 0, wait_ns=9 * S if name == "patient" else S)
+        lock.acquire(asked(name, priority=priority), 0, wait_ns=9 * S if name == "patient" else S)
     assert names(lock.expire(S)) == ["high", "low"]
-    assert [c.name for c in lock.waiting] == ["patient"]
+    assert [c.name for c in lock.queue] == ["patient"]
 
 
 # --- connections from outside ------------------------------------------------------------------------
@@ -102,12 +102,12 @@ def test_ties_are_told_in_full() -> None:
         assert found.message == (
             f"priority {priority} is taken: {holder} commands with it; open the connection with another"
         )
-    assert outside_commanders.of(caller("ann", 9)) is outside_commanders.all[0]
-    assert outside_commanders.of(caller("bob", 9)) is None
-    assert outside_commanders.of(caller("ann", 8)) is None
-    assert outside_commanders.tied({}) is None
+    assert outside_commanders.find(caller("ann", 9)) is outside_commanders.all[0]
+    assert outside_commanders.find(caller("bob", 9)) is None
+    assert outside_commanders.find(caller("ann", 8)) is None
+    assert outside_commanders.find_tie({}) is None
     assert (
-        outside_commanders.tied({9: "cruise"})
+        outside_commanders.find_tie({9: "cruise"})
         == "`cruise` has priority 9, with which ann (user/ann) commands"
     )
 

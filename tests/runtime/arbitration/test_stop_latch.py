@@ -249,7 +249,7 @@ def test_a_file_that_cannot_be_written_is_tried_again_after_longer_and_longer_pa
     latch = begun(tmp_path / "none" / "stop")
     tried: list[int] = []
     for now_ns in range(0, 10_000 * MS, 10 * MS):
-        monkeypatch.setattr(latch, "_keep", lambda now_ns=now_ns: tried.append(now_ns // MS))
+        monkeypatch.setattr(latch, "_write", lambda now_ns=now_ns: tried.append(now_ns // MS))
         latch.save(now_ns)
     assert tried == [0, 50, 150, 350, 750, 1550, *range(2550, 10_000, 1000)]
     monkeypatch.undo()

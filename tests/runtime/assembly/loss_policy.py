@@ -172,7 +172,7 @@ def path_of(robot: Robot, epoch: list[Tick], *, void_counts: bool) -> Path:
         outcome = interpreter.step(frame, lost)
         path.decisions[tick.k] = {d.actuator: d for d in outcome.decisions}
         path.answers[tick.k] = {
-            m: Answer(ANYTHING if interpreter.is_active(m) else None) for m in robot.compiled.announced
+            m: Answer(ANYTHING if interpreter.is_active(m) else None) for m in robot.compiled.python_modules
         }
     return path
 
@@ -258,7 +258,7 @@ def check_memory(robot: Robot, epoch: list[Tick], paths: list[Path], counts: Cou
                 f"{address}: checkpoint {k} is {found}, due was {allowed[k]}"
             )
         if at_end[1] in allowed:
-            found = decode_memory(node.part.memory(address))
+            found = decode_memory(node.program.memory(address))
             assert any(is_part(found, due) for due in allowed[at_end[1]]), (
                 f"{address}: remembers {found}, due was {allowed[at_end[1]]}"
             )

@@ -101,7 +101,7 @@ class Robot(ScriptedRobot):
     def client(self, address: str) -> ClientNode:
         """The node of a client."""
         nodes = (node for node in self.nodes.values() if isinstance(node, ClientNode))
-        (found,) = (node for node in nodes if address in node.part.clients)
+        (found,) = (node for node in nodes if address in node.program.clients)
         return found
 
     @property

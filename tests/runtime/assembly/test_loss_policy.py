@@ -86,7 +86,7 @@ def frames_invented(patch: pytest.MonkeyPatch) -> None:
 
     def wrong(self: Publisher, message: Tick) -> object:
         if self._since is not None:
-            self._forgotten = -1
+            self._last_dropped = -1
         return handle(self, message)
 
     patch.setattr(Publisher, "handle", wrong)

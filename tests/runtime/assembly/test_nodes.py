@@ -77,7 +77,7 @@ def test_clients_of_a_process_share_a_node_where_they_wait_for_the_same() -> Non
     compiled = with_light("stop")
     (process,) = client_processes(compiled, isolate=False)
     nodes = build_clients(compiled, bind(compiled.robot), process.clients, "run")
-    assert [node.part.clients for node in nodes] == [
+    assert [node.program.clients for node in nodes] == [
         ("drive/back_off",),
         ("drive/avoid", "drive/cruise"),
         ("light/shine",),
@@ -91,8 +91,8 @@ def test_clients_of_a_process_share_a_node_where_they_wait_for_the_same() -> Non
 def test_members_of_a_program() -> None:
     compiled = compile_program(roam()).compiled
     assert compiled.clients == (("drive", "back_off", 3), ("drive", "avoid", 2), ("drive", "cruise", 1))
-    assert compiled.announced == ()
-    assert compiled.places == {"drive": ("back_off", "avoid", "cruise")}
+    assert compiled.python_modules == ()
+    assert compiled.clients_by_actuator == {"drive": ("back_off", "avoid", "cruise")}
 
 
 def test_each_module_in_python_is_a_process_of_its_own_and_no_other_imports_it() -> None:
@@ -101,8 +101,8 @@ def test_each_module_in_python_is_a_process_of_its_own_and_no_other_imports_it()
     assert isinstance(pulse, PythonModule)
     program = replace(program, modules=(replace(pulse, module_path="no.such.module"), program.modules[1]))
     compiled = compile_program(program).compiled
-    assert compiled.announced == ("pulse",)
-    assert compiled.places == {"drive": ("pulse", "cruise")}
+    assert compiled.python_modules == ("pulse",)
+    assert compiled.clients_by_actuator == {"drive": ("pulse", "cruise")}
     bindings = bind(program.robot)
     for module in ("cruise", "pulse"):
         (node,) = build_clients(compiled, bindings, [("drive", module)], "run")

@@ -312,7 +312,7 @@ def test_who_takes_part(stage: Stage) -> None:
 
 
 def test_modules_in_python_are_watched_by_what_they_announce() -> None:
-    stage = Stage(deployed(announced=("pulse",)))
+    stage = Stage(deployed(python_modules=("pulse",)))
     stage.ready()
     assert stage.ticks == []
     stage.ready(clients=("DServer/activity/pulse",))
@@ -356,20 +356,20 @@ def test_a_frame_is_void_once() -> None:
         answers.tick_sent(k, ())
     answers.frame_received("a", 1, 0)
     answers.frame_received("stranger", 1, 0)
-    assert answers.void(("a",)) == (("a", 0), ("a", 2))
-    assert answers.void(("a",)) == ()
+    assert answers.take_void(("a",)) == (("a", 0), ("a", 2))
+    assert answers.take_void(("a",)) == ()
     assert list(answers.overdue(2)) == [("b", 0)]
     answers.frame_received("b", 2, 1)
-    assert answers.void(()) == (("b", 0),)
+    assert answers.take_void(()) == (("b", 0),)
     answers.clear()
-    assert answers.void(("a", "b")) == ()
+    assert answers.take_void(("a", "b")) == ()
 
 
 def test_no_more_is_waited_for_than_is_kept() -> None:
     answers = TickAnswers(("a",), keep=3)
     for k in range(10):
         answers.tick_sent(k, ())
-    assert answers.void(("a",)) == (("a", 7), ("a", 8), ("a", 9))
+    assert answers.take_void(("a",)) == (("a", 7), ("a", 8), ("a", 9))
 
 
 def test_a_tick_is_given_once_more_to_all_who_ask_between_two_ticks(stage: Stage) -> None:

@@ -76,7 +76,7 @@ def test_nobody_is_lost_before_the_run_begins() -> None:
 
 
 def test_who_announces_is_waited_for_as_long_as_the_clients() -> None:
-    stage = Stage(deployed(announced=("pulse",)))
+    stage = Stage(deployed(python_modules=("pulse",)))
     stage.until(1000 * MS)
     assert stage.ticks[-1].down == ("DServer/activity/pulse",)
     stage.ready(clients=(*CLIENTS, "DServer/activity/pulse"))
@@ -85,7 +85,7 @@ def test_who_announces_is_waited_for_as_long_as_the_clients() -> None:
 
 
 def test_what_is_announced_is_not_asked_for_and_what_is_not_is() -> None:
-    stage = Stage(deployed(announced=("pulse",)))
+    stage = Stage(deployed(python_modules=("pulse",)))
     stage.ready(clients=(*CLIENTS, "DServer/activity/pulse"))
     for k in range(20):
         if k not in (0, 4):
@@ -323,9 +323,9 @@ def test_a_verdict_renews_the_lease_of_a_client_whose_request_came(fate: Fate) -
 
 def test_who_is_not_ready_when_a_run_begins_is_lost_at_once() -> None:
     registry = ClientRegistry(("a", "b"), ("c",), lease_ns=10, now_ns=0)
-    registry.ready("b")
-    registry.ready("stranger")
-    assert not registry.complete
+    registry.mark_ready("b")
+    registry.mark_ready("stranger")
+    assert not registry.all_ready
     registry.begin(5)
     assert registry.lost(5) == ("a",)
     assert registry.lost(15) == ("a",)
@@ -347,11 +347,11 @@ def test_a_server_gives_up_only_frames_before_those_that_it_knows() -> None:
     for k in range(4):
         answers.tick_sent(k, ())
     answers.frame_received("a", 3, 2)
-    assert answers.void(()) == (("a", 0), ("a", 1))
+    assert answers.take_void(()) == (("a", 0), ("a", 1))
     assert list(answers.overdue(4)) == [("a", 2)]
     answers.frame_received("a", 9, 2)
-    assert answers.void(()) == ()
-    assert answers.void(("stranger",)) == ()
+    assert answers.take_void(()) == ()
+    assert answers.take_void(("stranger",)) == ()
 
 
 def test_frames_are_asked_for_when_they_are_two_four_and_eight_ticks_old() -> None:

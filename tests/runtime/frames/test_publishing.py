@@ -146,7 +146,7 @@ def test_frames_that_are_kept_have_so_many_bytes() -> None:
     for k in range(100):
         server.handle(tick(k))
     most = KEPT_BYTES // 450_000
-    (said,) = server.reached
+    (said,) = server.limit_messages
     assert said == f"frames: {most} of 1000 are kept, because of the limit of 16 MiB"
     assert fetched(server, [0, 99 - most]) == []
     assert fetched(server, [100 - most, 99]) == [100 - most, 99]
@@ -157,13 +157,13 @@ def test_fields_that_frames_share_count_once() -> None:
     server = Publisher("S", lambda tick: shared, keep=1000)
     for k in range(900):
         server.handle(tick(k))
-    assert server.reached == ()
+    assert server.limit_messages == ()
     assert fetched(server, [0, 899]) == [0, 899]
     changing = iter(range(10_000))
     server = Publisher("S", lambda tick: shared if next(changing) % 100 else dict(shared), keep=50)
     for k in range(5000):
         server.handle(tick(k))
-    assert server.reached == (), "what was forgotten leaves its room"
+    assert server.limit_messages == (), "what was forgotten leaves its room"
 
 
 def test_what_is_kept_of_answers_is_bounded_in_bytes() -> None:

@@ -158,7 +158,9 @@ def test_nobody_there(environment: Mapping[str, str]) -> None:
             connect(BATTERY, robot="siena", environment=environment)
         with pytest.raises(ServerNotFoundError, match="rome has no Radio: found Battery"):
             connect("Radio", robot=ROBOT, environment=environment, timeout_s=0.2)
-    with pytest.raises(ServerNotFoundError, match=r"nothing of rome runs on this machine \(looked in /tmp"):
+    with pytest.raises(
+        ServerNotFoundError, match=r"no process of rome runs on this machine \(looked in /tmp"
+    ):
         connect(BATTERY, robot=ROBOT, environment=environment, timeout_s=0.2)
 
 

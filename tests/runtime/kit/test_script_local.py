@@ -31,7 +31,7 @@ def test_a_script_goes_on_in_the_first_frame_after_its_time() -> None:
     stage = Stage({"one": script()})
     stage.run(10)
     assert times == [0, 1, 4, 5]
-    assert stage.scripts.ended("one")
+    assert stage.scripts.has_ended("one")
 
 
 def test_who_waits_goes_on_in_the_moment_of_the_signal_in_the_order_of_the_queue() -> None:
@@ -83,7 +83,7 @@ def test_strange_servers_and_methods_are_refused() -> None:
             found.append(refused.code)
 
     Stage({"one": script()}).run(1)
-    assert found == ["there is no server `RServer` in this run; there is DServer", "method"]
+    assert found == ["there is no server `RServer` in this run; it has DServer", "method"]
 
 
 def test_a_script_that_raises_or_never_rests_is_named() -> None:

@@ -14,7 +14,7 @@ from colony.ir.types import BOOL
 from colony.runtime.observe.observer import FrameLog
 from colony.runtime.observe.summary import RunSummary, Tally, Travel, render
 from colony.runtime.protocol.messages import Hold, Message, Request, Sample
-from colony.runtime.transport.virtual import Link, perfect
+from colony.runtime.transport.virtual import Link, deliver_immediately
 from tests.runtime.programs import go, number, roam
 from tests.runtime.scripted import FAR, Script, session
 
@@ -22,7 +22,9 @@ MS = 1_000_000
 S = 1000 * MS
 
 
-def summarize(program: Program, script: Script, duration_ns: int = 4 * S, link: Link = perfect) -> RunSummary:
+def summarize(
+    program: Program, script: Script, duration_ns: int = 4 * S, link: Link = deliver_immediately
+) -> RunSummary:
     tally = Tally(compile_program(program).compiled)
     session(program, script, tally, link=link).run(duration_ns)
     return tally.summary(

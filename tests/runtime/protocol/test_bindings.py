@@ -30,7 +30,7 @@ def test_a_good_program_is_bound() -> None:
         ("chance", "Runtime", "random"),
     ]
     (actuator,) = bound.actuators
-    assert (actuator.server, actuator.command, actuator.places) == ("RServer", "drive", (0, 1))
+    assert (actuator.server, actuator.command, actuator.field_indices) == ("RServer", "drive", (0, 1))
 
 
 BAD_SENSORS = [
@@ -112,8 +112,8 @@ def command_to(command: str, *fields: ActuatorField, server: str = "RServer") ->
 
 def test_parameters_are_found_by_name_and_may_be_left_out() -> None:
     turn, velocity = ActuatorField(name="turn", type=TURN_RATE), ActuatorField(name="velocity", type=SPEED)
-    assert bind(command_to("drive", turn, velocity).robot).actuators[0].places == (1, 0)
-    assert bind(command_to("drive", turn).robot).actuators[0].places == (None, 0)
+    assert bind(command_to("drive", turn, velocity).robot).actuators[0].field_indices == (1, 0)
+    assert bind(command_to("drive", turn).robot).actuators[0].field_indices == (None, 0)
 
 
 BAD_COMMANDS = [
@@ -147,5 +147,5 @@ def test_two_actuators_on_one_command_would_not_be_arbitrated() -> None:
 
 def test_the_nearest_name_or_all_that_are_known() -> None:
     assert name_hint("rserver", ["PServer", "RServer"]) == "did you mean `RServer`?"
-    assert name_hint("camera", ["PServer", "RServer"]) == "known are: PServer, RServer"
+    assert name_hint("camera", ["PServer", "RServer"]) == "expected one of: PServer, RServer"
     assert name_hint("camera", []) == "there is none"

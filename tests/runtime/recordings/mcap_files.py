@@ -36,8 +36,8 @@ PROGRAM = load_text(TEXT)
 
 
 SOURCES = (
-    SourceFile(kind="python", place="pkg/mod.py", data=b"x = 1\n"),
-    SourceFile(kind="behavior", place="b.colony", data=TEXT.encode()),
+    SourceFile(kind="python", path="pkg/mod.py", data=b"x = 1\n"),
+    SourceFile(kind="behavior", path="b.colony", data=TEXT.encode()),
 )
 
 

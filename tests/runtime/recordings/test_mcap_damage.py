@@ -124,14 +124,14 @@ def test_frames_without_end_are_a_bomb() -> None:
     file = as_mcap(PROGRAM, logs(PROGRAM, trace(8)))
     (chunk,) = [zstandard.decompress(chunk_in(data).data) for data in file.writes[1:2]]
     empty = struct.pack("<BQHIQQ", 5, 22, 999, 0, 0, 0)
-    for records, message in ((chunk * 2000, "time must rise"), (empty * 200_000, "unpacks to far more")):
+    for records, message in ((chunk * 2000, "time must increase"), (empty * 200_000, "unpacks to far more")):
         many = rechunked(file.writes[1], "zstd", records)
         with pytest.raises(DiagnosticError, match=message):
             read_mcap(PROGRAM, b"".join([file.writes[0], many, *file.writes[2:]]))
 
 
 def test_a_program_without_end_is_refused() -> None:
-    sources = tuple(SourceFile(kind="python", place=f"m{i}.py", data=bytes(5_000_000)) for i in range(8))
+    sources = tuple(SourceFile(kind="python", path=f"m{i}.py", data=bytes(5_000_000)) for i in range(8))
     with pytest.raises(DiagnosticError, match="larger than 32 MiB"):
         read_mcap(PROGRAM, as_mcap(PROGRAM, [], *sources).content)
 
@@ -184,6 +184,6 @@ def test_random_damage_never_raises_more_than_a_failure() -> None:
 
 def test_places_that_lead_elsewhere_are_left_out() -> None:
     bad = ("../x.py", "/etc/x", "a/../../x", "", ".", "a\\x", "\0")
-    sources = tuple(SourceFile(kind="python", place=place, data=b"") for place in bad)
+    sources = tuple(SourceFile(kind="python", path=place, data=b"") for place in bad)
     _, reader = read_mcap(PROGRAM, as_mcap(PROGRAM, [], *sources, *SOURCES).content)
     assert reader.run.sources == SOURCES

@@ -12,7 +12,7 @@ import msgspec
 from colony.runtime.arbitration.stop_latch import StopLatch
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.deployment import ActuatorTable, Deployment, FieldTable
+from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec, Deployment
 from colony.runtime.protocol.messages import (
     Alive,
     Effect,
@@ -233,19 +233,19 @@ def deployed(run: str = "r1", clients: tuple[tuple[str, int], ...] = CLIENTS, **
     table: dict[str, Any] = {
         "name": "drive",
         "fields": (
-            FieldTable(name="velocity", kind="number", factor=1.0, low=-300.0, high=500.0),
-            FieldTable(name="turn", kind="number", factor=1.0, low=-60.0, high=60.0),
+            ActuatorFieldSpec(name="velocity", kind="number", factor=1.0, low=-300.0, high=500.0),
+            ActuatorFieldSpec(name="turn", kind="number", factor=1.0, low=-60.0, high=60.0),
         ),
         "server": "RServer",
         "command": "drive",
-        "places": (0, 1),
+        "field_indices": (0, 1),
         "idle": (0.0, 0.0),
         "on_loss": "stop",
         "clients": clients,
     }
     actuators = changes.pop("actuators", None)
     if actuators is None:
-        actuators = (ActuatorTable(**(table | changes)),)
+        actuators = (ActuatorSpec(**(table | changes)),)
     return Deployment(run=run, program="p", frame_ns=FRAME, seed=1, actuators=actuators)
 
 

@@ -10,7 +10,7 @@ from colony.ir.frame import Answer
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import NoArguments, Status
-from colony.runtime.protocol.deployment import ActuatorTable, Deployment, FieldTable
+from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec, Deployment
 from colony.runtime.protocol.fields import DSERVER
 from colony.runtime.protocol.messages import (
     Announcement,
@@ -33,22 +33,22 @@ from colony.runtime.store.store import Key, MemoryStore, StoreError
 from tests.runtime.servers.data_stage import MS, Connection, DataStage, S, StageError
 
 
-def field(name: str, kind: Any = "number") -> FieldTable:
-    return FieldTable(name=name, kind=kind, factor=1.0, low=None, high=None)
+def field(name: str, kind: Any = "number") -> ActuatorFieldSpec:
+    return ActuatorFieldSpec(name=name, kind=kind, factor=1.0, low=None, high=None)
 
 
 def table(
     name: str,
-    *fields: FieldTable,
+    *fields: ActuatorFieldSpec,
     server: str = DSERVER.name,
     clients: tuple[tuple[str, int], ...] = (("counter", 1),),
-) -> ActuatorTable:
-    return ActuatorTable(
+) -> ActuatorSpec:
+    return ActuatorSpec(
         name=name,
         fields=fields,
         server=server,
         command=name.title(),
-        places=(),
+        field_indices=(),
         idle=None,
         on_loss="stop",
         clients=clients,
@@ -62,7 +62,7 @@ DRIVE = table("drive", field("x"), server="RServer", clients=(("go", 1), ("other
 
 
 def program(
-    run: str, *actuators: ActuatorTable, announced: tuple[str, ...] = (), reads: tuple[str, ...] = ()
+    run: str, *actuators: ActuatorSpec, python_modules: tuple[str, ...] = (), reads: tuple[str, ...] = ()
 ) -> Deployment:
     return Deployment(
         run=run,
@@ -70,7 +70,7 @@ def program(
         frame_ns=50 * MS,
         seed=1,
         actuators=actuators,
-        announced=announced,
+        python_modules=python_modules,
         reads=reads,
     )
 
@@ -166,7 +166,7 @@ def test_in_frames_of_another_run_nothing_is_decided(stage: DataStage) -> None:
 
 
 def test_activities_of_announced_modules_are_handed_on(stage: DataStage) -> None:
-    stage.connect().do(deploy(program("run", announced=("pulse",))))
+    stage.connect().do(deploy(program("run", python_modules=("pulse",))))
     (sent,) = stage.handle(Announcement(k=3, module="pulse", answer=Answer((300.0, 5.0))))
     assert isinstance(sent, Send)
     assert isinstance(sent.message, ServerFrame)

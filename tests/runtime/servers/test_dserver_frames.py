@@ -5,7 +5,11 @@ from __future__ import annotations
 from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.deployment import Deployment
-from colony.runtime.servers.frame_content import MAX_LIST_LENGTH, MAX_NAMES_ASKED, MAX_NAMES_PER_CONNECTION
+from colony.runtime.servers.frame_content import (
+    MAX_LIST_LENGTH,
+    MAX_NAMES_PER_CONNECTION,
+    MAX_NAMES_REQUESTED,
+)
 from tests.runtime.servers.data_stage import MS, Connection, DataStage, S
 
 
@@ -99,7 +103,7 @@ def test_publishing_has_an_end(stage: DataStage, ada: Connection) -> None:
     assert ada.refusal(data.publish(["one more"])) == "full"
     assert ada.refusal(data.publish(["x"] * (MAX_NAMES_PER_CONNECTION + 1))) == "size"
     assert ada.refusal(data.publish([""])) == "arguments"
-    others = [stage.connect(f"bob/{i}") for i in range(MAX_NAMES_ASKED // MAX_NAMES_PER_CONNECTION)]
+    others = [stage.connect(f"bob/{i}") for i in range(MAX_NAMES_REQUESTED // MAX_NAMES_PER_CONNECTION)]
     for number, other in enumerate(others[:-1]):
         other.do(data.publish([f"W{number}.{i}" for i in range(MAX_NAMES_PER_CONNECTION)]))
     assert others[-1].refusal(data.publish(["one more"])) == "full"
@@ -109,7 +113,7 @@ def test_publishing_has_an_end(stage: DataStage, ada: Connection) -> None:
     ada.close()
     others[-1].do(data.publish(["one more"]))
     assert (
-        others[-1].refusal(deploy(program("run", *(f"R{i}" for i in range(MAX_NAMES_ASKED + 1)))))
+        others[-1].refusal(deploy(program("run", *(f"R{i}" for i in range(MAX_NAMES_REQUESTED + 1)))))
         == "arguments"
     )
 

@@ -125,7 +125,7 @@ def test_there_are_so_many_semaphores_holds_and_waiting_calls(monkeypatch: pytes
 def test_there_are_so_many_names_and_prefixes_watched(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(watching, "MAX_WATCHED_NAMES", 3)
     monkeypatch.setattr(watching, "MAX_WATCHED_PREFIXES", 2)
-    monkeypatch.setattr(watching, "USER_SHARE", 1)
+    monkeypatch.setattr(watching, "USER_LIMIT_DIVISOR", 1)
     stage = DataStage()
     ada, bob = stage.connect(), stage.connect("bob/1")
     ada.do(data.watch("A", "B", prefixes=["P"]))
@@ -164,8 +164,8 @@ def test_answers_of_long_ago_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
     for one in (answers, loaded):
         assert [i for i in range(20) if one.find(f"ada/{i}", 1) is not None] == list(range(10, 20))
     assert len(store.load()) == 10
-    assert answers.reached != ()
-    assert loaded.reached == ()
+    assert answers.limit_messages != ()
+    assert loaded.limit_messages == ()
 
 
 def test_names_are_found_in_order() -> None:
@@ -176,8 +176,8 @@ def test_names_are_found_in_order() -> None:
     assert names.page("a", "", 2) == ("a", "a1")
     assert names.page("a", "a1", 5) == ("a2",)
     assert names.page("a", "b", 5) == ()
-    assert list(names.beginning(["b", "a1", "b\U0010ffff", "a1x"])) == ["a1", "b", "b\U0010ffff"]
-    assert list(names.beginning(["", "a"])) == list(names.page("", "", 100))
+    assert list(names.with_prefixes(["b", "a1", "b\U0010ffff", "a1x"])) == ["a1", "b", "b\U0010ffff"]
+    assert list(names.with_prefixes(["", "a"])) == list(names.page("", "", 100))
     names.discard("a1")
     names.update(["z", "d"])
     assert names.page("", "a", 3) == ("a2", "b", "b\U0010ffff")

@@ -11,7 +11,7 @@ from colony.runtime.library import data
 from colony.runtime.library.ask import Ask
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.messages import Wake
-from colony.runtime.servers.variables import MAX_VALUE_BYTES, Variables, checked_value
+from colony.runtime.servers.variables import MAX_VALUE_BYTES, Variables, validate_value
 from colony.runtime.servers.watching import LOST_WATCHES_NS
 from colony.runtime.store.store import Journal, MemoryStore
 from tests.runtime.servers.data_stage import MS, Connection, DataStage, S, StageError
@@ -165,7 +165,7 @@ def test_there_is_an_end_to_the_room() -> None:
     variables = Variables(Journal(MemoryStore()), space=12_000, frame_space=1_000)
 
     def put(name: str, value: object) -> None:
-        variables.set((checked_value(name, msgspec.msgpack.encode(value)),), 0)
+        variables.set((validate_value(name, msgspec.msgpack.encode(value)),), 0)
 
     put("a", b"a" * 8_000)
     with pytest.raises(RefusedError, match="no room"):

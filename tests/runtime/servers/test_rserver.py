@@ -39,11 +39,11 @@ def test_the_settings_are_the_command_sent_last(stage: Stage) -> None:
     assert [fields[n].value for n in ("speed_setting", "turn_setting")] == [300.0, -10.0]  # type: ignore[union-attr]
 
 
-@pytest.mark.parametrize(("places", "sent"), [((1, 0), (7.0, 5.0)), ((None, 1), (0.0, 7.0))])
+@pytest.mark.parametrize(("field_indices", "sent"), [((1, 0), (7.0, 5.0)), ((None, 1), (0.0, 7.0))])
 def test_parameters_are_passed_by_name_and_what_is_not_declared_is_0(
-    places: tuple[int | None, ...], sent: tuple[float, float]
+    field_indices: tuple[int | None, ...], sent: tuple[float, float]
 ) -> None:
-    stage = Stage(run="r1", deployment=deployed(places=places))
+    stage = Stage(run="r1", deployment=deployed(field_indices=field_indices))
     stage.frame(bid("cruise", 5.0, 7.0), *silent("cruise"))
     assert stage.base.told == [(0, *sent)]
 
@@ -226,8 +226,8 @@ BAD = [
     ({"clients": (("a", 2), ("a", 1))}, "two clients have the name a"),
     ({"clients": (("a", 1), ("b", 2))}, "not in the order of their priorities"),
     ({"command": "fly"}, "no command `fly`"),
-    ({"places": (0,)}, "1 parameters; expected 2"),
-    ({"places": (0, 2)}, "not one of its 2 fields"),
+    ({"field_indices": (0,)}, "1 parameters; expected 2"),
+    ({"field_indices": (0, 2)}, "not one of its 2 fields"),
     ({"idle": (float("nan"), 0.0)}, "not finite"),
     ({"idle": (0.0,)}, "an idle command of 1 values"),
 ]

@@ -218,7 +218,7 @@ def test_what_was_promised_is_kept_or_the_server_ends() -> None:
     store = Cramped()
     journal = Journal(store)
     journal.put(X, b"1")
-    journal.promise()
+    journal.mark_ack_pending()
     store.room = False
     with pytest.raises(StoreFullError):
         journal.settle()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.store.quarantine import damage_notes, quarantined
+from colony.runtime.store.quarantine import damage_notes, list_quarantined
 from colony.runtime.store.sqlite import SqliteStore
 from colony.runtime.store.store import Journal, Key, MemoryStore, Store, StoreError
 from tests.paths import ROOT
@@ -186,7 +186,7 @@ def test_a_file_cut_short_is_kept_aside(path: Path) -> None:
         assert path.with_name(f"state.db.damaged-{number}").read_bytes() == whole[:size]
         assert len(damage_notes(path)) == number
         assert after_damage(path) == ({}, []), "the new one is whole"
-    quarantined(path)[2].unlink()
+    list_quarantined(path)[2].unlink()
     assert len(damage_notes(path)) == len(sizes) - 1
 
 
@@ -219,7 +219,7 @@ def test_what_is_loaded_of_a_damaged_file_is_right_or_all_of_it_is_kept_aside(pa
             aside += 1
         else:
             assert found == expected
-        assert len(quarantined(path)) == aside
+        assert len(list_quarantined(path)) == aside
     assert aside > 30
     assert refused < 10
 
@@ -228,7 +228,7 @@ def test_text_is_kept_aside_byte_for_byte(tmp_path: Path) -> None:
     path = tmp_path / "state.db"
     path.write_bytes(b"remember the milk\n" * 1000)
     assert after_damage(path)[0] == {}
-    (aside,) = quarantined(path)
+    (aside,) = list_quarantined(path)
     assert aside.read_bytes() == b"remember the milk\n" * 1000
 
 
@@ -288,7 +288,7 @@ def test_a_damaged_file_that_another_server_has_open_stays_where_it_is(path: Pat
         os.truncate(path, 0)
         assert "in use" in refusal(path)
         assert path.exists()
-        assert quarantined(path) == ()
+        assert list_quarantined(path) == ()
         other.communicate()
 
 

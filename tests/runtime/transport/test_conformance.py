@@ -31,7 +31,7 @@ from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
-from tests.runtime.transport.live.stage import Recorder, Running, place, run_directory
+from tests.runtime.transport.live.stage import Recorder, Running, robot_address, run_directory
 from tests.waiting import until
 
 ELSEWHERE = topics.frames(topics.CLOCK)
@@ -102,11 +102,11 @@ class LiveStage:
         self._holds = ExitStack()
         self._environment = self._holds.enter_context(run_directory())
         self._hosts: dict[str, Running] = {}
-        here = place(self._environment)
+        here = robot_address(self._environment)
         self._outside = self._holds.enter_context(ZenohSession.open(here, listens=(topics.CLOCK,)))
 
     def add(self, node: Node) -> None:
-        host = Host.open(place(self._environment), [node], serves=True)
+        host = Host.open(robot_address(self._environment), [node], serves=True)
         self._hosts[node.address] = Running(host)
         networks = [self._outside, *(running.host.network for running in self._hosts.values())]
         for network in networks:
@@ -303,7 +303,7 @@ def test_a_node_settles_before_its_effects_leave(stage: Stage) -> None:
     for k in range(1, 6):
         stage.tell(topics.TICKS, Tick(k=k, t_ns=0))
     stage.until(lambda: len(settled_at) == 5)
-    places = {k: place for place, k in enumerate(_ticks(settler), start=1)}
+    places = {k: robot_address for robot_address, k in enumerate(_ticks(settler), start=1)}
     assert all(settled >= places[k] for k, settled in settled_at)
 
 

@@ -40,8 +40,8 @@ def by_samples(picture: Picture, left: float, top: float) -> NDArray[np.float64]
     column = np.floor(x / picture.width_mm * wide).astype(int)
     row = np.floor(y / picture.height_mm * high).astype(int)
     inside = ((row >= 0) & (row < high))[:, None] & ((column >= 0) & (column < wide))[None, :]
-    cover = np.ones_like(picture.shades) if picture.cover is None else picture.cover
-    shades = (picture.shades * cover)[np.clip(row, 0, high - 1)][:, np.clip(column, 0, wide - 1)]
+    opacity = np.ones_like(picture.shades) if picture.opacity is None else picture.opacity
+    shades = (picture.shades * opacity)[np.clip(row, 0, high - 1)][:, np.clip(column, 0, wide - 1)]
     fine = np.where(inside, shades, 0.0)
     found: NDArray[np.float64] = fine.reshape(120, FINE, 240, FINE).mean(axis=(1, 3))
     return found
@@ -69,9 +69,9 @@ def test_a_pixel_is_the_mean_of_what_it_covers(texel_mm: float, left: float) -> 
 
 
 def test_what_a_picture_does_not_cover_is_seen() -> None:
-    shades, cover = np.full((10, 10), 1.0), np.zeros((10, 10))
-    cover[:, 5:] = 1.0
-    picture = Picture(shades=shades, cover=cover, width_mm=WIDE, height_mm=HIGH)
+    shades, opacity = np.full((10, 10), 1.0), np.zeros((10, 10))
+    opacity[:, 5:] = 1.0
+    picture = Picture(shades=shades, opacity=opacity, width_mm=WIDE, height_mm=HIGH)
     row = seen(picture)[60]
     assert (row[:118] == 0).all()
     assert row[121:160].min() > 100
@@ -81,7 +81,7 @@ def test_a_picture_that_repeats_goes_on() -> None:
     shades = np.array([[0.0] * 10 + [1.0] * 10])
     picture = Picture(shades=shades, width_mm=400.0, height_mm=2700.0, wraps=True)
     wall = [[-5000.0, DEPTH, 5000.0, DEPTH]]
-    made = scene(wall, covers=[PEOPLE], atlas=atlas_with([picture]))
+    made = scene(wall, materials=[PEOPLE], atlas=atlas_with([picture]))
     camera = Camera(made, CameraConfig(optics=PINHOLE), robot_radius_mm=400.0)
     row = camera.image(np.array([[0.0, 0.0, 0.0]]), 0)[60]
     steps = np.flatnonzero(np.abs(np.diff((row > 60).astype(int))))
@@ -93,7 +93,7 @@ def test_a_picture_that_repeats_goes_on() -> None:
 def test_a_wall_that_is_grazed_shows_the_mean() -> None:
     fine = np.indices((4, 2000)).sum(axis=0) % 2 * 1.0
     picture = Picture(shades=fine, width_mm=2000.0, height_mm=2700.0, wraps=True)
-    made = scene([[-1000.0, -5000.0, -1000.0, 60_000.0]], covers=[PEOPLE], atlas=atlas_with([picture]))
+    made = scene([[-1000.0, -5000.0, -1000.0, 60_000.0]], materials=[PEOPLE], atlas=atlas_with([picture]))
     camera = Camera(made, CameraConfig(optics=PINHOLE), robot_radius_mm=400.0)
     row = camera.image(np.array([[0.0, 0.0, 0.0]]), 0)[60, 60:115].astype(float)
     assert np.abs(np.diff(row, 2)).max() < 6.0  # no stripes where columns are much wider than texels

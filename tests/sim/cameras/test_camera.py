@@ -280,7 +280,7 @@ def test_a_person_hides_a_robot_and_a_robot_a_person() -> None:
 def test_a_world_is_seen_with_its_people() -> None:
     scenery = draw(Hazards(person_spacing_mm=4000.0).only(Hazard.PEOPLE), HALLWAY, 3)
     track = scenery.people[0].track
-    x, y = track.at(track.length_mm / 2)
+    x, y = track.point_at(track.length_mm / 2)
     world = World(walls=scenery, poses=[(x, y, track.heading_deg)], config=IDEAL)
     camera = Camera(scene_of(HALLWAY, scenery), CameraConfig(optics=PINHOLE), robot_radius_mm=400.0)
     assert (camera.see(world, 0, 0) == camera.image(world.true_poses, 0, people=world.people)).all()

@@ -34,7 +34,9 @@ FOCAL = 120.0 / math.tan(math.radians(30.0))
 def before_the_doors() -> tuple[World, Elevators, Camera]:
     building = load_building(MAPS / "msu_engineering_3.stickrep")
     floors = {floor.name: draw(Hazards.none(), floor, 1) for floor in building.maps}
-    world = World(walls=floors[MSU.name], poses=[(*CABIN.at(0.0, -1500.0), CABIN.heading_deg)], config=IDEAL)
+    world = World(
+        walls=floors[MSU.name], poses=[(*CABIN.point_at(0.0, -1500.0), CABIN.heading_deg)], config=IDEAL
+    )
     elevators = Elevators(world, building, floors, MSU.name)
     return world, elevators, Camera(scene_of(MSU, floors[MSU.name]), SHARP, robot_radius_mm=400.0)
 
@@ -91,17 +93,19 @@ def test_plates_stay_beside_doors_that_stand_open() -> None:
     open_door_segments = {door.edge for door in every.doors}
     made = scene_of(MSU, every)
     wall_pictures = [
-        wall for wall in range(made.own) if made.first_wall_picture[wall + 1] > made.first_wall_picture[wall]
+        wall
+        for wall in range(made.map_wall_count)
+        if made.first_wall_picture[wall + 1] > made.first_wall_picture[wall]
     ]
     assert {plate.edge for plate in plates_of(MSU)} <= set(wall_pictures)
     shut = {
         edge for edge, kind in enumerate(walls_of(MSU).kinds) if kind is EdgeKind.DOOR
     } - open_door_segments
-    assert {wall for wall in range(made.own) if not made.standing[wall]} == open_door_segments
-    assert all(made.standing[edge] for edge in shut)
-    rooms = made.covers[made.own :] == made.rooms
+    assert {wall for wall in range(made.map_wall_count) if not made.present[wall]} == open_door_segments
+    assert all(made.present[edge] for edge in shut)
+    rooms = made.materials[made.map_wall_count :] == made.room_material
     assert rooms.sum() >= 3 * len(open_door_segments)
-    leaves = np.diff(made.first)[made.own :].sum()
+    leaves = np.diff(made.first_panel)[made.map_wall_count :].sum()
     assert len(open_door_segments) <= leaves <= 2 * len(open_door_segments)
 
 
@@ -111,7 +115,7 @@ def test_a_plate_beside_an_open_door_looks_as_beside_a_shut_one(seed: int) -> No
     camera, calm = (Camera(scene_of(MSU, scenery), SHARP, robot_radius_mm=400.0) for scenery in (every, CALM))
     for plate in plates_of(MSU)[::9]:
         angle = math.radians(plate.heading_deg)
-        at = np.array([[plate.middle.x + 1000 * math.sin(angle), plate.middle.y - 1000 * math.cos(angle),
+        at = np.array([[plate.center.x + 1000 * math.sin(angle), plate.center.y - 1000 * math.cos(angle),
                         plate.heading_deg]])  # fmt: skip
         one, other = (eye.image(at, 0)[45:75, 84:156] for eye in (camera, calm))
         assert (one == other).all(), plate.door
@@ -125,7 +129,7 @@ def test_fitting_again_gives_the_same_and_what_was_shut_comes_back() -> None:
         if isinstance(one, np.ndarray):
             assert np.array_equal(one, other), name
     back = scene_with_walls(open_door_segments, shut.walls)
-    assert back.standing.all()
+    assert back.present.all()
     assert np.array_equal(back.panels, shut.panels)
-    assert np.array_equal(back.first, shut.first)
+    assert np.array_equal(back.first_panel, shut.first_panel)
     assert np.array_equal(back.walls, shut.walls)

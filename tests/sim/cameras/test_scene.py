@@ -67,26 +67,26 @@ def test_panels_lie_by_their_walls_in_the_order_given() -> None:
     ]
     made = scene(walls, panels, ceiling_mm=3000)
     assert len(made.walls) == 2  # what has no length is not seen
-    assert made.first.tolist() == [0, 1, 3]
+    assert made.first_panel.tolist() == [0, 1, 3]
     assert made.panels[:, 4].tolist() == [0.2, 0.1, 0.3]
     assert made.ceiling == 3000.0
 
 
 def test_a_scene_may_be_empty() -> None:
-    assert scene([]).first.tolist() == [0]
+    assert scene([]).first_panel.tolist() == [0]
 
 
 def test_doors_of_a_map_have_a_leaf_in_a_frame() -> None:
     made, walls = scene_of(LOOP), walls_of(LOOP)
     assert len(made.walls) == len(walls.kinds)
     door = walls.kinds.index(EdgeKind.DOOR)
-    frame, leaf = made.panels[made.first[door] : made.first[door + 1]]
+    frame, leaf = made.panels[made.first_panel[door] : made.first_panel[door + 1]]
     length = float(np.hypot(*(walls.segments[door, 2:] - walls.segments[door, :2])))
     assert frame[:2] == pytest.approx([0.0, length])
     assert leaf[:2] == pytest.approx([60.0, length - 60.0])
     assert leaf[3] < frame[3] < made.ceiling
     plain = walls.kinds.index(EdgeKind.WALL)
-    assert made.first[plain + 1] - made.first[plain] == 1
+    assert made.first_panel[plain + 1] - made.first_panel[plain] == 1
 
 
 # --- what walls are made of, and what hangs there --------------------------------------------------
@@ -109,12 +109,12 @@ def test_doors_of_a_map_have_a_leaf_in_a_frame() -> None:
 )
 def test_a_remark_says_what_a_wall_is_made_of(remark: str, cover: Callable[[float], Picture]) -> None:
     made = scene_of(room_of(remark))
-    number = int(made.covers[0])
+    number = int(made.materials[0])
     expected = cover(CEILING_MM)
     wide, high = expected.shades.shape[1], expected.shades.shape[0]
     assert made.atlas.pictures[number, 1:3].tolist() == [wide, high]
-    first = int(made.atlas.pictures[number, 0])
-    column = np.diff(made.atlas.sums[first + high + 1 : first + 2 * (high + 1)])
+    first_panel = int(made.atlas.pictures[number, 0])
+    column = np.diff(made.atlas.sums[first_panel + high + 1 : first_panel + 2 * (high + 1)])
     assert column == pytest.approx(expected.shades[:, 0])
 
 
@@ -128,7 +128,7 @@ def test_an_atlas_has_no_covers_but_those_of_its_floor() -> None:
 def test_every_wall_of_every_map_has_a_cover() -> None:
     for path in sorted(MAPS.glob("*.stickrep")):
         made = scene_of(load_map(path))
-        assert (made.covers >= PEOPLE).all(), path.name
+        assert (made.materials >= PEOPLE).all(), path.name
 
 
 def test_plates_and_markers_hang_where_the_signs_are() -> None:

@@ -35,8 +35,8 @@ def test_time_passes_in_whole_steps_and_does_not_drift() -> None:
     one = devices(step_ns=10 * MS)
     for now_ns in range(7, 3 * S, 7_777_777):  # waking up at odd times loses nothing
         one.advance(now_ns)
-        assert 0 <= now_ns - one.reached_ns < 10 * MS
-        assert (one.reached_ns - 7) % (10 * MS) == 0
+        assert 0 <= now_ns - one.time_ns < 10 * MS
+        assert (one.time_ns - 7) % (10 * MS) == 0
 
 
 def test_how_time_is_cut_makes_no_difference() -> None:
@@ -55,7 +55,7 @@ def test_a_base_that_is_not_commanded_any_more_stops() -> None:
         one.drive(0, 300.0, 0.0)
         one.advance(7 + (k + 1) * 200 * MS)
         assert one.truth(0).driven
-    last = one.reached_ns
+    last = one.time_ns
     one.advance(last + 300 * MS - 10 * MS)
     assert one.truth(0).velocity == 300.0
     one.advance(last + 300 * MS + 10 * MS)
@@ -87,7 +87,7 @@ def test_what_is_too_late_is_skipped_and_nothing_moved_meanwhile() -> None:
     assert after.skipped_ns == pytest.approx(3600 * S, abs=2 * STEP_NS)
     assert not after.driven
     assert after.distance == before.distance
-    one.advance(one.reached_ns + 20 * MS)
+    one.advance(one.time_ns + 20 * MS)
     assert one.truth(0).velocity < before.velocity
 
 
@@ -113,7 +113,7 @@ def test_readings_are_of_the_present_step() -> None:
     )
     readings = [reading(port, one, number) for number, port in enumerate(ports, 3)]
     assert [r.number for r in readings] == [3, 4, 5]
-    assert [r.taken for r in readings] == [base, rings, image]
+    assert [r.value for r in readings] == [base, rings, image]
     assert (base.x, base.y, base.heading) == pytest.approx((truth.x, truth.y, truth.heading))
     assert (base.speed, base.turn_rate, base.wheel_speed) == (200.0, 0.0, 200.0)
     assert rings.sonar[12] == pytest.approx(9000.0 - truth.y - IDEAL.sonar_ring_mm)
@@ -163,7 +163,7 @@ def test_names_are_told_where_they_are_wrong() -> None:
 def test_logical_time_passes_by_itself_only_when_told() -> None:
     one = devices()
     one.pass_time(50 * MS)
-    assert one.reached_ns == 7 + 50 * MS
+    assert one.time_ns == 7 + 50 * MS
     for dt_ns in (0, -5, 3600 * S):
         with pytest.raises(ValueError, match="cannot advance"):
             one.pass_time(dt_ns)

@@ -186,7 +186,7 @@ def test_what_a_plant_says_may_be_nonsense(tmp_path: Path) -> None:
             turn_rate=5.0,
             wheel_speed=6.0,
         )
-        connection.sendall(pack(Attached(logical=False)) + pack(BaseReading(taken=state)))
+        connection.sendall(pack(Attached(logical=False)) + pack(BaseReading(value=state)))
         assert wait_for(base.state) == state
         base.close()
         connection.close()

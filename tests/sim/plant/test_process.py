@@ -94,7 +94,7 @@ def test_devices_report_by_themselves_in_time(
     for _ in range(4):
         reading = line.hear()
         assert isinstance(reading, kind)
-        times.append(reading.taken.t_ns)
+        times.append(reading.value.t_ns)
     assert times == sorted(set(times))
     line.close()
 

@@ -27,8 +27,8 @@ from colony.sim.plant.protocol import (
 
 SAID: tuple[ToPlant, ...] = (AttachBase(robot="rome"), DriveBase(velocity=1.5, turn=-2.0, number=7), Halt())
 HEARD: tuple[FromPlant, ...] = (
-    ProximityReading(taken=Rings(t_ns=5, sonar=(1.0,) * 24, infrared=(True,) * 24)),
-    CameraReading(taken=Image(t_ns=6, height=1, width=2, channels=1, pixels=b"\x00\xff")),
+    ProximityReading(value=Rings(t_ns=5, sonar=(1.0,) * 24, infrared=(True,) * 24)),
+    CameraReading(value=Image(t_ns=6, height=1, width=2, channels=1, pixels=b"\x00\xff")),
 )
 
 

@@ -147,7 +147,7 @@ def test_rays_do_not_slip_between_walls_that_meet() -> None:
 
 def test_nothing_reads_less_than_the_least_range() -> None:
     near = world([wall_at(0.0, IDEAL.radius_mm)])
-    assert near.sonar(0)[12] == IDEAL.sonar_least_mm
+    assert near.sonar(0)[12] == IDEAL.sonar_min_mm
 
 
 @pytest.mark.parametrize(

@@ -21,9 +21,9 @@ THIRD, SECOND = "msu_engineering_3", "msu_engineering_2"
 FLOORS = {floor.name: draw(Hazards.none(), floor, 1) for floor in BUILDING.maps}
 NODE = "acs.elev.L"
 CABIN = cabin_of(BUILDING.map_named(THIRD), NODE)
-BEFORE = (*CABIN.at(0.0, -900.0), CABIN.heading_deg)
+BEFORE = (*CABIN.point_at(0.0, -900.0), CABIN.heading_deg)
 """In front of the doors, looking at them."""
-INSIDE = (*CABIN.at(0.0, CABIN_DEPTH_MM / 2), CABIN.heading_deg)
+INSIDE = (*CABIN.point_at(0.0, CABIN_DEPTH_MM / 2), CABIN.heading_deg)
 
 
 def staged(pose: tuple[float, float, float] = BEFORE) -> tuple[World, Elevators]:
@@ -39,7 +39,7 @@ def wait(world: World, elevators: Elevators, seconds: float) -> None:
 
 def deep(world: World, floor: str = THIRD) -> float:
     x, y, _ = world.true_pose(0)
-    return cabin_of(BUILDING.map_named(floor), NODE).inside(x, y)[1]
+    return cabin_of(BUILDING.map_named(floor), NODE).coordinates(x, y)[1]
 
 
 def driven_in() -> tuple[World, Elevators]:
@@ -110,7 +110,7 @@ def test_shut_doors_stop_a_robot() -> None:
 
 def test_doors_do_not_close_on_a_robot() -> None:
     world, elevators = driven_in()
-    world.place(0, (*CABIN.at(0.0, 100.0), CABIN.heading_deg))
+    world.place(0, (*CABIN.point_at(0.0, 100.0), CABIN.heading_deg))
     elevators.close(NODE)
     wait(world, elevators, 3 * SLIDE_S)
     assert elevators.opening(NODE) == 1.0
@@ -151,7 +151,9 @@ def test_an_elevator_that_leads_nowhere_still_opens() -> None:
     cabin = cabin_of(LOOP, "liftL")
     alone = load_building(MAPS / "loop.stickrep")
     world = World(
-        walls=draw(Hazards.none(), LOOP, 1), poses=[(*cabin.at(0.0, -900.0), cabin.heading_deg)], config=IDEAL
+        walls=draw(Hazards.none(), LOOP, 1),
+        poses=[(*cabin.point_at(0.0, -900.0), cabin.heading_deg)],
+        config=IDEAL,
     )
     elevators = Elevators(world, alone, {"loop": draw(Hazards.none(), LOOP, 1)}, "loop")
     elevators.open("liftL")

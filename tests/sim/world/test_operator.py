@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from colony.nav.maps.building import load_building
-from colony.nav.missions.elevator_calls import elevator_call_of
+from colony.nav.missions.elevator_calls import decode_elevator_call
 from colony.nav.shared import ELEVATOR_CALL, FLOOR_REACHED
 from colony.sim.config import IDEAL
 from colony.sim.hazards.hazards import Hazards, draw
@@ -21,8 +21,8 @@ FLOORS = {floor.name: draw(Hazards.none(), floor, 1) for floor in BUILDING.maps}
 NODE = "acs.elev.L"
 CABIN = cabin_of(BUILDING.map_named(THIRD), NODE)
 CALL = [NODE, THIRD, SECOND]
-BEFORE = (*CABIN.at(0.0, -1200.0), CABIN.heading_deg)
-INSIDE = (*CABIN.at(0.0, CABIN_DEPTH_MM / 2), CABIN.heading_deg + 180.0)
+BEFORE = (*CABIN.point_at(0.0, -1200.0), CABIN.heading_deg)
+INSIDE = (*CABIN.point_at(0.0, CABIN_DEPTH_MM / 2), CABIN.heading_deg + 180.0)
 NOTICED_S = STANDSTILL_S + 3 * POLL_INTERVAL_S
 
 
@@ -96,8 +96,8 @@ def test_doors_open_some_time_after_the_robot_has_come_to_wait() -> None:
 @pytest.mark.parametrize(
     "pose",
     [
-        (*CABIN.at(0.0, -1200.0), CABIN.heading_deg + 40.0),
-        (*CABIN.at(3000.0, -1200.0), CABIN.heading_deg),
+        (*CABIN.point_at(0.0, -1200.0), CABIN.heading_deg + 40.0),
+        (*CABIN.point_at(3000.0, -1200.0), CABIN.heading_deg),
     ],
     ids=["looks aside", "stands aside"],
 )
@@ -136,7 +136,7 @@ def test_the_doors_stay_open_until_the_robot_has_turned_inside() -> None:
     hall = opened()
     hall.wait(30.0)
     assert hall.opening == 1.0
-    hall.world.place(0, (*CABIN.at(0.0, CABIN_DEPTH_MM / 2), CABIN.heading_deg))
+    hall.world.place(0, (*CABIN.point_at(0.0, CABIN_DEPTH_MM / 2), CABIN.heading_deg))
     hall.wait(30.0)
     assert hall.opening == 1.0
     assert hall.elevators.floor == THIRD
@@ -158,7 +158,7 @@ def test_it_rides_behind_shut_doors_and_is_told_when_they_are_open_again() -> No
     assert all(opening == 1.0 for _, opening, _ in seen[told:])
     x, y, _ = hall.world.true_pose(0)
     there = cabin_of(BUILDING.map_named(SECOND), NODE)
-    assert there.inside(x, y) == pytest.approx((0.0, CABIN_DEPTH_MM / 2), abs=1.0)
+    assert there.coordinates(x, y) == pytest.approx((0.0, CABIN_DEPTH_MM / 2), abs=1.0)
 
 
 def test_afterwards_the_doors_shut_and_nobody_is_told_any_more() -> None:
@@ -167,7 +167,7 @@ def test_afterwards_the_doors_shut_and_nobody_is_told_any_more() -> None:
     hall.wait(2 * SLIDE_S + RIDE_S[1] + NOTICED_S + 2.0)
     assert hall.reached == 1
     there = cabin_of(BUILDING.map_named(SECOND), NODE)
-    hall.world.place(0, (*there.at(0.0, -1200.0), there.heading_deg + 180.0))
+    hall.world.place(0, (*there.point_at(0.0, -1200.0), there.heading_deg + 180.0))
     hall.call([])
     hall.wait(SLIDE_S + 1.0)
     assert (hall.opening, hall.reached) == (0.0, 0)
@@ -183,7 +183,7 @@ def shutting(hall: Hall) -> None:
 def test_doors_that_meet_the_robot_open_and_are_shut_again() -> None:
     hall = opened()
     shutting(hall)
-    hall.world.place(0, (*CABIN.at(0.0, 200.0), CABIN.heading_deg + 180.0))
+    hall.world.place(0, (*CABIN.point_at(0.0, 200.0), CABIN.heading_deg + 180.0))
     hall.wait(30.0)
     assert hall.elevators.floor == THIRD
     assert hall.opening > 0.8
@@ -216,4 +216,4 @@ def test_a_call_that_is_taken_back_is_given_up() -> None:
 
 @pytest.mark.parametrize("told", [None, 7, [], ["a", "b"], ["a", "b", 3], "abc", {"a": 1}])
 def test_what_is_no_call_is_none(told: object) -> None:
-    assert elevator_call_of(told) is None
+    assert decode_elevator_call(told) is None

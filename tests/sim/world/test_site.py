@@ -50,7 +50,7 @@ def test_a_camera_is_that_of_the_floor_on_which_the_robot_is(tmp_path: Path) -> 
     cabin = site.elevators.cabin("liftL")
     site.elevators.open("liftL")
     site.elevators.advance(5.0)
-    site.world.place(0, (*cabin.at(0.0, 900.0), cabin.heading_deg))
+    site.world.place(0, (*cabin.point_at(0.0, 900.0), cabin.heading_deg))
     site.elevators.close("liftL")
     site.elevators.advance(5.0)
     site.elevators.ride("liftL", "upper")

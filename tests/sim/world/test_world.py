@@ -97,7 +97,7 @@ def test_readings_have_their_shapes_and_ranges() -> None:
     assert readings.shape == seen.shape == (24,)
     assert readings.dtype == np.float64
     assert seen.dtype == np.bool_
-    assert (readings >= world.config.sonar_least_mm).all()
+    assert (readings >= world.config.sonar_min_mm).all()
     assert (readings <= world.config.sonar_range_mm).all()
     assert all(type(v) is float for v in (*world.true_pose(0), *world.odometry(0), *world.speed(0)))
     assert all(type(v) is bool for v in world.bumper(0))

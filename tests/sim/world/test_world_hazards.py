@@ -21,7 +21,7 @@ BOX = np.array(
     [(-2e3, 0.0, -2e3, 40e3), (2e3, 40e3, 2e3, 0.0), (-2e3, 40e3, 2e3, 40e3), (2e3, 0.0, -2e3, 0.0)]
 )
 JOINT = Joint(x0_mm=-2000.0, y0_mm=5000.0, x1_mm=2000.0, y1_mm=5000.0)
-SURE = Slip(probability=1.0, turn_deg=10.0, least_mm=30.0, most_mm=80.0)
+SURE = Slip(probability=1.0, turn_deg=10.0, min_mm=30.0, max_mm=80.0)
 
 
 def with_joints(*joints: Joint, slip: Slip = SURE, seed: int = 0) -> Scenery:
@@ -55,7 +55,7 @@ def test_a_slip_turns_the_robot_and_its_odometry_does_not_notice() -> None:
 
 
 def test_a_quarter_of_the_crossings_slip() -> None:
-    slip = Slip(probability=0.25, turn_deg=10.0, least_mm=30.0, most_mm=80.0)
+    slip = Slip(probability=0.25, turn_deg=10.0, min_mm=30.0, max_mm=80.0)
     slips = sum(
         passed(with_joints(JOINT, slip=slip, seed=s)).true_pose(0).heading_deg != 0.0 for s in range(400)
     )

@@ -48,7 +48,7 @@ def logs(program: Program, trace: Sequence[Frame], restarts: Iterable[int] = ())
     compiled = compile_program(program).compiled
     monitor = Monitor(ProgramExecutor(compiled, simplified=False, answers_given=True))
     keyframe_ns = trace[0].t_ns - KEYFRAME_NS if trace else 0
-    modules = {name: ModuleExecutor(compiled, name) for name in compiled.announced}
+    modules = {name: ModuleExecutor(compiled, name) for name in compiled.python_modules}
     clients = {
         a.name: [m.name for m in program.modules if m.actuator == a.name] for a in program.robot.actuators
     }
@@ -102,7 +102,7 @@ def _fate(client: str, by: str | None, interpreter: Interpreter) -> Fate:
 
 def run_info(program: Program, *sources: SourceFile) -> RunInfo:
     clients = compile_program(program).compiled.clients
-    root = sources[-1].place if sources else ""
+    root = sources[-1].path if sources else ""
     return RunInfo(
         robot="rome",
         frame_ns=50 * MS,

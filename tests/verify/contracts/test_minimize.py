@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from colony.ir.program import Program
-from colony.verify.contracts.minimize import minimal
+from colony.verify.contracts.minimize import minimize
 from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Trace
 from colony.verify.snapshot import Snapshot
@@ -16,7 +16,7 @@ def least(text: str, *snapshots: Snapshot, patience: int = 1500) -> tuple[Progra
     made = program(text)
     replay = Replay(made, "c")
     assert replay.breaks(snapshots)
-    return made, minimal(replay, snapshots, patience)
+    return made, minimize(replay, snapshots, patience)
 
 
 def test_frames_that_are_not_needed_are_left_out() -> None:

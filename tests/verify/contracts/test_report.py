@@ -38,7 +38,7 @@ def test_a_refuted_contract_is_an_error_at_its_place() -> None:
 def test_an_infinite_reading_wants_a_range() -> None:
     said = finding(refuted("contract c: x - x == 0"), "f.colony")
     assert said is not None
-    assert said.hint == "`x` is infinite there: give it a `range`, which bounds what comes in"
+    assert said.hint == "`x` is infinite there: give it a `range`, which bounds its readings"
 
 
 def test_an_unknown_contract_is_a_warning_that_says_why() -> None:

@@ -66,4 +66,4 @@ def test_what_is_never_true_has_no_history() -> None:
     a, b = (circuit.input(Activity(name)) for name in "ab")
     never = circuit.both(circuit.both(a, b), circuit.both(a ^ 1, circuit.input(Activity("c"))))
     index = FormulaIndex(circuit, Solver(circuit, 60_000))
-    assert index.first_alike([never, a, b, circuit.both(b, a), circuit.both(a, b)]) == [None, 1, 2, 3, 3]
+    assert index.first_equal([never, a, b, circuit.both(b, a), circuit.both(a, b)]) == [None, 1, 2, 3, 3]

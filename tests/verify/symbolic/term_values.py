@@ -303,8 +303,8 @@ _FUNCTIONS = {
     Operation.PRODUCT: lambda x, y: x * y,
     Operation.QUOTIENT: floats.divide,
     Operation.MODULO: floats.modulo,
-    Operation.SQRT: lambda x: floats.of_one(Function.SQRT, x),
-    Operation.SIN: lambda x: floats.of_one(Function.SIN, x),
-    Operation.COS: lambda x: floats.of_one(Function.COS, x),
+    Operation.SQRT: lambda x: floats.unary_function(Function.SQRT, x),
+    Operation.SIN: lambda x: floats.unary_function(Function.SIN, x),
+    Operation.COS: lambda x: floats.unary_function(Function.COS, x),
     Operation.ATAN2: lambda y, x: math.degrees(math.atan2(y, x)),
 }

@@ -142,7 +142,7 @@ def test_a_field_on_hold_says_nothing_where_nothing_is_sent() -> None:
     text = "module m { when p  do light(level = 3) }  network { light = m }  contract c: light.level == 3"
     system = encode(program(text))
     assert broken(system, "c").check() == z3.unsat
-    assert not z3.is_true(claim_of(system, "c").speaks)
+    assert not z3.is_true(claim_of(system, "c").applies)
 
 
 def test_precise_products_follow_from_their_factors() -> None:

@@ -1,4 +1,4 @@
-"""What is proved of a generalized system holds of floats; and every run in floats is a run of it."""
+"""What is proved of a generalize system holds of floats; and every run in floats is a run of it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from colony.ir.program import Program
 from colony.ir.types import Value
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.symbolic.encode import encode
-from colony.verify.symbolic.generalization import generalized
+from colony.verify.symbolic.generalization import generalize
 from colony.verify.symbolic.logic import real
 from colony.verify.symbolic.system import Inexact, Number, System, Term
 from colony.verify.symbolic.unrolling import Unrolling
@@ -34,7 +34,7 @@ OF_REALS = [
 def test_what_holds_of_reals_only_is_not_proved(text: str) -> None:
     system = encode(program(f"contract c: {text}"))
     assert claim_of(system, "c").inexact
-    general = generalized(system)
+    general = generalize(system)
     assert not claim_of(general, "c").inexact
     assert broken(general, "c").check() == z3.sat
 
@@ -54,7 +54,7 @@ OF_FLOATS = [
 
 @pytest.mark.parametrize("text", OF_FLOATS)
 def test_what_rounding_cannot_break_is_proved(text: str) -> None:
-    general = generalized(encode(program(f"contract c: {text}")))
+    general = generalize(encode(program(f"contract c: {text}")))
     assert not claim_of(general, "c").inexact
     assert broken(general, "c").check() == z3.unsat
 
@@ -63,12 +63,12 @@ def test_a_number_beyond_all_floats_is_infinite() -> None:
     text = "contract c: abs(a) < 1e308 mm implies (a * 10) - (a * 10) == 0 mm"
     system = encode(program(text))
     assert broken(system, "c").check() == z3.unsat
-    assert broken(generalized(system), "c").check() == z3.sat
+    assert broken(generalize(system), "c").check() == z3.sat
 
 
 @pytest.mark.parametrize("name", ["rome", "wander", "herbert", "hallway"])
 def test_shipped_contracts_hold_bit_for_bit(name: str) -> None:
-    general = generalized(encode(load_file(BEHAVIORS / f"{name}.colony")))
+    general = generalize(encode(load_file(BEHAVIORS / f"{name}.colony")))
     for contract in ("brakes_in_time", "never_rams", "stands_blind"):
         assert not claim_of(general, contract).inexact
         assert broken(general, contract).check() == z3.unsat
@@ -81,7 +81,7 @@ def test_shipped_contracts_hold_bit_for_bit(name: str) -> None:
 def test_runs_in_floats_are_runs_of_it(start: int) -> None:
     for seed in range(start, start + 6):
         drawn, trace = run_of_seed(seed, max_frames=3)
-        general = generalized(encode(drawn))
+        general = generalize(encode(drawn))
         solver = z3.Solver()
         solver.set("timeout", 10_000)
         unrolling = Unrolling(general)
@@ -96,32 +96,32 @@ def test_runs_in_floats_are_runs_of_it(start: int) -> None:
 
 def _facts(drawn: Program, system: System, interpreter: Interpreter) -> Iterator[z3.BoolRef]:
     """What a frame was given and what the interpreter made of it, to the last bit."""
-    moment = interpreter._moment
-    assert moment is not None
-    yield system.now == moment.t_ns - moment.first_ns
+    frame_values = interpreter._moment
+    assert frame_values is not None
+    yield system.now == frame_values.t_ns - frame_values.first_ns
     for sensor in drawn.robot.sensors:
         terms = system.sensors[sensor.name]
-        there = sensor.name in moment.fresh
+        there = sensor.name in frame_values.fresh
         yield terms.present == there
         if there:
-            value = moment.sensors[sensor.name]
+            value = frame_values.sensors[sensor.name]
             given = terms.elements if isinstance(value, tuple) else terms.elements[0]
             yield from _equal(given, value)
     for name, answer in system.python.items():
-        yield answer.answers == (name in moment.commands)
+        yield answer.answers == (name in frame_values.commands)
     for name, (missing, term) in system.derived.items():
-        yield missing == (name not in moment.derived)
-        if name in moment.derived:
-            yield from _equal(term, moment.derived[name])
+        yield missing == (name not in frame_values.derived)
+        if name in frame_values.derived:
+            yield from _equal(term, frame_values.derived[name])
     for name, active in system.active.items():
-        yield active == (moment.outputs[name] is not None)
-        if name in moment.commands:
-            yield from _equal(system.modules[name].command, moment.commands[name])
+        yield active == (frame_values.outputs[name] is not None)
+        if name in frame_values.commands:
+            yield from _equal(system.modules[name].command, frame_values.commands[name])
     for name, actuator in system.actuators.items():
-        yield actuator.commanded == (name in moment.commanded)
+        yield actuator.commanded == (name in frame_values.commanded)
         for i, sent in enumerate(actuator.sent):
-            if (name, i) in moment.sent:
-                yield from _equal(sent, moment.sent[name, i])
+            if (name, i) in frame_values.sent:
+                yield from _equal(sent, frame_values.sent[name, i])
 
 
 def _equal(term: Term, value: Value) -> Iterator[z3.BoolRef]:
@@ -144,5 +144,5 @@ def _equal(term: Term, value: Value) -> Iterator[z3.BoolRef]:
 def test_modules_in_python_stay_a_reason() -> None:
     text = 'module c from python "tests.verify.scripted_modules:Scripted" { reads x  commands drive }'
     text += " network { drive = c }  contract c1: drive.v + 0 mm/s <= 401 mm/s"
-    general = generalized(encode(program(text)))
+    general = generalize(encode(program(text)))
     assert {r.kind for r in claim_of(general, "c1").inexact} == {Inexact.PYTHON}

@@ -83,8 +83,8 @@ Patch = Callable[[pytest.MonkeyPatch], None]
 
 def held_too_long(patch: pytest.MonkeyPatch) -> None:
     def held(self: memory.Memory, b: z3.BoolRef, duration_ns: int) -> z3.BoolRef:
-        ever, time = self._time_of(both(self.moves, b))
-        return either(b, both(ever, self.moment.now - time <= integer(duration_ns)))
+        ever, time = self._time_of(both(self.advances, b))
+        return either(b, both(ever, self.frame_values.now - time <= integer(duration_ns)))
 
     patch.setattr(memory.Memory, "held", held)
 
@@ -92,8 +92,8 @@ def held_too_long(patch: pytest.MonkeyPatch) -> None:
 def memory_moves_while_silent(patch: pytest.MonkeyPatch) -> None:
     original = memory.Memory.__init__
 
-    def always(self: memory.Memory, builder: Any, moment: Any, moves: z3.BoolRef, hint: str) -> None:
-        original(self, builder, moment, TRUE, hint)
+    def always(self: memory.Memory, builder: Any, frame_values: Any, advances: z3.BoolRef, hint: str) -> None:
+        original(self, builder, frame_values, TRUE, hint)
 
     patch.setattr(memory.Memory, "__init__", always)
 
@@ -102,7 +102,7 @@ def a_default_is_fresh(patch: pytest.MonkeyPatch) -> None:
     original = modules.Declarations.states
 
     def states(self: modules.Declarations) -> None:
-        self.moment.present["q"] = TRUE
+        self.frame_values.present["q"] = TRUE
         original(self)
 
     patch.setattr(modules.Declarations, "states", states)
@@ -128,7 +128,7 @@ def a_suppressor_inhibits(patch: pytest.MonkeyPatch) -> None:
 
 
 def a_limit_needs_what_it_reads(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(sending, "missing", lambda e, moment: FALSE)
+    patch.setattr(sending, "missing", lambda e, frame_values: FALSE)
 
 
 def only_the_first_limit_counts(patch: pytest.MonkeyPatch) -> None:

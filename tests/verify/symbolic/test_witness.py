@@ -32,13 +32,13 @@ BROKEN = {
 def witness(text: str, count: int) -> tuple[System, Unrolling, z3.ModelRef, tuple[Snapshot, ...]]:
     system = encode(program(f"contract c: {text}"))
     claim = claim_of(system, "c")
-    unrolling = Unrolling(system, cone(system, (claim.speaks, claim.holds)))
+    unrolling = Unrolling(system, cone(system, (claim.applies, claim.holds)))
     solver = z3.Solver()
     solver.add(*unrolling.initial())
     for i in range(count - 1):
-        solver.add(*unrolling.step(i), unrolling.at(i, z3.Or(z3.Not(claim.speaks), claim.holds)))
+        solver.add(*unrolling.step(i), unrolling.at(i, z3.Or(z3.Not(claim.applies), claim.holds)))
     solver.add(*unrolling.frame(count - 1))
-    solver.add(unrolling.at(count - 1, z3.And(claim.speaks, z3.Not(claim.holds))))
+    solver.add(unrolling.at(count - 1, z3.And(claim.applies, z3.Not(claim.holds))))
     assert solver.check() == z3.sat
     return system, unrolling, solver.model(), snapshots(solver.model(), unrolling, count)
 

@@ -16,7 +16,7 @@ from colony.ir.expression import Expression
 from colony.ir.frame import Frame
 from colony.ir.program import Module, Program, Sensor
 from colony.ir.types import Array, Enum, ScalarValue, Value, element_type
-from colony.verify.reference.expressions import Moment
+from colony.verify.reference.expressions import FrameValues
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.logic import is_false
@@ -116,20 +116,20 @@ class _Run:
     # --- inputs ----------------------------------------------------------------------------------
 
     def _inputs(self) -> dict[int, Known | OpenTermError]:
-        moment = self.interpreter._moment
-        assert moment is not None
+        frame_values = self.interpreter._moment
+        assert frame_values is not None
         given: dict[int, Known | OpenTermError] = {
-            self.system.now.get_id(): Real(Fraction(moment.t_ns - moment.first_ns))
+            self.system.now.get_id(): Real(Fraction(frame_values.t_ns - frame_values.first_ns))
         }
         for sensor in self.program.robot.sensors:
             terms = self.system.sensors[sensor.name]
-            there = sensor.name in moment.fresh
+            there = sensor.name in frame_values.fresh
             given[terms.present.get_id()] = there
-            value = moment.sensors[sensor.name] if there else _meaningless(sensor)
+            value = frame_values.sensors[sensor.name] if there else _meaningless(sensor)
             for x, v in zip(terms.elements, value if isinstance(value, tuple) else (value,), strict=True):
                 given.update(_assigned(x, v))
         for name, answer in self.system.python.items():
-            command = moment.commands.get(name)
+            command = frame_values.commands.get(name)
             given[answer.answers.get_id()] = command is not None
             for x, field_ in zip(answer.fields, command or (0.0,) * len(answer.fields), strict=True):
                 given.update(_assigned(x, field_ if command or isinstance(x, Number) else False))
@@ -138,48 +138,51 @@ class _Run:
     # --- comparing -------------------------------------------------------------------------------
 
     def _compare(self, i: int, values: Values) -> None:
-        moment = self.interpreter._moment
-        assert moment is not None
+        frame_values = self.interpreter._moment
+        assert frame_values is not None
         system = self.system
         for name, (missing, term) in system.derived.items():
-            self._same(f"frame {i}: {name} is missing", values, missing, name not in moment.derived)
-            if name in moment.derived:
-                self._same(f"frame {i}: {name}", values, term, moment.derived[name])
+            self._same(f"frame {i}: {name} is missing", values, missing, name not in frame_values.derived)
+            if name in frame_values.derived:
+                self._same(f"frame {i}: {name}", values, term, frame_values.derived[name])
         for name, term in system.locals.items():
-            if name in moment.locals:
-                self._same(f"frame {i}: {name}", values, term, moment.locals[name])
+            if name in frame_values.locals:
+                self._same(f"frame {i}: {name}", values, term, frame_values.locals[name])
         for name, state in system.states.items():
-            self._same(f"frame {i}: state {name}", values, state, moment.states[name])
+            self._same(f"frame {i}: state {name}", values, state, frame_values.states[name])
         for module in self.program.modules:
             terms = system.modules[module.name]
             if isinstance(module, Module) and module.lets:
-                silent = module.lets[0].name not in moment.locals
+                silent = module.lets[0].name not in frame_values.locals
                 self._same(f"frame {i}: {module.name} is silent", values, terms.silent, silent)
-            if module.name in moment.commands:
-                command = moment.commands[module.name]
+            if module.name in frame_values.commands:
+                command = frame_values.commands[module.name]
                 self._same(f"frame {i}: {module.name} command", values, terms.command, command)
         for name, active in system.active.items():
-            self._same(f"frame {i}: {name} is active", values, active, moment.outputs[name] is not None)
-        self._compare_actuators(i, values, moment)
+            self._same(f"frame {i}: {name} is active", values, active, frame_values.outputs[name] is not None)
+        self._compare_actuators(i, values, frame_values)
         for contract, claim in zip(self.program.contracts, system.claims, strict=True):
             holds = self.interpreter.asked[id(contract.expression)]
-            self._same(f"frame {i}: {claim.name} speaks", values, claim.speaks, holds is not None)
+            self._same(f"frame {i}: {claim.name} speaks", values, claim.applies, holds is not None)
             if holds is not None:
                 self._same(f"frame {i}: {claim.name} holds", values, claim.holds, holds)
 
-    def _compare_actuators(self, i: int, values: Values, moment: Moment) -> None:
+    def _compare_actuators(self, i: int, values: Values, frame_values: FrameValues) -> None:
         for name, actuator in self.system.actuators.items():
             for module_name, wins in actuator.wins.items():
                 self._same(
-                    f"frame {i}: {name} by {module_name}", values, wins, moment.winners[name] == module_name
+                    f"frame {i}: {name} by {module_name}",
+                    values,
+                    wins,
+                    frame_values.winners[name] == module_name,
                 )
-            if moment.winners[name] is not None:
-                assert moment.winners[name] in actuator.wins, f"{moment.winners[name]} wins"
-            commanded = name in moment.commanded
+            if frame_values.winners[name] is not None:
+                assert frame_values.winners[name] in actuator.wins, f"{frame_values.winners[name]} wins"
+            commanded = name in frame_values.commanded
             self._same(f"frame {i}: {name} is commanded", values, actuator.commanded, commanded)
             for j, sent in enumerate(actuator.sent):
-                if (name, j) in moment.sent:
-                    self._same(f"frame {i}: {name}.{j} sent", values, sent, moment.sent[name, j])
+                if (name, j) in frame_values.sent:
+                    self._same(f"frame {i}: {name}.{j} sent", values, sent, frame_values.sent[name, j])
 
     def _same(self, what: str, values: Values, term: Term, expected: Value) -> None:
         if isinstance(term, tuple):

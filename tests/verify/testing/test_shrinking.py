@@ -8,7 +8,7 @@ from random import Random
 from colony.ir.frame import Frame, Reading
 from colony.verify.testing.drawing import Choices
 from colony.verify.testing.frames import draw_trace
-from colony.verify.testing.shrinking import shrunk
+from colony.verify.testing.shrinking import shrink_trace
 from tests.programs import MS, program
 
 OF = program("module m { when a do out(v = 1) }\nnetwork { out = m }")
@@ -25,7 +25,7 @@ def test_only_the_frames_that_matter_are_left() -> None:
         at = [i for i, f in enumerate(frames) if f.readings["a"] is True]
         return at[1] if len(at) > 1 else None
 
-    left = shrunk(OF, trace, twice)
+    left = shrink_trace(OF, trace, twice)
     assert numbers(left, "a") == [True, True]
     assert numbers(left, "x") == [0.0, 0.0]
     assert [f.t_ns for f in left] == [0, 50 * MS]
@@ -37,7 +37,7 @@ def test_times_that_matter_stay() -> None:
     def apart(frames: tuple[Frame, ...]) -> int | None:
         return 1 if len(frames) > 1 and frames[1].t_ns - frames[0].t_ns > 60 * MS else None
 
-    left = shrunk(OF, trace, apart)
+    left = shrink_trace(OF, trace, apart)
     assert [f.t_ns for f in left] == [0, 100 * MS]
 
 
@@ -48,14 +48,14 @@ def test_arrays_become_plain_where_they_can() -> None:
         four = frames[0].readings["four"]
         return 0 if isinstance(four, list | tuple) and len(four) == 4 and float(four[2]) > 9 else None
 
-    (left,) = shrunk(OF, trace, third)
+    (left,) = shrink_trace(OF, trace, third)
     assert left.readings["four"] == [0.0, 0.0, 9.125, 0.0]
     assert left.readings["bits"] == (False,) * 4
 
 
 def test_readings_that_cannot_be_become_plain_or_missing() -> None:
     trace = (Frame(0, {"x": math.nan, "y": "high", "a": 3.5}),)  # type: ignore[dict-item]
-    (left,) = shrunk(OF, trace, lambda frames: 0 if frames[0].readings.get("x") != 0.0 else None)
+    (left,) = shrink_trace(OF, trace, lambda frames: 0 if frames[0].readings.get("x") != 0.0 else None)
     assert left.readings["x"] is None
     assert left.readings["y"] == 0.0
     assert left.readings["a"] is False
@@ -70,7 +70,7 @@ def test_what_is_left_always_shows_it() -> None:
         def shows(frames: tuple[Frame, ...], readings: str = readings) -> int | None:
             return next((i for i, f in enumerate(frames) if repr(f.readings["four"]) == readings), None)
 
-        left = shrunk(OF, trace, shows)
+        left = shrink_trace(OF, trace, shows)
         assert shows(left) == len(left) - 1 == 0
         assert left[0].readings["x"] == 0.0
 
@@ -84,5 +84,5 @@ def test_the_frames_computed_are_bounded() -> None:
         return len(frames) - 1
 
     trace = draw_trace(Choices(Random(1)), OF, 12)
-    shrunk(OF, trace, shows, frame_budget=2 * len(trace))
+    shrink_trace(OF, trace, shows, frame_budget=2 * len(trace))
     assert len(trace) < computed <= 2 * len(trace)

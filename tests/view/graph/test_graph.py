@@ -9,7 +9,7 @@ import pytest
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
 from colony.compile.passes.elaborate import elaborate
 from colony.view.graph.graph import to_dot, to_svg
-from colony.view.graph.layout import Diagram, Place, layout
+from colony.view.graph.layout import Diagram, Vertex, layout
 from tests.networks import chain, ladder, random_program
 
 WANDER = Network(
@@ -38,14 +38,14 @@ SHARED = Network(
 
 
 def names(diagram: Diagram) -> list[str]:
-    return [place.name for place in diagram.places]
+    return [vertex.name for vertex in diagram.vertices]
 
 
 def test_the_dominant_side_stands_above_and_the_inferior_wire_goes_straight_through() -> None:
     (diagram,) = layout(WANDER).diagrams
-    rows = {place.node: place.row for place in diagram.places}
+    rows = {vertex.node: vertex.row for vertex in diagram.vertices}
     assert rows == {3: 0, 0: 1, 1: 2, 2: 2, 4: 2}
-    columns = {place.node: place.column for place in diagram.places}
+    columns = {vertex.node: vertex.column for vertex in diagram.vertices}
     assert columns == {0: 0, 1: 0, 3: 0, 2: 1, 4: 2}
     assert (diagram.ends_in, diagram.actuator) == ("drive", True)
 
@@ -53,16 +53,16 @@ def test_the_dominant_side_stands_above_and_the_inferior_wire_goes_straight_thro
 def test_a_shared_wire_has_a_diagram_of_its_own_and_stubs_where_it_is_used() -> None:
     drive, roam, spare = layout(SHARED).diagrams
     assert [d.ends_in for d in (drive, roam, spare)] == ["drive", "roam", "spare"]
-    stubs = [place for place in drive.places if place.stub]
+    stubs = [vertex for vertex in drive.vertices if vertex.stub]
     assert [stub.name for stub in stubs] == ["roam", "roam"]
     assert (roam.used, spare.used) == (True, False)
 
 
 def test_a_module_is_drawn_once_and_then_named() -> None:
-    places = [place for d in layout(SHARED).diagrams for place in d.places if not place.column]
-    boxes = [place.name for place in places if not place.stub]
+    vertices = [vertex for d in layout(SHARED).diagrams for vertex in d.vertices if not vertex.column]
+    boxes = [vertex.name for vertex in vertices if not vertex.stub]
     assert sorted(boxes) == ["a", "b"]
-    assert [place.name for place in places if place.stub].count("a") == 2
+    assert [vertex.name for vertex in vertices if vertex.stub].count("a") == 2
 
 
 def test_a_shared_wire_without_a_name_gets_one() -> None:
@@ -74,7 +74,7 @@ def test_a_wire_that_drives_two_actuators() -> None:
     network = Network(nodes=WANDER.nodes, outputs=(("drive", 4), ("arm", 4)))
     drive, arm, wire = layout(network).diagrams
     assert names(drive) == names(arm) == ["wire 1"]
-    assert len(wire.places) == 5
+    assert len(wire.vertices) == 5
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -88,16 +88,16 @@ def _assert_no_crossing(diagram: Diagram) -> None:
     horizontal: list[tuple[int, int, int]] = []  # row, from column, to column
     vertical: list[tuple[int, int, int]] = []  # column, from row, to row
     for connection in diagram.connections:
-        source, target = diagram.places[connection.source], diagram.places[connection.target]
+        source, target = diagram.vertices[connection.source], diagram.vertices[connection.target]
         horizontal.append((source.row, source.column, target.column))
         assert (source.row < target.row) == connection.dominant
         if connection.dominant:
             vertical.append((target.column, source.row, target.row))
-    root: Place = diagram.places[diagram.root]
+    root: Vertex = diagram.vertices[diagram.root]
     horizontal.append((root.row, root.column, sys.maxsize))
     for row, left, right in horizontal:
         assert not any(left < column < right and top < row < bottom for column, top, bottom in vertical)
-        assert not any(p.row == row and left < p.column < right for p in diagram.places)
+        assert not any(p.row == row and left < p.column < right for p in diagram.vertices)
 
 
 def test_svg_is_well_formed_and_has_everything() -> None:

@@ -192,7 +192,7 @@ class Stage(ScriptStage):
             count = self.told(CEILING_LIGHT)
             if count is not None and (not self.log.counts or count != self.log.counts[-1][1]):
                 self.log.counts.append((self.base.along_mm, count))
-            if self.scripts.ended("planner") and not all_of_it:
+            if self.scripts.has_ended("planner") and not all_of_it:
                 break
         return self.log
 

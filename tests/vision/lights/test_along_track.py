@@ -5,26 +5,26 @@ import math
 import numpy as np
 import pytest
 
-from colony.vision.lights.along_track import Reckoning, Scale
+from colony.vision.lights.along_track import Scale, TrackEstimate
 
 LANDMARK_MM2 = 20.0**2
 
 
 def test_a_landmark_takes_most_of_the_error_away() -> None:
-    known = Reckoning().moved(2500.0).updated(120.0, LANDMARK_MM2)
+    known = TrackEstimate().moved(2500.0).updated(120.0, LANDMARK_MM2)
     assert known.progress_mm == pytest.approx(2620.0, abs=3.0)
     assert known.sigma_mm < 20.0
 
 
 def test_the_place_becomes_less_certain_with_the_way_back_and_forth() -> None:
-    known = Reckoning().updated(0.0, LANDMARK_MM2)
+    known = TrackEstimate().updated(0.0, LANDMARK_MM2)
     spread = [known.moved(at).sigma_mm for at in (0.0, 1000.0, 5000.0, -5000.0)]
     assert spread[0] < spread[1] < spread[2]
     assert spread[2] == pytest.approx(spread[3])
 
 
 def test_the_scale_is_learned_from_landmark_to_landmark() -> None:
-    reckoning, error = Reckoning(), 0.0
+    reckoning, error = TrackEstimate(), 0.0
     for step in range(1, 6):
         error = -0.015 * 5500.0 * step
         reckoning = reckoning.moved(5500.0 * step).updated(error, LANDMARK_MM2)
@@ -35,14 +35,14 @@ def test_the_scale_is_learned_from_landmark_to_landmark() -> None:
 
 def test_a_slip_moves_the_place_and_not_the_scale() -> None:
     scale = Scale(error=0.004, variance=0.001**2)
-    reckoning = Reckoning(scale=scale).updated(0.0, LANDMARK_MM2)
+    reckoning = TrackEstimate(scale=scale).updated(0.0, LANDMARK_MM2)
     slipped = reckoning.moved(5000.0).updated(20.0 - 150.0, LANDMARK_MM2)
     assert slipped.error_mm == pytest.approx(-130.0, abs=10.0)
     assert slipped.scale == scale
 
 
 def test_what_is_told_to_the_odometry_is_no_error_any_more() -> None:
-    reckoning = Reckoning(scale=Scale(error=0.01)).moved(5000.0).updated(40.0, LANDMARK_MM2)
+    reckoning = TrackEstimate(scale=Scale(error=0.01)).moved(5000.0).updated(40.0, LANDMARK_MM2)
     corrected = reckoning.corrected(reckoning.error_mm)
     assert corrected.error_mm == 0.0
     assert corrected.progress_mm == pytest.approx(reckoning.progress_mm)
@@ -58,7 +58,7 @@ def test_the_filter_is_as_good_as_it_says() -> None:
     off = []
     for _ in range(300):
         scale, error, at = rng.normal(0.0, 0.012), rng.normal(0.0, 150.0), 0.0
-        reckoning = Reckoning()
+        reckoning = TrackEstimate()
         for _ in range(5):
             at += 5500.0
             error += scale * 5500.0 + rng.normal(0.0, math.sqrt(0.03 * 5500.0))

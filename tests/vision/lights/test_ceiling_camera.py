@@ -38,8 +38,8 @@ def test_scan_lines_are_at_the_quarters() -> None:
 def test_the_simulator_renders_with_the_same_geometry() -> None:
     lens = lens_of(CeilingCameraConfig())
     assert (lens.along_mm, lens.across_mm) == pytest.approx((UPWARD.mm_per_column, UPWARD.mm_per_row))
-    assert lens.middle_column == pytest.approx(UPWARD.column_of(0.0))
-    assert lens.middle_row == pytest.approx(UPWARD.row_of(0.0))
+    assert lens.center_column == pytest.approx(UPWARD.column_of(0.0))
+    assert lens.center_row == pytest.approx(UPWARD.row_of(0.0))
     assert LIGHT_ALONG_MM == LIGHT_LENGTH_MM
 
 

@@ -66,8 +66,8 @@ class Stand(ScriptStage):
         geometry: LevelCamera = AHEAD,
     ) -> None:
         scenery, heading = draw(Hazards.none(), MAP, seed=1), math.radians(MARKERS[0].heading_deg)
-        x = MARKERS[0].middle.x + ahead_mm * math.sin(heading) - aside_mm * math.cos(heading)
-        y = MARKERS[0].middle.y - ahead_mm * math.cos(heading) - aside_mm * math.sin(heading)
+        x = MARKERS[0].center.x + ahead_mm * math.sin(heading) - aside_mm * math.cos(heading)
+        y = MARKERS[0].center.y - ahead_mm * math.cos(heading) - aside_mm * math.sin(heading)
         self.world = World(walls=scenery, poses=[(x, y, MARKERS[0].heading_deg + turned_deg)], seed=1)
         eye = Camera(scene_of(MAP, scenery), CameraConfig(), robot_radius_mm=400.0, seed=1)
         self._plant = Plant(self.world, lambda: self.now_ns)
@@ -176,7 +176,7 @@ def test_a_marker_elsewhere_is_not_the_maps() -> None:
 
 
 def _moved(marker: Marker, mm: float) -> Marker:
-    return replace(marker, middle=Point(marker.middle.x + mm, marker.middle.y))
+    return replace(marker, center=Point(marker.center.x + mm, marker.center.y))
 
 
 @pytest.mark.parametrize("call", ["get_many", "set_many"])

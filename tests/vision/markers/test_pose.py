@@ -16,7 +16,7 @@ from colony.vision.markers.pose import MarkerPose, marker_pose, marker_rows
 from colony.vision.markers.rows import find_markers
 from tests.vision.markers.views import View, picture
 
-MARKER = Marker(edge=0, start_mm=0, end_mm=622, middle=Point(5_000, 8_000), heading_deg=90, node="E", code=0)
+MARKER = Marker(edge=0, start_mm=0, end_mm=622, center=Point(5_000, 8_000), heading_deg=90, node="E", code=0)
 
 
 def look(number: int, chance: random.Random) -> tuple[MarkerPose, tuple[float, float, float]]:
@@ -79,7 +79,7 @@ def test_a_box_without_its_edges_is_nowhere() -> None:
 
 def seen_from(x: float, y: float, heading: float, facing_sigma_deg: float = 0.5) -> MarkerPose:
     """What a camera sees of MARKER from a pose, without any error."""
-    east, north = MARKER.middle.x - x, MARKER.middle.y - y
+    east, north = MARKER.center.x - x, MARKER.center.y - y
     bearing = math.remainder(math.degrees(math.atan2(-east, north)) - heading, 360.0)
     facing = math.remainder(MARKER.heading_deg - heading, 360.0)
     return MarkerPose(bearing, math.hypot(east, north), facing, 0.2, 12.0, facing_sigma_deg)

@@ -202,8 +202,8 @@ def test_colors_are_seen_as_gray() -> None:
 def before(sign: Sign, ahead_mm: float, aside_mm: float, turned_deg: float) -> tuple[float, float, float]:
     """A pose so far from a sign, to the left of its middle, turned to the left from facing it."""
     heading = np.radians(sign.heading_deg)
-    x = sign.middle.x + ahead_mm * np.sin(heading) - aside_mm * np.cos(heading)
-    y = sign.middle.y - ahead_mm * np.cos(heading) - aside_mm * np.sin(heading)
+    x = sign.center.x + ahead_mm * np.sin(heading) - aside_mm * np.cos(heading)
+    y = sign.center.y - ahead_mm * np.cos(heading) - aside_mm * np.sin(heading)
     return float(x), float(y), sign.heading_deg + turned_deg
 
 
@@ -250,6 +250,6 @@ def test_there_is_no_marker_where_none_hangs() -> None:
 
 def in_view(sign: Sign, pose: tuple[float, float, float]) -> bool:
     """Whether a camera ahead may see a sign, were it not for walls."""
-    x, y = sign.middle.x - pose[0], sign.middle.y - pose[1]
+    x, y = sign.center.x - pose[0], sign.center.y - pose[1]
     bearing = math.remainder(math.degrees(math.atan2(-x, y)) - pose[2], 360.0)
     return math.hypot(x, y) < 12_000.0 and abs(bearing) < 45.0

@@ -41,7 +41,7 @@ def known(hall: Hall) -> tuple[Plate, ...]:
     """The plates of a hall as the map has them."""
     return tuple(
         Plate(
-            edge=0, start_mm=0.0, end_mm=356.0, middle=Point(-hall.wall_mm, board.place_mm), heading_deg=90.0,
+            edge=0, start_mm=0.0, end_mm=356.0, center=Point(-hall.wall_mm, board.place_mm), heading_deg=90.0,
             door=board.text[0], text=board.text[0],
         )
         for board in hall.boards

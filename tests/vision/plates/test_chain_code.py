@@ -6,16 +6,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from colony.vision.plates.chain_code import MIN_CORNERNESS, Border, cornerness, corners, traced
+from colony.vision.plates.chain_code import MIN_CORNERNESS, Border, cornerness, corners, trace_border
 
 _STEPS = ((1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1))
 
 
 def border_of(binary: np.ndarray) -> Border:
-    """The outer border of what is found first in the middle line."""
+    """The outer border of what is found first in the centerline."""
     row = binary.shape[0] // 2
     column = int(np.flatnonzero(binary[row])[0])
-    border = traced(binary, column, row)
+    border = trace_border(binary, column, row)
     assert border is not None
     return border
 
@@ -56,7 +56,7 @@ def test_any_region_has_the_border_that_opencv_finds(seed: int, size: int) -> No
         # The uppermost, leftmost pixel of a region is on its outer border.
         region = next((c for c in wanted if min((y, x) for x, y in c) == (row, column + 1)), None)
         if region is not None:
-            border = traced(binary, column + 1, row)
+            border = trace_border(binary, column + 1, row)
             if border is not None:
                 found.add(frozenset(map(tuple, border.pixels.tolist())))
     on_the_rim = {c for c in wanted if any(x in (0, 39) or y in (0, 23) for x, y in c)}
@@ -64,14 +64,14 @@ def test_any_region_has_the_border_that_opencv_finds(seed: int, size: int) -> No
 
 
 def test_what_meets_the_rim_of_the_image_is_not_closed() -> None:
-    assert traced(box(left=0), 0, 16) is None
-    assert traced(box(top=0), 10, 16) is None
-    assert traced(box(right=60), 10, 16) is None
-    assert traced(box(bottom=32), 10, 16) is None
+    assert trace_border(box(left=0), 0, 16) is None
+    assert trace_border(box(top=0), 10, 16) is None
+    assert trace_border(box(right=60), 10, 16) is None
+    assert trace_border(box(bottom=32), 10, 16) is None
 
 
 def test_a_single_pixel_has_no_border() -> None:
-    assert traced(box(20, 16, 21, 17), 20, 16) is None
+    assert trace_border(box(20, 16, 21, 17), 20, 16) is None
 
 
 @pytest.mark.parametrize(("width", "height"), [(20, 9), (40, 14), (100, 36)])

@@ -67,15 +67,15 @@ def test_other_sizes_of_images(columns: int, rows: int) -> None:
 
 def test_color_is_no_matter() -> None:
     image = wall_image([plate("352")], WallView(1500.0, 0.0))
-    assert find_plates(np.stack([image] * 3, axis=2))[0].middle == pytest.approx(
-        find_plates(image)[0].middle, abs=0.2
+    assert find_plates(np.stack([image] * 3, axis=2))[0].center == pytest.approx(
+        find_plates(image)[0].center, abs=0.2
     )
 
 
 def test_two_plates() -> None:
     view = WallView(1800.0, 0.0)
     boards = [plate("352", 500.0), plate("354", -500.0)]
-    found = sorted(find_plates(wall_image(boards, view)), key=lambda box: box.middle[0])
+    found = sorted(find_plates(wall_image(boards, view)), key=lambda box: box.center[0])
     assert [is_at(box, board, view) for box, board in zip(found, boards, strict=True)] == [True, True]
 
 

@@ -6,13 +6,13 @@ from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Pose
 from colony.vision.detections import Reading
-from colony.vision.plates.map import MAX_GATE_MM, MIN_GATE_MM, gate_mm, known_plate
+from colony.vision.plates.map import MAX_GATE_MM, MIN_GATE_MM, gate_mm, match_plate
 from colony.vision.plates.observations import PlateObservation
 
 
 def hung(door: str, y: float, x: float = -1500.0, heading: float = 90.0) -> Plate:
     middle = Point(x, y)
-    return Plate(edge=0, start_mm=0.0, end_mm=356.0, middle=middle, heading_deg=heading, door=door, text=door)
+    return Plate(edge=0, start_mm=0.0, end_mm=356.0, center=middle, heading_deg=heading, door=door, text=door)
 
 
 PLATES = (hung("352", 0.0), hung("354", 2000.0), hung("353", 0.0, x=-1700.0, heading=270.0))
@@ -26,7 +26,7 @@ def door_at(
     gate: float = 300.0,
     taken: tuple[str, ...] = (),
 ) -> str | None:
-    plate = known_plate(place, LOOK, text, confidence, PLATES, gate=gate, taken=taken)
+    plate = match_plate(place, LOOK, text, confidence, PLATES, gate=gate, taken=taken)
     return None if plate is None else plate.door
 
 

@@ -20,13 +20,13 @@ from tests.vision.plates.walls import corners_of, plate
 
 NOTHING = Reading("", 0.0)
 PLATE = Plate(
-    edge=0, start_mm=0.0, end_mm=356.0, middle=Point(100.0, 1900.0), heading_deg=10.0, door="352", text="352"
+    edge=0, start_mm=0.0, end_mm=356.0, center=Point(100.0, 1900.0), heading_deg=10.0, door="352", text="352"
 )
 
 
 def look_from(x: float, y: float, heading: float) -> PlateObservation:
     """A perfect look at `PLATE`."""
-    dx, dy = PLATE.middle.x - x, PLATE.middle.y - y
+    dx, dy = PLATE.center.x - x, PLATE.center.y - y
     axis = heading + 90.0
     bearing = math.remainder(math.degrees(math.atan2(-dx, dy)) - axis, 360.0)
     depth = math.hypot(dx, dy) * math.cos(math.radians(bearing))
@@ -105,7 +105,7 @@ def test_the_sigmas_of_a_fix_cover_looks_that_are_off() -> None:
 @pytest.mark.parametrize("ahead_mm", [0.0, 3.0, 40.0, 300.0])
 def test_the_depth_moves_the_filter_to_the_wall_wherever_the_plate_is_in_the_image(ahead_mm: float) -> None:
     """The robot drives along the wall, 150 mm nearer to it than it believes."""
-    true_x, y, heading = PLATE.middle.x + 1_000.0, PLATE.middle.y - ahead_mm, 0.0
+    true_x, y, heading = PLATE.center.x + 1_000.0, PLATE.center.y - ahead_mm, 0.0
     believed = look_from(true_x, y, heading)._replace(robot=Pose(true_x + 150.0, y, heading))
     pose_filter = PoseFilter(
         SonarRing(SonarModel()), (true_x + 150.0, y, heading), Uncertainty(start_mm=200.0)

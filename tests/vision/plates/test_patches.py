@@ -6,20 +6,20 @@ from colony.vision.level_camera import SIDE
 from colony.vision.plates.candidates import candidates
 from colony.vision.plates.geometry import WallView
 from colony.vision.plates.lines import lines_of_text, outline_about
-from colony.vision.plates.patches import Patch, agreed
+from colony.vision.plates.patches import Patch, merge_patches
 from tests.vision.plates.walls import corners_of, plate, wall_image
 
 
 def test_patches_of_most_thresholds_come_first() -> None:
     once, twice = Patch(0, 0, 10, 10), Patch(50, 0, 90, 20)
-    assert agreed([once, twice, Patch(51, 0, 90, 20)]) == (Patch(51, 0, 90, 20), once)
-    assert agreed([]) == ()
+    assert merge_patches([once, twice, Patch(51, 0, 90, 20)]) == (Patch(51, 0, 90, 20), once)
+    assert merge_patches([]) == ()
 
 
 def test_patches_that_share_little_are_two() -> None:
-    assert len(agreed([Patch(0, 0, 10, 10), Patch(5, 0, 15, 10)])) == 2
-    assert len(agreed([Patch(0, 0, 10, 10), Patch(1, 0, 11, 10)])) == 1
-    assert len(agreed([Patch(0, 0, 10, 10), Patch(20, 0, 30, 10)])) == 2
+    assert len(merge_patches([Patch(0, 0, 10, 10), Patch(5, 0, 15, 10)])) == 2
+    assert len(merge_patches([Patch(0, 0, 10, 10), Patch(1, 0, 11, 10)])) == 1
+    assert len(merge_patches([Patch(0, 0, 10, 10), Patch(20, 0, 30, 10)])) == 2
 
 
 def test_a_patch_in_a_larger_image() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from colony.vision.detections import Corner, PlateBox, Reading
 from colony.vision.letters.network import LetterNet, network, packed, unpacked
-from colony.vision.plates.reader import combined, read_plate
+from colony.vision.plates.reader import combine_readings, read_plate
 from colony.vision.training.fonts import learned_fonts, unseen_fonts
 from colony.vision.training.samples import Sample, junk_sample, plate_sample
 from colony.vision.training.texts import door_text
@@ -46,7 +46,7 @@ def test_looks_of_a_pass_together_are_better_than_one(font: Path) -> None:
     for _ in range(25):
         text = door_text(random)
         readings = [_read(plate_sample(text, font, 10.0, random)) for _ in range(6)]
-        right += combined(readings).text == text
+        right += combine_readings(readings).text == text
         single += readings[0].text == text
     assert right >= max(24, single)
 
@@ -146,24 +146,24 @@ def test_what_is_no_gray_image_is_refused(image: np.ndarray) -> None:
 def test_looks_that_disagree_are_weighed_by_their_confidence() -> None:
     faint = Reading("346", 0.5, (("348", 0.45),))
     clear = Reading("348", 0.9, (("346", 0.08),))
-    assert combined([faint, faint, clear]).text == "348"
-    assert combined([faint, faint]).text == "346"
-    assert combined([faint, faint, faint]).confidence > faint.confidence
+    assert combine_readings([faint, faint, clear]).text == "348"
+    assert combine_readings([faint, faint]).text == "346"
+    assert combine_readings([faint, faint, faint]).confidence > faint.confidence
 
 
 def test_one_look_at_something_else_does_not_spoil_the_rest() -> None:
     good, other = Reading("346", 0.99), Reading("", 1.0)
-    assert combined([good, other, good]).text == "346"
-    assert combined([other, good, other]).text == ""
+    assert combine_readings([good, other, good]).text == "346"
+    assert combine_readings([other, good, other]).text == ""
 
 
 def test_no_looks_tell_nothing() -> None:
-    assert combined([]) == Reading("", 0.0)
+    assert combine_readings([]) == Reading("", 0.0)
 
 
 def test_one_look_is_itself() -> None:
     look = Reading("346", 0.8, (("348", 0.15),))
-    once = combined([look])
+    once = combine_readings([look])
     assert once.text == "346"
     assert once.confidence == pytest.approx(0.8, abs=0.06)
 

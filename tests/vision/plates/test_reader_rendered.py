@@ -44,8 +44,8 @@ def test_plates_of_the_building_are_read(camera: Camera, distance_mm: float) -> 
     wrong: list[tuple[str, str]] = []
     for i, plate in enumerate(PLATES[::6]):
         into = math.radians(plate.heading_deg)
-        x = plate.middle.x + distance_mm * math.sin(into)
-        y = plate.middle.y - distance_mm * math.cos(into)
+        x = plate.center.x + distance_mm * math.sin(into)
+        y = plate.center.y - distance_mm * math.cos(into)
         tilt = float(random.uniform(-12.0, 12.0))
         pose = np.array([[x, y, plate.heading_deg - 90.0 + tilt]])
         image = camera.image(pose, 0, i * 10**9, people=NOBODY, speed=(400.0, 0.0))

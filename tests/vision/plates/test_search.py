@@ -118,7 +118,7 @@ def test_with_the_map_plates_have_names_and_tell_the_pose() -> None:
 
 
 def test_with_the_map_what_hangs_elsewhere_is_none() -> None:
-    moved = tuple(replace(hung, middle=hung.middle._replace(y=hung.middle.y + 700.0)) for hung in known(HALL))
+    moved = tuple(replace(hung, center=hung.center._replace(y=hung.center.y + 700.0)) for hung in known(HALL))
     assert searched(HALL, PlateSearch(SIDE), moved) == []
 
 

@@ -7,18 +7,18 @@ import pytest
 
 from colony.vision.level_camera import SIDE, LevelCamera
 from colony.vision.plates.geometry import WallView
-from colony.vision.plates.thesis import MIDDLE_LEVEL, scan_band, stretched, thesis_plates
+from colony.vision.plates.thesis import MIDDLE_LEVEL, scan_band, stretch, thesis_plates
 from tests.vision.plates.walls import Board, corners_of, plate, wall_image
 
 FACED = WallView(1500.0, 0.0)
 
 
 def test_the_stretch_of_gray_levels() -> None:
-    assert (stretched(0.0), stretched(MIDDLE_LEVEL), stretched(255.0)) == (0.0, MIDDLE_LEVEL, 255.0)
+    assert (stretch(0.0), stretch(MIDDLE_LEVEL), stretch(255.0)) == (0.0, MIDDLE_LEVEL, 255.0)
     # What is dark in the negative grows darker, what is bright brighter: (x / M)^5 M below M = 204.
-    assert stretched(102.0) == pytest.approx(204.0 / 32.0)
-    assert stretched(204.0 + 51.0 / 4.0) == pytest.approx(204.0 + 51.0 / 2.0)
-    levels = [stretched(level) for level in range(256)]
+    assert stretch(102.0) == pytest.approx(204.0 / 32.0)
+    assert stretch(204.0 + 51.0 / 4.0) == pytest.approx(204.0 + 51.0 / 2.0)
+    levels = [stretch(level) for level in range(256)]
     assert levels == sorted(levels)
 
 
@@ -31,12 +31,12 @@ def test_a_plate_is_found_where_it_is() -> None:
 def test_both_plates_of_an_image_are_found_from_left_to_right() -> None:
     first, second = plate("364", 400.0), plate("366", -400.0)
     found = thesis_plates(wall_image([first, second], FACED))
-    assert [round(box.middle[0], -1) for box in found] == [60.0, 180.0]
+    assert [round(box.center[0], -1) for box in found] == [60.0, 180.0]
 
 
 def test_what_was_seen_before_is_left_out() -> None:
     image = wall_image([plate("364", 400.0), plate("366", -400.0)], FACED)
-    assert [round(box.middle[0], -1) for box in thesis_plates(image, starting_column=90)] == [180.0]
+    assert [round(box.center[0], -1) for box in thesis_plates(image, starting_column=90)] == [180.0]
     assert thesis_plates(image, starting_column=240) == ()
 
 

@@ -13,7 +13,7 @@ from colony.vision.training import __main__ as command
 from colony.vision.training import fonts as fonts_module
 from colony.vision.training.ctc import ctc_loss
 from colony.vision.training.fonts import learned_fonts, unseen_fonts
-from colony.vision.training.layers import Convolution, Normalization, Pooling, Trained
+from colony.vision.training.layers import Convolution, Normalization, Pooling, TrainableLayer
 from colony.vision.training.learning import Learner, learning
 from colony.vision.training.samples import Batch, batch
 
@@ -41,7 +41,7 @@ def test_the_gradient_of_the_loss_is_what_small_changes_make() -> None:
     ],
     ids=["convolution", "last", "normalization", "pooling"],
 )
-def test_gradients_of_layers_are_what_small_changes_make(layer: Trained) -> None:
+def test_gradients_of_layers_are_what_small_changes_make(layer: TrainableLayer) -> None:
     random = np.random.default_rng(4)
     x = random.normal(0.0, 1.0, (2, 4, 6, 2)).astype(np.float32)
     weights = random.normal(0.0, 1.0, layer.forward(x).shape).astype(np.float32)

@@ -1,6 +1,6 @@
-"""Statements that decide what an actuator is sent once its winner is known.
+"""Statements that decide what is sent to an actuator once its winner is known.
 
-A command that is finite and within limits and range, provably or by a test, is sent unchanged; any other is
+A command that is finite and within limits and range, provably or by a check, is sent unchanged; any other is
 passed to `settle`.
 """
 
@@ -9,10 +9,10 @@ from __future__ import annotations
 from math import isfinite
 
 from colony.compile.backends.python.expressions import Expressions
-from colony.compile.backends.python.intake import values
 from colony.compile.backends.python.names import Names
 from colony.compile.backends.python.plan import ActuatorPlan
 from colony.compile.backends.python.ranges import Range
+from colony.compile.backends.python.sensor_validation import values
 from colony.compile.backends.python.text import Binding, literal
 from colony.execute.code import LimitCode
 from colony.ir.program import ActuatorField, in_declared_units
@@ -20,21 +20,21 @@ from colony.ir.types import Bool
 
 
 class DecisionText:
-    """The statements for one actuator. With `observed`, what is sent is kept for contracts."""
+    """The statements for one actuator. With `observed`, they keep what is sent for contracts to read."""
 
     def __init__(
         self,
         plan: ActuatorPlan,
         names: Names,
         expressions: Expressions,
-        known: list[Range],
+        ranges: list[Range],
         observed: bool,
     ) -> None:
         self.plan = plan
         self.actuator = plan.actuator.actuator
         self.names = names
         self.expressions = expressions
-        self.known = known
+        self.ranges = ranges
         self.observed = observed
         self.name = self.actuator.name
         self.by = names.by[self.name]
@@ -42,7 +42,7 @@ class DecisionText:
         self.target = names.decision[self.name]
 
     def lines(self) -> list[str]:
-        """Return the statements that decide what the actuator is sent."""
+        """Return the statements that decide what is sent to the actuator."""
         if not self.plan.groups:
             return self.idle(by=self.observed)
         lines = [f"if {self.by} is None:", *_indented(self.idle(by=False))]
@@ -70,28 +70,28 @@ class DecisionText:
         return lines
 
     def command(self, checks: list[str]) -> list[str]:
-        """Return the winner's command: unchanged where the checks hold, otherwise through `settle`."""
+        """Return the statements for the winner's command: as is if the checks hold, else through `settle`."""
         declared_values = self.declared_values(self.fields)
-        usual = [f"{self.target} = ({self.name!r}, {self.by}, {declared_values}, None)"]
+        direct = [f"{self.target} = ({self.name!r}, {self.by}, {declared_values}, None)"]
         if self.observed:
-            usual.append(f"{self.names.commanded[self.name]} = True")
+            direct.append(f"{self.names.commanded[self.name]} = True")
         if not checks:
-            return usual
-        alone = checks[0][1:-1] if checks[0].startswith("(") else checks[0]
-        whole = " and ".join(checks) if len(checks) > 1 else alone
-        return [f"if {whole}:", *_indented(usual), "else:", *_indented(self.settled())]
+            return direct
+        single = checks[0][1:-1] if checks[0].startswith("(") else checks[0]
+        condition = " and ".join(checks) if len(checks) > 1 else single
+        return [f"if {condition}:", *_indented(direct), "else:", *_indented(self.settled())]
 
     def declared_values(self, fields: list[str]) -> str:
         """Return a command in declared units."""
         return _tuple(
             [
-                field if of.factor == 1.0 else f"{field} / {literal(of.factor).text}"
-                for field, of in zip(fields, self.actuator.fields, strict=True)
+                field if spec.factor == 1.0 else f"{field} / {literal(spec.factor).text}"
+                for field, spec in zip(fields, self.actuator.fields, strict=True)
             ]
         )
 
     def constants(self) -> list[str]:
-        """Return the bounds passed to `settle`, as a statement of the module."""
+        """Return the bounds passed to `settle`, as a module-level statement."""
         bounds = _tuple([_field(f) for f in self.actuator.fields])
         return [f"{self.names.bounds[self.name]} = {bounds}"]
 
@@ -102,7 +102,7 @@ class DecisionText:
         bounds = self.names.bounds[self.name]
         arguments = f"{self.name!r}, {self.by}, {_tuple(self.fields)}, {bounds}, {limits}, {idle}, records"
         declared_values = "settled"
-        if any(of.factor != 1.0 for of in self.actuator.fields):
+        if any(spec.factor != 1.0 for spec in self.actuator.fields):
             declared_values = self.declared_values([f"settled[{i}]" for i in range(len(self.fields))])
             if self.actuator.idle is None:
                 declared_values = f"None if settled is None else {declared_values}"
@@ -121,44 +121,48 @@ class DecisionText:
         return lines
 
     def limit(self, limit: LimitCode) -> str:
-        """Return a limit as `settle` takes it, if it applies."""
+        """Return a limit as an argument of `settle`; it is an empty tuple where the limit does not apply."""
         bound = self.expressions.text(limit.bound).text
-        one = f"(({limit.field_index}, {limit.relation == '<='}, {bound}),)"
+        limit_tuple = f"(({limit.field_index}, {limit.relation == '<='}, {bound}),)"
         applies = self.expressions.text(limit.applies)
-        return one if applies.text == "True" else f"({one} if {applies.inside(Binding.OR)} else ())"
+        return (
+            limit_tuple
+            if applies.text == "True"
+            else f"({limit_tuple} if {applies.inside(Binding.OR)} else ())"
+        )
 
     def checks(self) -> list[str]:
-        """Return the tests by which a command needs no `settle`, without those that always hold."""
+        """Return the checks under which a command needs no `settle`, without those that always hold."""
         checks = []
         for limit in self.plan.actuator.limits:
             field = self.fields[limit.field_index]
-            inside = f"{field} {limit.relation} {self.expressions.text(limit.bound).inside(Binding.SUM)}"
+            check = f"{field} {limit.relation} {self.expressions.text(limit.bound).inside(Binding.SUM)}"
             applies = self.expressions.text(limit.applies)
-            free = f"not {applies.inside(Binding.NOT)} or "
-            checks.append(inside if applies.text == "True" else f"({free}{inside})")
-        for i, of in enumerate(self.actuator.fields):
-            checks += self.field_checks(i, of)
+            exempt = f"not {applies.inside(Binding.NOT)} or "
+            checks.append(check if applies.text == "True" else f"({exempt}{check})")
+        for i, spec in enumerate(self.actuator.fields):
+            checks += self.field_checks(i, spec)
         return checks
 
     def field_checks(self, i: int, field: ActuatorField) -> list[str]:
-        """Return the checks that a field needs before its value may be sent, given its known ranges."""
+        """Return the checks of a field's value that its known ranges do not make superfluous."""
         if isinstance(field.type, Bool):
             return []
         clients = [c.client for g in self.plan.groups for c in g.clients]
-        known = [self.known[c.fields[i]] for c in clients]
+        ranges = [self.ranges[c.fields[i]] for c in clients]
         name, low, high = self.fields[i], field.low, field.high
-        bounded = all(r.within(low, high) for r in known)
-        leaves = all(
-            r.finite and isfinite(r.low / field.factor) and isfinite(r.high / field.factor) for r in known
+        bounded = all(r.within(low, high) for r in ranges)
+        finite = all(
+            r.finite and isfinite(r.low / field.factor) and isfinite(r.high / field.factor) for r in ranges
         )
         checks = []
         if low is not None and high is not None:
-            leaves = leaves or (isfinite(low / field.factor) and isfinite(high / field.factor))
+            finite = finite or (isfinite(low / field.factor) and isfinite(high / field.factor))
             if not bounded:
                 checks.append(f"{literal(low).text} <= {name} <= {literal(high).text}")
         elif not bounded:
             checks.append(f"{literal(low).text} <= {name}" if low is not None else f"{name} <= {_high(high)}")
-        if not leaves:
+        if not finite:
             declared_values = name if field.factor == 1.0 else f"{name} / {literal(field.factor).text}"
             checks.append(f"isfinite({declared_values})")
         return checks

@@ -10,7 +10,7 @@ from colony.text.source import NOWHERE
 
 
 class PythonExecutor:
-    """An executor of a generated class (see `ir.frame.Executor`). Mutable: it holds all memory."""
+    """An executor of a generated class (see `ir.frame.Executor`). Stateful: it holds all memory."""
 
     def __init__(self, program: Any) -> None:
         self.program = program
@@ -28,7 +28,7 @@ class PythonExecutor:
 
 
 def load(source: str) -> PythonExecutor:
-    """Execute a source from `generate`, and return an executor of its class.
+    """Execute source code from `generate`, and return an executor of its class.
 
     Raises:
         DiagnosticError: a Python module's class cannot be imported or built.
@@ -38,10 +38,10 @@ def load(source: str) -> PythonExecutor:
     try:
         exec(code, namespace)
         return PythonExecutor(namespace["Program"]())
-    except (Exception, SystemExit) as problem:
-        message = f"a module in Python cannot be imported and built: {type(problem).__name__}: {problem}"
+    except (Exception, SystemExit) as exception:
+        message = f"a module in Python cannot be imported and built: {type(exception).__name__}: {exception}"
         hint = (
             "the class must be importable from the folder of the behavior or the current folder, "
             "and take its params as keyword arguments"
         )
-        raise DiagnosticError([error("P001", NOWHERE, message, hint)]) from problem
+        raise DiagnosticError([error("P001", NOWHERE, message, hint)]) from exception

@@ -1,11 +1,11 @@
-"""The values of a Code as text: statements that name some of them, and expressions for the rest."""
+"""The values of a `Code` as Python text: assignments for some of them, and expressions for the rest."""
 
 from __future__ import annotations
 
 from colony.compile.backends.python.names import Names
 from colony.compile.backends.python.placement import Placement, is_atom
 from colony.compile.backends.python.ranges import Range
-from colony.compile.backends.python.text import TRUE, Binding, Text, applied, literal
+from colony.compile.backends.python.text import TRUE, Binding, Text, apply_operator, literal
 from colony.execute.code import (
     Apply,
     Code,
@@ -44,39 +44,39 @@ _STARRED = {
 class Expressions:
     """The text of every value that is used, and the statements of each slot.
 
-    Expressions that nest too deep or grow too long are broken up by naming parts of them.
+    Expressions that nest too deep or are too long are broken up: parts of them are assigned to variables.
     """
 
-    def __init__(self, code: Code, placement: Placement, known: list[Range], names: Names) -> None:
+    def __init__(self, code: Code, placement: Placement, ranges: list[Range], names: Names) -> None:
         self.code = code
         self.statements: dict[int, list[str]] = {}
         self._placement = placement
-        self._ranges = known
+        self._ranges = ranges
         self._names = names
         self._sizes = {s.name: s.type.size for s in code.sensors if isinstance(s.type, Array)}
         self._texts: list[Text] = []
-        for at, op in enumerate(code.ops):
-            self._texts.append(self._text(at, op) if placement.uses[at] else TRUE)
+        for value, op in enumerate(code.ops):
+            self._texts.append(self._text(value, op) if placement.uses[value] else TRUE)
 
     def text(self, value: int) -> Text:
-        """Return a value as an expression, for a statement after the slot that was recorded as its use."""
+        """Return a value as an expression, for a statement after the slot recorded for that use."""
         return self._texts[value]
 
-    def _text(self, at: int, op: Op) -> Text:
+    def _text(self, value: int, op: Op) -> Text:
         if is_atom(op):
             return self._atom(op)
-        text = self._compound(at, op)
+        text = self._compound(value, op)
         simple = text.binding is Binding.ATOM and text.depth == 0
-        must = self._placement.named[at] and not simple
-        if must or (isinstance(op, OldCell) and self._placement.named[at]):
-            return self._name(at, text)
+        is_assigned = self._placement.named[value] and not simple
+        if is_assigned or (isinstance(op, OldCell) and self._placement.named[value]):
+            return self._name(value, text)
         if text.depth > _MAX_DEPTH or len(text.text) > _MAX_LINE_LENGTH:
-            return self._name(at, text)
+            return self._name(value, text)
         return text
 
-    def _name(self, at: int, text: Text) -> Text:
-        name = self._names.value(at)
-        statements = self.statements.setdefault(self._placement.slot[at], [])
+    def _name(self, value: int, text: Text) -> Text:
+        name = self._names.value(value)
+        statements = self.statements.setdefault(self._placement.slot[value], [])
         statements.append(f"{name} = {text.text}")
         return Text(name)
 
@@ -105,18 +105,18 @@ class Expressions:
             case PythonActive() | PythonField() | Lost():
                 raise ValueError("the code of a single client is not for this backend")
             case _:
-                raise AssertionError(f"{op} is no atom")
+                raise AssertionError(f"{op} is not an atom")
 
-    def _compound(self, at: int, op: Op) -> Text:
+    def _compound(self, value: int, op: Op) -> Text:
         match op:
             case OldCell(cell=cell):
                 return Text(f"self.{self._names.cells[cell]}")
             case Table(elements=elements):
                 return self._table(elements)
             case Apply(operator=Operator.AND, arguments=arguments):
-                known = self._placement.layout.known_at(self._placement.slot[at])
+                known = self._placement.layout.known_at(self._placement.slot[value])
                 rest = [self._texts[i] for i in arguments if i not in known]
-                return applied(Operator.AND, rest, []) if len(rest) > 1 else rest[0] if rest else TRUE
+                return apply_operator(Operator.AND, rest, []) if len(rest) > 1 else rest[0] if rest else TRUE
             case Apply(operator=operator, arguments=arguments):
                 return self._applied(operator, arguments)
             case _:
@@ -125,27 +125,27 @@ class Expressions:
     def _applied(self, operator: Operator, arguments: tuple[int, ...]) -> Text:
         x = [self._ranges[i] for i in arguments]
         if operator in _STARRED:
-            run = self._slice(arguments) if len(arguments) >= _MIN_SLICE_LENGTH else None
-            if run and operator in (Operator.MIN, Operator.MAX) and not any(r.nan for r in x):
-                return Text(f"{operator.value}({run})", Binding.ATOM, 1)
+            slice_text = self._slice(arguments) if len(arguments) >= _MIN_SLICE_LENGTH else None
+            if slice_text and operator in (Operator.MIN, Operator.MAX) and not any(r.nan for r in x):
+                return Text(f"{operator.value}({slice_text})", Binding.ATOM, 1)
             summed = operator in (Operator.SUM, Operator.COUNT)
-            if run and not summed:
-                return Text(f"{_STARRED[operator]}(*{run})", Binding.ATOM, 1)
+            if slice_text and not summed:
+                return Text(f"{_STARRED[operator]}(*{slice_text})", Binding.ATOM, 1)
             if summed and len(arguments) > _MAX_SUM_TERMS:
-                listed = f"*{run}" if run else ", ".join(self._texts[i].text for i in arguments)
-                return Text(f"{_STARRED[operator]}({listed})", Binding.ATOM, 1)
-        return applied(operator, [self._texts[i] for i in arguments], x)
+                items = f"*{slice_text}" if slice_text else ", ".join(self._texts[i].text for i in arguments)
+                return Text(f"{_STARRED[operator]}({items})", Binding.ATOM, 1)
+        return apply_operator(operator, [self._texts[i] for i in arguments], x)
 
     def _table(self, elements: tuple[int, ...]) -> Text:
         whole = self._slice(elements)
         if whole:
             return Text(whole)
         depth = 1 + max(self._texts[i].depth for i in elements)
-        listed = ", ".join(self._texts[i].text for i in elements)
-        return Text(f"({listed},)", Binding.ATOM, depth)
+        items = ", ".join(self._texts[i].text for i in elements)
+        return Text(f"({items},)", Binding.ATOM, depth)
 
     def _slice(self, elements: tuple[int, ...]) -> str | None:
-        """Return consecutive elements of one sensor as a slice, None for other elements."""
+        """Return the text of a slice if these are consecutive elements of one sensor, otherwise None."""
         first, last = self.code.ops[elements[0]], self.code.ops[elements[-1]]
         if not (isinstance(first, SensorElement) and isinstance(last, SensorElement)):
             return None

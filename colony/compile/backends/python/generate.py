@@ -1,9 +1,9 @@
-"""Generation of a program as one readable Python class that needs nothing but the standard `math`.
+"""Generation of a program as one readable Python class, which imports nothing but the standard `math`.
 
-Its `step(t_ns, readings)` gives `(decisions, records, breaches)` as plain tuples, in the order and form of
-`colony.ir.frame`. The clients of an actuator are a chain of `if`s in the order of priority, which ends with
-the first whose guard holds; commands are computed for the winner only. Values with memory are computed in
-every frame. A value that is used in several places is computed once, before the first of them.
+Its `step(t_ns, readings)` returns `(decisions, records, breaches)` as plain tuples, in the order and form of
+`colony.ir.frame`. The clients of an actuator are a chain of `if`s in order of priority, which is left
+at the first whose guard holds; commands are computed for the winner only. Values with memory are computed in
+every frame. A value that is used several times is computed once, before its first use.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import keyword
 import re
 
-from colony.compile.backends.python import intake as python_intake
+from colony.compile.backends.python import sensor_validation
 from colony.compile.backends.python.decision import DecisionText
 from colony.compile.backends.python.executor import PythonExecutor, load
 from colony.compile.backends.python.expressions import Expressions
@@ -26,31 +26,31 @@ from colony.execute.code import ClientCode, FrameTime, PythonCall
 from colony.execute.compiled import Compiled
 from colony.execute.machine import field_types
 from colony.execute.sensors import age_limits
-from colony.execute.views import whole
+from colony.execute.views import whole_view
 from colony.text.diagnostics import DiagnosticError, error
 
 __all__ = ["PythonExecutor", "generate", "load"]
 
 
 def generate(compiled: Compiled) -> str:
-    """Return the source of a module with a class `Program`. Near-linear in the size of the program."""
+    """Return the source of a Python module with a class `Program`. Near-linear in the size of the program."""
     return _Generator(compiled).source()
 
 
 class _Generator:
-    """A generator of one program. Mutable: the lines so far."""
+    """A generator of one program. Mutable."""
 
     def __init__(self, compiled: Compiled) -> None:
         self.title = compiled.name
-        self.code = whole(compiled.code)
-        self.known = ranges(self.code)
+        self.code = whole_view(compiled.code)
+        self.ranges_of_values = ranges(self.code)
         layout = Layout()
-        self.placement = Placement(self.code, layout, self.known)
+        self.placement = Placement(self.code, layout, self.ranges_of_values)
         self.plan: Plan = make_plan(self.code, layout, self.placement)
         self.names = Names(self.code, definition_names())
-        self.expressions = Expressions(self.code, self.placement, self.known, self.names)
+        self.expressions = Expressions(self.code, self.placement, self.ranges_of_values, self.names)
         self.lines: list[str] = []
-        self.constants = python_intake.constants(self.code.sensors)
+        self.constants = sensor_validation.constants(self.code.sensors)
         self.timed = bool(self.code.python) or any(
             isinstance(op, FrameTime) and uses
             for op, uses in zip(self.code.ops, self.placement.uses, strict=True)
@@ -70,7 +70,7 @@ class _Generator:
         ]
         if from_math:
             head += [f"from math import {', '.join(from_math)}", ""]
-        imports = [self.imported(call) for call in self.code.python]
+        imports = [self.import_statement(call) for call in self.code.python]
         if imports:
             head += [*imports, ""]
         for definition in definitions:
@@ -94,16 +94,16 @@ class _Generator:
     def text(self, value: int) -> str:
         return self.expressions.text(value).text
 
-    def imported(self, call: PythonCall) -> str:
+    def import_statement(self, call: PythonCall) -> str:
         parts = (*call.module_path.split("."), call.class_name)
         if not all(part.isidentifier() and not keyword.iskeyword(part) for part in parts):
             raise DiagnosticError(
-                [error("E405", call.span, f"`{'.'.join(parts)}` is no name of a Python class")]
+                [error("E405", call.span, f"`{'.'.join(parts)}` is not the name of a Python class")]
             )
         return f"from {call.module_path} import {call.class_name} as {_class_name(self.names, call)}"
 
     def initial(self) -> None:
-        """Add the class up to `__init__`, which has the memory."""
+        """Add the class up to `__init__`, which initializes the memory."""
         attributes = [self.names.cells[cell] for cell in self.cells]
         attributes += [self.names.python[call.module] for call in self.code.python]
         if self.timed:
@@ -120,10 +120,10 @@ class _Generator:
             initial = literal(self.code.cells[cell].initial).text
             self.add(2, f"self.{self.names.cells[cell]} = {initial}")
         for call in self.code.python:
-            params = ", ".join(f"{name!r}: {python_intake.values(value)}" for name, value in call.params)
-            made = f"{_class_name(self.names, call)}({f'**{{{params}}}' if params else ''})"
+            params = ", ".join(f"{name!r}: {sensor_validation.values(value)}" for name, value in call.params)
+            instance = f"{_class_name(self.names, call)}({f'**{{{params}}}' if params else ''})"
             fields = field_types(call)
-            arguments = f"{call.module!r}, {made}, {fields!r}, {call.rate_ns}"
+            arguments = f"{call.module!r}, {instance}, {fields!r}, {call.rate_ns}"
             self.add(2, f"self.{self.names.python[call.module]} = PythonStep({arguments})")
         if not attributes:
             self.add(2, "pass")
@@ -146,7 +146,7 @@ class _Generator:
         if self.timed:
             self.add(2, "if self.first_ns is None:", "    self.first_ns = t_ns", "t = t_ns - self.first_ns")
         for sensor in self.code.sensors:
-            self.add(2, *python_intake.take(sensor, "readings.get", self.names))
+            self.add(2, *sensor_validation.validation_statements(sensor, "readings.get", self.names))
         for call, slot in self.plan.python:
             self.python(call, slot)
         for actuator in self.plan.actuators:
@@ -159,22 +159,22 @@ class _Generator:
 
     def python(self, call: PythonCall, slot: int) -> None:
         self.before(slot, 2)
-        given = []
+        arguments = []
         for read in call.reads:
             parts = [self.text(i) for i in read.elements]
             value = f"({', '.join(parts)},)" if read.array else parts[0]
-            given.append(f"{read.name!r}: {value}")
+            arguments.append(f"{read.name!r}: {value}")
         present, names = self.text(call.present), self.names
-        values = f"{{{', '.join(given)}}}"
+        values = f"{{{', '.join(arguments)}}}"
         if present != "True":
             values = f"{values} if {present} else None"
-        made = f"{names.python_active[call.module]}, {names.python_fields[call.module]}, records"
-        self.add(2, f"{made} = self.{names.python[call.module]}.step(t, {values}, records)")
+        targets = f"{names.python_active[call.module]}, {names.python_fields[call.module]}, records"
+        self.add(2, f"{targets} = self.{names.python[call.module]}.step(t, {values}, records)")
 
     # --- actuators -------------------------------------------------------------------------------
 
     def actuator(self, plan: ActuatorPlan) -> None:
-        """Add the chain of clients, and then the decision."""
+        """Add the chain of clients, then the decision."""
         name = plan.actuator.actuator.name
         by = self.names.by[name]
         self.blank()
@@ -187,12 +187,12 @@ class _Generator:
                 self.add(3, f"{by} = None", "break")
         self.before(plan.after, 2)
         observed = self.code.decided < len(self.code.ops)
-        decision = DecisionText(plan, self.names, self.expressions, self.known, observed)
+        decision = DecisionText(plan, self.names, self.expressions, self.ranges_of_values, observed)
         self.add(2, *decision.lines())
         self.constants += decision.constants()
 
     def group(self, plan: ActuatorPlan, group: GroupPlan) -> bool:
-        """Add consecutive clients; return True if the text after them can be reached."""
+        """Add consecutive clients; return True if the code after them is reachable."""
         indent = 3
         self.before(group.slot, indent)
         if group.present is not None:
@@ -202,14 +202,14 @@ class _Generator:
         return group.present is not None or not always
 
     def client(self, plan: ActuatorPlan, client: ClientPlan, indent: int) -> bool:
-        """Add one client; return True if its guard always holds where it is reached."""
+        """Add one client; return True if its guard always holds when it is reached."""
         guard = self.text(client.client.guard)
-        where = _place(client.client)
+        comment = _origin(client.client)
         self.before(client.slot, indent)
         if guard == "True":
-            self.add(indent, f"# {where}")
+            self.add(indent, f"# {comment}")
         else:
-            self.add(indent, f"if {guard}:  # {where}")
+            self.add(indent, f"if {guard}:  # {comment}")
             indent += 1
         name = plan.actuator.actuator.name
         self.before(client.body, indent)
@@ -236,7 +236,7 @@ class _Generator:
         if self.plan.commits:
             self.blank()
             self.add(2, "# memory")
-        self.before(self.plan.memory, 2)
+        self.before(self.plan.memory_slot, 2)
         for commit in self.plan.commits:
             self.before(commit.slot, 2)
             condition = self.text(commit.condition)
@@ -254,11 +254,11 @@ def _class_name(names: Names, call: PythonCall) -> str:
     return "Python" + names.python[call.module].removeprefix("python")
 
 
-def _place(client: ClientCode) -> str:
-    """Return the module, its priority and where it is written, for a comment."""
+def _origin(client: ClientCode) -> str:
+    """Return the module, its priority and its source line, for a comment."""
     source, line = client.span.source, client.span.source.position(client.span.start)[0]
-    where = "" if client.span.source.name == "<none>" else f", {source.name}:{line}"
-    return _comment(f"{client.module}, priority {client.priority}{where}")
+    location = "" if client.span.source.name == "<none>" else f", {source.name}:{line}"
+    return _comment(f"{client.module}, priority {client.priority}{location}")
 
 
 def _comment(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Names in a generated program: close to those of the source, and unique."""
+"""Names in a generated program: unique, and close to those in the source."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _RESERVED_VARIABLES = frozenset(
 
 
 class Names:
-    """Names of variables and attributes. Mutable: each name is given once."""
+    """Names of variables and attributes. Stateful: remembers all names, so that each is unique."""
 
     def __init__(self, code: Code, taken: frozenset[str]) -> None:
-        """Start with the names `taken` by functions that the program includes."""
+        """Reserve the names of the functions that the program includes (`taken`)."""
         self._taken = {*_RESERVED, *_RESERVED_VARIABLES, *taken}
         self._hints = code.names
         self.sensors = {s.name: self.new(s.name) for s in code.sensors}
@@ -52,7 +52,7 @@ class Names:
         self.cells = [self.new(c.name) for c in code.cells]
 
     def value(self, number: int) -> str:
-        """Return a new name for a value of the Code."""
+        """Return a new name for a value of the `Code`."""
         return self.new(self._hints.get(number, f"v{number}"))
 
     def new(self, wanted: str) -> str:

@@ -1,4 +1,4 @@
-"""Decides which values of a Code get a name in a generated program, and where they are computed."""
+"""Decides which values of a `Code` get a variable in a generated program, and where they are computed."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from colony.execute.code import Apply, Code, OldCell, Op, Table, operands
 
 
 def is_atom(op: Op) -> bool:
-    """Return True if the value's text is a name or constant already."""
+    """Return True if the value's text is a variable or constant anyway."""
     return not isinstance(op, Apply | OldCell | Table)
 
 
 class Placement:
-    """The places where values are used and computed. Mutable: filled by `use`, then `settle`d.
+    """The slots at which values are computed. Mutable: filled by `use`, completed by `settle`.
 
-    After `settle`, `uses` is the number of uses of each value, `slot` is the place where it is computed, and
-    `named` is true if it gets a name there, false if it is an expression at its use.
+    Then `uses` holds the number of uses of each value, and `slot` where it is computed; `named` is true
+    if it is assigned to a variable there, false if it is an expression at its use.
     """
 
-    def __init__(self, code: Code, layout: Layout, known: list[Range]) -> None:
+    def __init__(self, code: Code, layout: Layout, ranges: list[Range]) -> None:
         self.code = code
         self.layout = layout
-        self._ranges = known
+        self._ranges = ranges
         self.uses = [0] * len(code.ops)
         self.slot = [-1] * len(code.ops)
         self.named = bytearray(len(code.ops))
@@ -41,20 +41,20 @@ class Placement:
             self.use(value, slot)
 
     def settle(self, memory_slot: int) -> None:
-        """Decide for every value, from the last to the first, since users come after what they use.
+        """Decide for every value, from the last to the first, since a value comes after its operands.
 
-        Memory changes after `memory_slot`, so old values of cells are read there at the latest.
+        Memory is updated after `memory_slot`, so old values of cells are read there at the latest.
         """
-        for at in reversed(range(len(self.code.ops))):
-            if not self.uses[at]:
+        for value in reversed(range(len(self.code.ops))):
+            if not self.uses[value]:
                 continue
-            op = self.code.ops[at]
-            if isinstance(op, OldCell) and self.slot[at] >= memory_slot:
-                self.slot[at], self.named[at] = memory_slot, True
-            if self.uses[at] > 1 and not is_atom(op):
-                self.named[at] = True
-            twice = isinstance(op, Apply) and mentions_twice(
+            op = self.code.ops[value]
+            if isinstance(op, OldCell) and self.slot[value] >= memory_slot:
+                self.slot[value], self.named[value] = memory_slot, True
+            if self.uses[value] > 1 and not is_atom(op):
+                self.named[value] = True
+            mentioned_twice = isinstance(op, Apply) and mentions_twice(
                 op.operator, [self._ranges[i] for i in op.arguments]
             )
             for operand in operands(op):
-                self.use(operand, self.slot[at], 2 if twice else 1)
+                self.use(operand, self.slot[value], 2 if mentioned_twice else 1)

@@ -1,4 +1,4 @@
-"""The outline of a generated `step`: its statements in order, and which values each of them needs.
+"""The outline of a generated `step`: its statements in order, and the values that each of them needs.
 
     sensors, Python modules
     for each actuator: its clients in the order of priority, then what it is sent
@@ -20,7 +20,7 @@ from colony.execute.code import ActuatorCode, ClientCode, Code, ContractCode, Li
 
 @dataclass(frozen=True, slots=True)
 class ClientPlan:
-    """The places of a client in the generated program."""
+    """The slots of a client in the generated program: before its guard, and in its branch."""
 
     client: ClientCode
     slot: int
@@ -29,7 +29,7 @@ class ClientPlan:
 
 @dataclass(frozen=True, slots=True)
 class GroupPlan:
-    """Consecutive clients with one test of `present`; None for a single client, or if it is constant."""
+    """Consecutive clients with one test of `present`, which is None for a single client or a constant."""
 
     present: int | None
     slot: int
@@ -38,7 +38,7 @@ class GroupPlan:
 
 @dataclass(frozen=True, slots=True)
 class ActuatorPlan:
-    """The plan of an actuator: slots before the clients, after them, and for limits if there is a winner."""
+    """The plan of an actuator: slots before its clients, after them, and for its limits."""
 
     actuator: ActuatorCode
     slot: int
@@ -49,7 +49,7 @@ class ActuatorPlan:
 
 @dataclass(frozen=True, slots=True)
 class CommitPlan:
-    """Cells that take a new value under one condition."""
+    """Cells that are updated under one condition."""
 
     condition: int
     slot: int
@@ -59,12 +59,12 @@ class CommitPlan:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The outline of the generated program: all parts with their places."""
+    """The outline of the generated program: all its parts with their slots."""
 
     python: tuple[tuple[PythonCall, int], ...]
     actuators: tuple[ActuatorPlan, ...]
     contracts: tuple[tuple[ContractCode, int], ...]
-    memory: int
+    memory_slot: int
     commits: tuple[CommitPlan, ...]
 
 
@@ -77,17 +77,17 @@ def make_plan(code: Code, layout: Layout, placement: Placement) -> Plan:
         slot = layout.slot(ROOT)
         placement.use_all((contract.present, contract.value), slot)
         contracts.append((contract, slot))
-    memory = layout.slot(ROOT)
+    memory_slot = layout.slot(ROOT)
     commits = _commits(code, layout, placement)
-    placement.settle(memory)
-    return Plan(python, actuators, tuple(contracts), memory, commits)
+    placement.settle(memory_slot)
+    return Plan(python, actuators, tuple(contracts), memory_slot, commits)
 
 
 def _python(call: PythonCall, layout: Layout, placement: Placement) -> int:
     slot = layout.slot(ROOT)
     placement.use(call.present, slot)
-    for read in call.reads:
-        placement.use_all(read.elements, slot)
+    for reading in call.reads:
+        placement.use_all(reading.elements, slot)
     return slot
 
 
@@ -107,15 +107,15 @@ def _actuator(code: Code, actuator: ActuatorCode, layout: Layout, placement: Pla
 
 
 def _reachable(code: Code, actuator: ActuatorCode) -> list[ClientCode]:
-    """Return the clients that can win: without constant false guards, up to a constant true one."""
-    found = []
+    """Return the clients that can win: those up to a constant true guard, without constant false ones."""
+    reachable = []
     for client in actuator.clients:
         op = code.ops[client.guard]
         if not (isinstance(op, Literal) and op.value is False):
-            found.append(client)
+            reachable.append(client)
         if isinstance(op, Literal) and op.value is True:
             break
-    return found
+    return reachable
 
 
 def _group(
@@ -126,29 +126,29 @@ def _group(
         plans = [_client(client, layout, placement, chain) for client in clients]
         return GroupPlan(None, slot, tuple(plans))
     placement.use(present, slot)
-    region = layout.region(slot, holds=present)
+    region = layout.region(slot, condition=present)
     return GroupPlan(present, slot, tuple(_client(c, layout, placement, region) for c in clients))
 
 
 def _client(client: ClientCode, layout: Layout, placement: Placement, region: int) -> ClientPlan:
     slot = layout.slot(region)
     placement.use(client.guard, slot)
-    body = layout.slot(layout.region(slot, holds=client.guard))
+    body = layout.slot(layout.region(slot, condition=client.guard))
     placement.use_all(client.fields, body)
     return ClientPlan(client, slot, body)
 
 
 def _commits(code: Code, layout: Layout, placement: Placement) -> tuple[CommitPlan, ...]:
-    """Return the memory that anything but exclusive guards depends on: this backend uses priorities."""
-    _, needed = live(code.ops, code.cells, roots(code, exclusive=False))
-    together: dict[int, list[int]] = {}
-    for cell in sorted(needed):
-        together.setdefault(code.cells[cell].condition, []).append(cell)
+    """Return the updates of the cells in use; this backend does not use exclusive guards."""
+    _, used_cells = live(code.ops, code.cells, roots(code, exclusive=False))
+    cells_by_condition: dict[int, list[int]] = {}
+    for cell in sorted(used_cells):
+        cells_by_condition.setdefault(code.cells[cell].condition, []).append(cell)
     commits = []
-    for condition, cells in together.items():
+    for condition, cells in cells_by_condition.items():
         slot = layout.slot(ROOT)
         placement.use(condition, slot)
-        body = layout.slot(layout.region(slot, holds=condition))
+        body = layout.slot(layout.region(slot, condition=condition))
         placement.use_all((code.cells[cell].value for cell in cells), body)
         commits.append(CommitPlan(condition, slot, body, tuple(cells)))
     return tuple(commits)

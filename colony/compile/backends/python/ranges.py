@@ -1,4 +1,4 @@
-"""Ranges of the numbers of a Code: their bounds, and whether they can be NaN.
+"""Ranges of the numbers of a `Code`: their bounds, and whether they can be NaN.
 
 The analysis is sound and fast rather than precise: memory and external input can be anything, and one pass
 over the ops suffices. The bounds of `+ - * /` are computed with those operations, which is sound since
@@ -32,11 +32,11 @@ class Range(NamedTuple):
 
     @property
     def nonzero(self) -> bool:
-        """Return True if no value is a zero (it may be NaN)."""
+        """Return True if no value is zero (it may be NaN)."""
         return self.low > 0.0 or self.high < 0.0
 
     def within(self, low: float | None, high: float | None) -> bool:
-        """Return True if all values lie within these bounds; NaN does not."""
+        """Return True if all values are within these bounds; NaN is not."""
         return not self.nan and (low is None or low <= self.low) and (high is None or self.high <= high)
 
 
@@ -46,44 +46,44 @@ ANYTHING = Range(-inf, inf, True)
 def ranges(code: Code) -> list[Range]:
     """Return the range of each value of `code`; `ANYTHING` for values that are not numbers."""
     sensors = {s.name: _sensor(s) for s in code.sensors}
-    found: list[Range] = []
+    result: list[Range] = []
     for op, kind in zip(code.ops, code.kinds, strict=True):
         if kind is Kind.NUMBER:
-            found.append(_of(op, found, sensors))
+            result.append(_range_of(op, result, sensors))
         elif isinstance(op, Table):
-            found.append(_union([found[i] for i in op.elements]))
+            result.append(_union([result[i] for i in op.elements]))
         else:
-            found.append(ANYTHING)
-    return found
+            result.append(ANYTHING)
+    return result
 
 
-def _of(op: Op, found: list[Range], sensors: dict[str, Range]) -> Range:
+def _range_of(op: Op, result: list[Range], sensors: dict[str, Range]) -> Range:
     match op:
         case Literal(value=value):
             return Range(value, value, False) if value == value else ANYTHING
         case SensorElement(sensor=sensor):
             return sensors[sensor]
         case Apply(operator=operator, arguments=arguments):
-            return _applied(operator, [found[i] for i in arguments])
+            return _applied(operator, [result[i] for i in arguments])
         case _:
             return ANYTHING
 
 
 def _sensor(sensor: Sensor) -> Range:
-    """Return the range of a sensor, including its stand-in where it is missing."""
+    """Return the range of a sensor, including its stand-in for a missing reading."""
     numbers = members(sensor)
     low, high = sensor.low, sensor.high
     if numbers:
         low, high = min(numbers), max(numbers)
-    other = stand_in(sensor)
-    others = other if isinstance(other, tuple) else (other,)
+    stand_in_value = stand_in(sensor)
+    stand_ins = stand_in_value if isinstance(stand_in_value, tuple) else (stand_in_value,)
     return Range(
-        min(-inf if low is None else low, *others), max(inf if high is None else high, *others), False
+        min(-inf if low is None else low, *stand_ins), max(inf if high is None else high, *stand_ins), False
     )
 
 
-def _union(of: list[Range]) -> Range:
-    return Range(min(r.low for r in of), max(r.high for r in of), any(r.nan for r in of))
+def _union(parts: list[Range]) -> Range:
+    return Range(min(r.low for r in parts), max(r.high for r in parts), any(r.nan for r in parts))
 
 
 def _applied(operator: Operator, x: list[Range]) -> Range:
@@ -117,26 +117,30 @@ def _applied(operator: Operator, x: list[Range]) -> Range:
         case Operator.SECONDS:
             return Range(0.0, 1e300, False)
         case _:
-            return _of_one(operator, x)
+            return _applied_to_one(operator, x)
 
 
-def _of_one(operator: Operator, x: list[Range]) -> Range:
-    of, nan = x[0], any(r.nan for r in x)
-    infinite = not (isfinite(of.low) and isfinite(of.high))
+def _applied_to_one(operator: Operator, x: list[Range]) -> Range:
+    operand, nan = x[0], any(r.nan for r in x)
+    infinite = not (isfinite(operand.low) and isfinite(operand.high))
     match operator:
         case Operator.ABS:
-            low = 0.0 if of.low <= 0.0 <= of.high else min(abs(of.low), abs(of.high))
-            return Range(low, max(abs(of.low), abs(of.high)), nan)
+            low = 0.0 if operand.low <= 0.0 <= operand.high else min(abs(operand.low), abs(operand.high))
+            return Range(low, max(abs(operand.low), abs(operand.high)), nan)
         case Operator.SIGN:
             return Range(-1.0, 1.0, nan)
         case Operator.SQRT:
-            return Range(square_root(max(of.low, 0.0)), square_root(max(of.high, 0.0)), nan or of.low < 0.0)
+            return Range(
+                square_root(max(operand.low, 0.0)),
+                square_root(max(operand.high, 0.0)),
+                nan or operand.low < 0.0,
+            )
         case Operator.FLOOR:
-            return Range(round_down(of.low), round_down(of.high), nan)
+            return Range(round_down(operand.low), round_down(operand.high), nan)
         case Operator.CEIL:
-            return Range(round_up(of.low), round_up(of.high), nan)
+            return Range(round_up(operand.low), round_up(operand.high), nan)
         case Operator.ROUND:
-            return Range(round_even(of.low), round_even(of.high), nan)
+            return Range(round_even(operand.low), round_even(operand.high), nan)
         case Operator.SIN | Operator.COS:
             return Range(-1.0, 1.0, nan or infinite)
         case Operator.ATAN2:
@@ -148,16 +152,16 @@ def _of_one(operator: Operator, x: list[Range]) -> Range:
 
 
 def _sum(x: Range, y: Range) -> Range:
-    clash = (x.high == inf and y.low == -inf) or (x.low == -inf and y.high == inf)
+    sum_is_nan = (x.high == inf and y.low == -inf) or (x.low == -inf and y.high == inf)
     low, high = x.low + y.low, x.high + y.high
     if low != low or high != high:
         return ANYTHING
-    return Range(low, high, x.nan or y.nan or clash)
+    return Range(low, high, x.nan or y.nan or sum_is_nan)
 
 
-def _corners(of: Callable[[float, float], float], x: Range, y: Range) -> Range:
-    """Return the range of a function monotone in each of two finite operands; anything for infinite ones."""
+def _corners(function: Callable[[float, float], float], x: Range, y: Range) -> Range:
+    """Return the range of a function that is monotone in each operand; `ANYTHING` for infinite operands."""
     if not (x.finite and y.finite):
         return ANYTHING
-    found = [of(a, b) for a in (x.low, x.high) for b in (y.low, y.high)]
-    return Range(min(found), max(found), False)
+    corners = [function(a, b) for a in (x.low, x.high) for b in (y.low, y.high)]
+    return Range(min(corners), max(corners), False)

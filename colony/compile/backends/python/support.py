@@ -1,7 +1,7 @@
 """The source of the functions and classes that generated programs include.
 
-They are those of the plain executor, so each is defined once. Annotations are removed, since they would need
-imports.
+They are those of the plain executor, so that each has a single definition. Annotations are removed, since
+they would need imports.
 """
 
 from __future__ import annotations
@@ -25,37 +25,37 @@ def support(names: Iterable[str]) -> tuple[list[str], list[str]]:
     `names` may include names from `math`; unknown names are ignored.
     """
     definitions = _definitions()
-    wanted: set[str] = set()
-    work = list(names)
-    while work:
-        name = work.pop()
-        if name not in wanted:
-            wanted.add(name)
-            work.extend(_mentioned(definitions[name]) if name in definitions else ())
-    texts = [ast.unparse(node) for name, node in definitions.items() if name in wanted]
-    return texts, sorted(name for name in wanted if name in _MATH and name not in definitions)
+    needed: set[str] = set()
+    pending = list(names)
+    while pending:
+        name = pending.pop()
+        if name not in needed:
+            needed.add(name)
+            pending.extend(_names_in(definitions[name]) if name in definitions else ())
+    texts = [ast.unparse(node) for name, node in definitions.items() if name in needed]
+    return texts, sorted(name for name in needed if name in _MATH and name not in definitions)
 
 
 @cache
 def _definitions() -> dict[str, ast.FunctionDef | ast.ClassDef]:
-    """Return the definitions by name, each after those that it needs."""
-    found: dict[str, ast.FunctionDef | ast.ClassDef] = {}
+    """Return the definitions by name, dependencies first."""
+    definitions: dict[str, ast.FunctionDef | ast.ClassDef] = {}
     for module in _MODULES:
         for node in ast.parse(inspect.getsource(module)).body:
             if isinstance(node, ast.FunctionDef | ast.ClassDef):
-                found[node.name] = _without_annotations(node)
-    return found
+                definitions[node.name] = _without_annotations(node)
+    return definitions
 
 
-def _mentioned(node: ast.AST) -> set[str]:
+def _names_in(node: ast.AST) -> set[str]:
     return {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
 
 
 def _without_annotations(node: ast.FunctionDef | ast.ClassDef) -> ast.FunctionDef | ast.ClassDef:
     """Return the definition without annotations."""
-    bare = _AnnotationRemover().visit(node)
-    assert isinstance(bare, ast.FunctionDef | ast.ClassDef)
-    return bare
+    stripped = _AnnotationRemover().visit(node)
+    assert isinstance(stripped, ast.FunctionDef | ast.ClassDef)
+    return stripped
 
 
 class _AnnotationRemover(ast.NodeTransformer):

@@ -1,6 +1,6 @@
 """Ops as Python expressions, with no more parentheses than are needed.
 
-Where NaN and division by zero are impossible, Python's own operators and functions are used; elsewhere those
+Where NaN and division by zero are impossible, Python's own operators and functions are used, elsewhere those
 of `colony.execute.arithmetic`.
 """
 
@@ -28,7 +28,7 @@ class Binding(IntEnum):
 
 
 class Text(NamedTuple):
-    """An expression; `depth` is its nesting depth, which Python's parser limits."""
+    """The text of an expression; `depth` is its nesting depth, which Python's parser limits."""
 
     text: str
     binding: Binding = Binding.ATOM
@@ -79,7 +79,7 @@ _CALLS: dict[Operator, str] = {
 
 
 def literal(value: float | bool | int) -> Text:
-    """Return a constant; NaN and infinities by the names that `math` has for them."""
+    """Return a constant; NaN and infinity are written by their names in `math`."""
     if isinstance(value, bool):
         return Text(repr(value))
     if isinstance(value, int):
@@ -90,7 +90,7 @@ def literal(value: float | bool | int) -> Text:
 
 
 def mentions_twice(operator: Operator, x: list[Range]) -> bool:
-    """Return True if the operator's text repeats its operands, so that they should be names."""
+    """Return True if the operator's text repeats its operands, so that these should be variables."""
     match operator:
         case Operator.MIN | Operator.MAX:
             return len(x) == 2 and not any(r.nan for r in x)
@@ -100,8 +100,8 @@ def mentions_twice(operator: Operator, x: list[Range]) -> bool:
             return False
 
 
-def applied(operator: Operator, operands: list[Text], x: list[Range]) -> Text:
-    """Return the text of an operator of operands that have the ranges `x`."""
+def apply_operator(operator: Operator, operands: list[Text], x: list[Range]) -> Text:
+    """Return the text of an operator applied to operands with the ranges `x`."""
     depth = 1 + max(o.depth for o in operands)
     text, binding = _applied(operator, operands, x)
     return Text(text, binding, depth)
@@ -139,7 +139,7 @@ def _applied(operator: Operator, o: list[Text], x: list[Range]) -> tuple[str, Bi
             left = o[0].inside(binding + 1 if binding is Binding.COMPARISON else binding)
             return f"{left} {sign} {o[1].inside(binding + 1)}", binding
         case _:
-            return _called(operator, o)
+            return _call(operator, o)
 
 
 def _sum(o: list[Text]) -> tuple[str, Binding]:
@@ -151,20 +151,20 @@ def _sum(o: list[Text]) -> tuple[str, Binding]:
 
 
 def _guarded_quotient(o: list[Text]) -> tuple[str, Binding]:
-    """Return the text of a division whose divisor may be zero; a call handles that case."""
+    """Return the text of a division whose divisor may be zero; that case is left to a call."""
     call = f"divide({o[0].text}, {o[1].text})"
     quotient = f"{o[0].inside(Binding.PRODUCT)} / {o[1].inside(Binding.SIGN)}"
     return f"{quotient} if {o[1].inside(Binding.OR)} else {call}", Binding.CONDITIONAL
 
 
-def _called(operator: Operator, o: list[Text]) -> tuple[str, Binding]:
+def _call(operator: Operator, o: list[Text]) -> tuple[str, Binding]:
     return f"{_CALLS[operator]}({', '.join(p.text for p in o)})", Binding.ATOM
 
 
 def _extreme(operator: Operator, o: list[Text], x: list[Range]) -> tuple[str, Binding]:
-    """Return the least or greatest; Python's functions keep the first of equals, too, but fail with NaN."""
+    """Return the text of a minimum or maximum; without NaN, Python's functions return the same operand."""
     if any(r.nan for r in x):
-        return _called(operator, o)
+        return _call(operator, o)
     if len(o) == 1:
         return o[0].text, o[0].binding
     if len(o) == 2:

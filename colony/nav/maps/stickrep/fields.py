@@ -33,7 +33,7 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.'-]{0,63}", re.ASCII)
 
 
 class TooManyProblemsError(Exception):
-    """A map has too many problems; reading it is given up."""
+    """A map has too many problems; reading stops."""
 
 
 class Problems(list[Diagnostic]):
@@ -43,35 +43,35 @@ class Problems(list[Diagnostic]):
         """Add an error.
 
         Raises:
-            TooManyProblemsError: there are `MAX_PROBLEMS` of them now.
+            TooManyProblemsError: the maximum number of problems is reached.
         """
         self.append(error(code, span, message, hint))
         if len(self) >= MAX_PROBLEMS:
-            hint = "fix the first of them: the others may follow from it"
-            self.append(error("M023", span, f"gave up after {MAX_PROBLEMS} errors", hint))
+            hint = "fix the first errors: the others may follow from them"
+            self.append(error("M023", span, f"stopped after {MAX_PROBLEMS} errors", hint))
             raise TooManyProblemsError
 
 
 class Word(NamedTuple):
-    """A word of a line, and where it stands."""
+    """A word of a line, and its span."""
 
     text: str
     span: Span
 
     @property
     def shown(self) -> str:
-        """The word as a message quotes it, shortened."""
+        """The word as quoted in messages, shortened."""
         text = self.text if len(self.text) <= 40 else self.text[:37] + "..."
         return f"`{text}`"
 
     @property
     def looks_like_number(self) -> bool:
-        """True if the word was meant to be a number: rows begin with a number, header lines do not."""
+        """True if the word was probably meant as a number; rows begin with a number, header lines do not."""
         return _NUMBER_LIKE.match(self.text) is not None
 
 
 def lines_of_words(source: Source) -> Iterator[list[Word]]:
-    """Return the words of each line that has any, without comments."""
+    """Return the words of each nonempty line, without comments."""
     at = 0
     while at < len(source.text):
         end = source.text.find("\n", at)
@@ -87,13 +87,13 @@ def lines_of_words(source: Source) -> Iterator[list[Word]]:
 
 
 def line_end(words: list[Word]) -> Span:
-    """Return the span where the next word of a line would have begun."""
+    """Return the empty span at the end of a line's last word."""
     last = words[-1].span
     return Span(last.source, last.end, last.end)
 
 
 def values(problems: Problems, words: list[Word], usage: str) -> list[Word] | None:
-    """Return the words after the first, if they are as many as `usage` shows."""
+    """Return the words after the first one; None, with an error, if their number is not that in `usage`."""
     expected = len(usage.split())
     if len(words) == expected:
         return words[1:]
@@ -115,7 +115,9 @@ def number(problems: Problems, word: Word, what: str) -> float | None:
     return value
 
 
-def ranged(problems: Problems, word: Word, what: str, low: float, high: float, unit: str) -> float | None:
+def number_in_range(
+    problems: Problems, word: Word, what: str, low: float, high: float, unit: str
+) -> float | None:
     """Read a number whose magnitude is from `low` to `high`."""
     value = number(problems, word, what)
     if value is not None and not low <= abs(value) <= high:
@@ -130,9 +132,9 @@ def ranged(problems: Problems, word: Word, what: str, low: float, high: float, u
 def length_mm(
     problems: Problems, word: Word, what: str, low_mm: float, high_mm: float, unit: str
 ) -> float | None:
-    """Read a length in one of `LENGTH_UNITS`, whose magnitude is in a range given in mm."""
+    """Read a length in `unit`, with a magnitude in a range given in mm."""
     scale = LENGTH_UNITS[unit]
-    value = ranged(problems, word, what, low_mm / scale, high_mm / scale, unit)
+    value = number_in_range(problems, word, what, low_mm / scale, high_mm / scale, unit)
     return None if value is None else value * scale
 
 
@@ -140,7 +142,7 @@ def _range_hint(what: str) -> str | None:
     return "two neighboring nodes are at different places" if what == "the length" else None
 
 
-def whole(problems: Problems, word: Word, what: str, high: int) -> int | None:
+def whole_number(problems: Problems, word: Word, what: str, high: int) -> int | None:
     """Read a whole number from 0 to `high`."""
     if not (word.text.isascii() and word.text.isdigit()):
         problems.report("M009", word.span, f"expected {what}, a whole number; found {word.shown}")

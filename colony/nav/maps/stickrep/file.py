@@ -1,4 +1,4 @@
-"""Loads the text of a StickRep map from its file, and reports a file that is missing or no text."""
+"""Loads the text of a StickRep map from its file, and reports files that are missing or not text."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def load_source(path: str | os.PathLike[str]) -> Source:
     """Load the text of the file at `path`.
 
     Raises:
-        DiagnosticError: the file cannot be read, is too large, or is no text.
+        DiagnosticError: the file cannot be read, is too large, or is not text.
     """
     shown = os.fspath(path)
     empty = Source(shown, "")
@@ -26,15 +26,15 @@ def load_source(path: str | os.PathLike[str]) -> Source:
     except OSError as failure:
         if failure.errno == errno.EFBIG:
             message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; expected a map"
-            place, hint = Span(empty, 0, 0), "did you mean another file?"
-            raise DiagnosticError([error("M002", place, message, hint)]) from None
+            span, hint = Span(empty, 0, 0), "did you mean another file?"
+            raise DiagnosticError([error("M002", span, message, hint)]) from None
         message = f"cannot read the map: {reason(failure)}"
-        meant = Shipped.MAP.hint(shown) if failure.errno == errno.ENOENT else None
-        raise DiagnosticError([error("M001", Span(empty, 0, 0), message, meant)]) from None
+        suggestion = Shipped.MAP.hint(shown) if failure.errno == errno.ENOENT else None
+        raise DiagnosticError([error("M001", Span(empty, 0, 0), message, suggestion)]) from None
     try:
         return Source(shown, data.decode("utf-8-sig"))
     except UnicodeDecodeError as failure:
-        good = Source(shown, data[: failure.start].decode("utf-8", "replace"))
+        valid = Source(shown, data[: failure.start].decode("utf-8", "replace"))
         message = f"byte 0x{data[failure.start]:02x} is not UTF-8 text; expected a map"
-        place = Span(good, len(good.text), len(good.text))
-        raise DiagnosticError([error("M002", place, message, "save the file as UTF-8 text")]) from None
+        span = Span(valid, len(valid.text), len(valid.text))
+        raise DiagnosticError([error("M002", span, message, "save the file as UTF-8 text")]) from None

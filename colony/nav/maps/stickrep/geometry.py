@@ -1,9 +1,9 @@
-"""The places of a ring's nodes and shared lights: plane geometry on StickRep, without arrays.
+"""The positions of a ring's nodes and shared lights: plane geometry on StickRep, without arrays.
 
 A ring is stored as turns and lengths, and lengths are counted in bricks: traced once around, it rarely ends
 exactly where it began. The gap is distributed by the compass rule, as surveyors do in a closed traverse: each
-edge takes a share in proportion to its length. Walls then have no gaps, and no node moves by more than the
-original one.
+edge takes a share in proportion to its length. The walls then have no gaps, and no node moves by more than
+the original gap.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _EXACT = {0.0: (0.0, 1.0), 90.0: (-1.0, 0.0), 180.0: (0.0, -1.0), 270.0: (1.0, 0
 
 
 class Point(NamedTuple):
-    """A place in mm: x east, y north."""
+    """A point in mm: x east, y north."""
 
     x: float
     y: float
@@ -38,7 +38,7 @@ class Trace:
     """A ring walked once around, before its gap is closed.
 
     Attributes:
-        points: places of the nodes, and the end of the last edge.
+        points: positions of the nodes, and the end of the last edge.
         headings_deg: headings of the edges, in [0, 360).
         total_turn_deg: the sum of all turns; -360 for an outline, 360 for a block, if the ring is sound.
     """
@@ -73,103 +73,107 @@ def trace(ring: Ring) -> Trace:
 
 
 def corners(ring: Ring) -> tuple[Point, ...]:
-    """Return the places of a ring's nodes, in mm, with its gap spread over it by the compass rule."""
+    """Return the positions of a ring's nodes, in mm, with its gap distributed by the compass rule."""
     walked = trace(ring)
     gap = walked.gap
     total = math.fsum(edge.length_mm for edge in ring.edges)
-    placed, so_far = [], 0.0
+    closed, so_far = [], 0.0
     for point, edge in zip(walked.points, ring.edges, strict=False):
         share = so_far / total
-        placed.append(Point(point.x - gap.x * share, point.y - gap.y * share))
+        closed.append(Point(point.x - gap.x * share, point.y - gap.y * share))
         so_far += edge.length_mm
-    return tuple(placed)
+    return tuple(closed)
 
 
 class Projection(NamedTuple):
-    """A light's projection onto an edge: indices of edge and light, its place, and the edge's unit vector."""
+    """A light's projection onto an edge: the indices of both, the point, and the edge's unit vector."""
 
     edge: int
     light: int
-    at: Point
+    point: Point
     along: Point
 
 
 def projections(ring: Ring) -> tuple[Projection, ...]:
     """Return all projections of a ring's lights, in the order of the ring."""
     nodes = corners(ring)
-    out = []
+    result = []
     for i, edge in enumerate(ring.edges):
         here, there = nodes[i], nodes[(i + 1) % len(nodes)]
         length = math.hypot(there.x - here.x, there.y - here.y)
         along = Point((there.x - here.x) / length, (there.y - here.y) / length)
         for j, light in enumerate(edge.lights):
-            part = light.offset_mm / edge.length_mm
-            at = Point(here.x + part * (there.x - here.x), here.y + part * (there.y - here.y))
-            out.append(Projection(i, j, at, along))
-    return tuple(out)
+            fraction = light.offset_mm / edge.length_mm
+            point = Point(here.x + fraction * (there.x - here.x), here.y + fraction * (there.y - here.y))
+            result.append(Projection(i, j, point, along))
+    return tuple(result)
 
 
 def shared_lights(ring: Ring) -> tuple[Point, ...] | None:
-    """Return the places of the lights in turning spaces, or None if their projections do not pair up.
+    """Return the positions of the lights in turning spaces, or None if their projections do not pair up.
 
     The two projections of a light are successive along the ring, on edges that are not parallel, and the
     light is where the perpendiculars meet. As the ring may begin between the two, both pairings of neighbors
-    are tried; the one with the shorter perpendiculars is taken.
+    are tried, and the one with the shorter perpendiculars is used.
     """
-    marks = [p for p in projections(ring) if ring.edges[p.edge].lights[p.light].shared]
-    if len(marks) % 2:
+    projected = [p for p in projections(ring) if ring.edges[p.edge].lights[p.light].shared]
+    if len(projected) % 2:
         return None
-    ways = []
-    for first in (0, 1) if marks else (0,):
-        found = [_meet(marks[i], marks[(i + 1) % len(marks)]) for i in range(first, len(marks), 2)]
-        complete = [f for f in found if f is not None]
-        if len(complete) == len(found):
-            ways.append((sum(f.distance for f in complete), first, tuple(f.at for f in complete)))
-    return min(ways)[2] if ways else None
+    pairings = []
+    for first in (0, 1) if projected else (0,):
+        meetings = [
+            _meet(projected[i], projected[(i + 1) % len(projected)]) for i in range(first, len(projected), 2)
+        ]
+        complete = [m for m in meetings if m is not None]
+        if len(complete) == len(meetings):
+            pairings.append((sum(m.distance for m in complete), first, tuple(m.point for m in complete)))
+    return min(pairings)[2] if pairings else None
 
 
 class _Meeting(NamedTuple):
-    at: Point
+    point: Point
     distance: float
 
 
-_MIN_SINE = 0.1  # edges that differ by less than about six degrees are as good as parallel
+_MIN_SINE = 0.1  # edges within about six degrees of each other count as parallel
 
 
-def _meet(one: Projection, other: Projection) -> _Meeting | None:
-    """Return where the perpendiculars of two edges meet, and their total length; None for parallel edges."""
-    cross = one.along.x * other.along.y - one.along.y * other.along.x
+def _meet(first: Projection, second: Projection) -> _Meeting | None:
+    """Return the intersection of two perpendiculars, and their total length; None for parallel edges."""
+    cross = first.along.x * second.along.y - first.along.y * second.along.x
     if abs(cross) < _MIN_SINE:
         return None
-    # at . along is fixed on each perpendicular: two linear equations for the common point.
-    a = one.at.x * one.along.x + one.at.y * one.along.y
-    b = other.at.x * other.along.x + other.at.y * other.along.y
-    x = (a * other.along.y - b * one.along.y) / cross
-    y = (b * one.along.x - a * other.along.x) / cross
-    distance = math.hypot(x - one.at.x, y - one.at.y) + math.hypot(x - other.at.x, y - other.at.y)
-    return _Meeting(Point(x, y), distance)
+    # On each perpendicular, point . along is constant: two linear equations for the common point.
+    a = first.point.x * first.along.x + first.point.y * first.along.y
+    b = second.point.x * second.along.x + second.point.y * second.along.y
+    x = (a * second.along.y - b * first.along.y) / cross
+    y = (b * first.along.x - a * second.along.x) / cross
+    to_first = math.hypot(x - first.point.x, y - first.point.y)
+    to_second = math.hypot(x - second.point.x, y - second.point.y)
+    return _Meeting(Point(x, y), to_first + to_second)
 
 
-def link_places(source: Map) -> tuple[tuple[Point, Point], ...]:
-    """Return the two places of each link."""
+def link_endpoints(source: Map) -> tuple[tuple[Point, Point], ...]:
+    """Return the two endpoints of each link."""
     begins: dict[str, tuple[Point, Point, float]] = {}
     for ring in source.rings:
         nodes = corners(ring)
         for i, (node, edge) in enumerate(zip(ring.nodes, ring.edges, strict=True)):
             begins[node.name] = (nodes[i], nodes[(i + 1) % len(nodes)], edge.length_mm)
 
-    def place(site: Site) -> Point:
+    def position_of(site: Site) -> Point:
         here, there, length = begins[site.node]
-        part = site.offset_mm / length
-        return Point(here.x + part * (there.x - here.x), here.y + part * (there.y - here.y))
+        fraction = site.offset_mm / length
+        return Point(here.x + fraction * (there.x - here.x), here.y + fraction * (there.y - here.y))
 
-    return tuple((place(link.first), place(link.second)) for link in source.links)
+    return tuple((position_of(link.first), position_of(link.second)) for link in source.links)
 
 
 def in_free_space(rings: tuple[tuple[Point, ...], ...], x: float, y: float) -> bool:
-    """Return True if a place is inside an outline and outside its blocks, by the edges to its east.
+    """Return True if a point is inside an outline and outside its blocks.
 
-    `rings` holds the corners of each ring, as `corners` gives them.
+    The test counts the edges to the east of the point. `rings` holds the corners of each ring, as returned by
+    `corners`.
     """
     inside = False
     for nodes in rings:

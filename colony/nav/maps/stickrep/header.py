@@ -17,8 +17,8 @@ _T = TypeVar("_T")
 class Header:
     """The header, as read so far.
 
-    The lengths and nodes in it (`start`, `tolerance`, `links`, `elevators`) stay words: the line that names
-    the unit may come later, and so may the rings.
+    The lengths and nodes in it (`start`, `tolerance`, `links`, `elevators`) are kept as words, because the
+    unit and the rings may come later.
     """
 
     def __init__(self, problems: Problems, source: Source) -> None:
@@ -34,7 +34,7 @@ class Header:
         self.start: tuple[Word, ...] | None = None
         self.links: list[tuple[Word, Word]] = []
         self.elevators: list[tuple[Word, Word, Word]] = []
-        self._once: dict[str, tuple[str, Callable[[list[Word]], None]]] = {
+        self._unique: dict[str, tuple[str, Callable[[list[Word]], None]]] = {
             "map": ("map NAME", self._map),
             "floor": ("floor NAME", self._floor),
             "start": ("start X Y HEADING", self._start),
@@ -43,41 +43,41 @@ class Header:
             "closure": ("closure LENGTH", self._closure),
             "travel": ("travel WAY", self._travel),
         }
-        self._often: dict[str, tuple[str, Callable[[list[Word]], None]]] = {
+        self._repeatable: dict[str, tuple[str, Callable[[list[Word]], None]]] = {
             "link": ("link PLACE PLACE", self._link),
             "elevator": ("elevator NODE FILE NODE", self._elevator),
         }
 
     @property
     def known(self) -> tuple[str, ...]:
-        """The words that lines of a header begin with."""
-        return (*self._once, *self._often)
+        """The first words of all header lines."""
+        return (*self._unique, *self._repeatable)
 
-    def take(self, words: list[Word]) -> bool:
+    def read_line(self, words: list[Word]) -> bool:
         """Read a line if it belongs to the header, and return True; report an unknown line."""
         key = words[0]
         if key.text == "ring" or key.looks_like_number:
             return False
-        if key.text in self._often:
+        if key.text in self._repeatable:
             line = " ".join(word.text for word in words)
             if self._is_first(line, key.span, f"each `{key.text}` line once"):
-                self._read(words, *self._often[key.text])
+                self._read(words, *self._repeatable[key.text])
             return True
-        if key.text not in self._once:
+        if key.text not in self._unique:
             close = did_you_mean(key.text, ("stickrep", "ring", *self.known))
             hint = close or "header lines are: " + ", ".join(self.known)
             message = f"expected a header line, `ring` or a row that begins with an angle; found {key.shown}"
             self.problems.report("M004", key.span, message, hint)
-            return False  # perhaps a row: its ring is not checked any further
+            return False  # perhaps a row: its ring is not checked further
         if self._is_first(key.text, key.span, f"one `{key.text}` line"):
-            self._read(words, *self._once[key.text])
+            self._read(words, *self._unique[key.text])
         return True
 
-    def _read(self, words: list[Word], usage: str, take: Callable[[list[Word]], None]) -> None:
-        """Pass the values of a line on if their number matches its usage."""
+    def _read(self, words: list[Word], usage: str, handle: Callable[[list[Word]], None]) -> None:
+        """Handle the values of a line if their number matches its usage."""
         values = fields.values(self.problems, words, usage)
         if values:
-            take(values)
+            handle(values)
 
     def _is_first(self, key: str, span: Span, expected: str) -> bool:
         if key not in self.seen:
@@ -109,17 +109,17 @@ class Header:
 
     def _lights(self, values: list[Word]) -> None:
         hint = "offsets count from the light before (incremental), or all from the node (cumulative)"
-        self.light_offsets = self._one_of(get_args(LightOffsets), values[0], hint) or self.light_offsets
+        self.light_offsets = self._choice(get_args(LightOffsets), values[0], hint) or self.light_offsets
 
     def _travel(self, values: list[Word]) -> None:
         hint = "paths follow the rings both ways (either), or only as these are traced (wall-on-left)"
-        self.travel = self._one_of(get_args(Travel), values[0], hint) or self.travel
+        self.travel = self._choice(get_args(Travel), values[0], hint) or self.travel
 
-    def _one_of(self, known: tuple[_T, ...], word: Word, hint: str) -> _T | None:
-        """Return the word of `known` that this is; report an error and return None if it is none of them."""
-        for one in known:
-            if word.text == one:
-                return one
+    def _choice(self, known: tuple[_T, ...], word: Word, hint: str) -> _T | None:
+        """Return the element of `known` that equals the word; None, with an error, if there is none."""
+        for choice in known:
+            if word.text == choice:
+                return choice
         message = f"expected {' or '.join(map(str, known))}; found {word.shown}"
         self.problems.report("M007", word.span, message, hint)
         return None

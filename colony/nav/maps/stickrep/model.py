@@ -23,7 +23,7 @@ Travel = Literal["either", "wall-on-left"]
 """Direction in which paths follow the rings: both ways, or only with the wall on the left hand."""
 
 DEFAULT_TOLERANCE_MM = 50.8
-"""Default tolerance of a ring's closure error: two inches, the inaccuracy of a brick."""
+"""Default tolerance of a ring's closure error: two inches, the tolerance of a brick."""
 
 
 class EdgeKind(Enum):
@@ -35,7 +35,7 @@ class EdgeKind(Enum):
 
 
 class Pose(NamedTuple):
-    """A place and a heading: x east and y north in mm, heading in degrees counterclockwise from north."""
+    """A position and a heading: x east and y north in mm, heading in degrees counterclockwise from north."""
 
     x_mm: float
     y_mm: float
@@ -92,7 +92,7 @@ class Edge:
 class Ring:
     """A closed contour: edge i leads from node i to node i + 1, the last one back to node 0.
 
-    `start` is the place of node 0 and the heading of edge 0.
+    `start` is the position of node 0 and the heading of edge 0.
     """
 
     name: str
@@ -107,14 +107,14 @@ class Ring:
 
 
 class Site(NamedTuple):
-    """A place on a ring: a node, or `offset_mm` after it on its edge."""
+    """A position on a ring: a node, or `offset_mm` after it on its edge."""
 
     node: str
     offset_mm: float = 0.0
 
 
 class Link(NamedTuple):
-    """Two places on different rings between which the robot can drive.
+    """Two positions on different rings between which the robot can drive.
 
     They face each other across a corridor, or are corners of one turning space. A path may change rings
     there, and the distance across is not counted (thesis section 5.1.1, where rings are not linked, and 7.2).
@@ -127,7 +127,7 @@ class Link(NamedTuple):
 class ElevatorLink(NamedTuple):
     """The elevator that begins at `node` is the one that begins at `other_node` of the map in `file`.
 
-    `file` is a path, relative to the folder of the map that this is part of.
+    `file` is a path relative to the folder of this map.
     """
 
     node: str
@@ -139,8 +139,8 @@ class ElevatorLink(NamedTuple):
 class Map:
     """The map of one floor. `start` is the default pose of a robot.
 
-    `floor` names the floor in its building, "3"; it is empty if the name is not needed. `unit` and
-    `light_offsets` say how the map is written in a file; nothing else depends on them.
+    `floor` is the name of the floor in its building, such as "3", or empty if not needed. `unit` and
+    `light_offsets` only affect how the map is written to a file.
     """
 
     name: str

@@ -6,10 +6,10 @@ A file is a header, then rings of rows; `#` begins a comment. The header says, i
     map NAME
     start X Y HEADING           the default pose of a robot
     unit inch                   unit of all lengths in the file (default inch; mm, cm, m, ft)
-    lights incremental          or cumulative: how offsets of lights count (default incremental)
-    closure 2                   the closure error that a ring may have (default two inches)
-    travel either               or wall-on-left: which way paths follow the rings (default either)
-    floor NAME                  the floor's name in its building, if elevators lead to others
+    lights incremental          or cumulative: the reference of the lights' offsets (default incremental)
+    closure 2                   the largest closure error of a ring (default two inches)
+    travel either               or wall-on-left: the direction in which paths follow the rings (default
+    either) floor NAME                  the floor's name in its building, if elevators lead to others
     link PLACE PLACE            two places of different rings that face each other, as many lines as needed;
                                 a place is NODE, or NODE+LENGTH for a place after it on its edge
     elevator NODE FILE NODE     an elevator's edge here, and the same elevator's in the map of another floor
@@ -19,7 +19,7 @@ row for each node and the edge after it, the fields of thesis section 5.1:
 
     alpha name tau lambda d1 .. d_lambda mu attribute
 
-Codes of errors: M001 cannot be read, M002 not a text, M003 not a StickRep map, M004 unknown header line, M005
+Codes of errors: M001 cannot be read, M002 not text, M003 not a StickRep map, M004 unknown header line, M005
 duplicate header line, M006 header line missing, M007 header line malformed, M008 name, M009 number, M010 row
 too short, M011 edge type, M012 lights, M013 row outside a ring, M014 node name twice, M015 ring name twice,
 M016 too few edges, M017 does not close in angle, M018 does not close in place, M019 light beyond its edge,
@@ -35,11 +35,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from colony.nav.maps.stickrep import fields
-from colony.nav.maps.stickrep.checks import Places, RingPlaces, check_map, check_ring
+from colony.nav.maps.stickrep.checks import MapSpans, RingSpans, check_map, check_ring
+from colony.nav.maps.stickrep.connections import Connections, read_connections
 from colony.nav.maps.stickrep.fields import Problems, TooManyProblemsError, Word, line_end, lines_of_words
 from colony.nav.maps.stickrep.file import load_source
 from colony.nav.maps.stickrep.header import Header
-from colony.nav.maps.stickrep.joints import Joints, read_joints
 from colony.nav.maps.stickrep.model import (
     DEFAULT_TOLERANCE_MM,
     Edge,
@@ -61,8 +61,8 @@ def load_map(path: str | os.PathLike[str]) -> Map:
     """Read the map at `path`.
 
     Raises:
-        DiagnosticError: the file cannot be read, or is no sound map; with all errors found, each with its
-            place.
+        DiagnosticError: the file cannot be read, or is not a valid map; with all errors found, each with its
+            location.
     """
     return read_map(load_source(path))
 
@@ -71,7 +71,7 @@ def read_map(source: Source) -> Map:
     """Read a map from its text.
 
     Raises:
-        DiagnosticError: the text is no sound map; with all errors found, in order, each with its place.
+        DiagnosticError: the text is not a valid map; with all errors found, in order, each with its location.
     """
     nul = source.text.find("\0")
     if nul >= 0:
@@ -88,8 +88,8 @@ def read_map(source: Source) -> Map:
 
 
 @dataclass(slots=True, kw_only=True)
-class _RingSoFar:
-    """A ring while its rows are read; `sound` until one of them is wrong."""
+class _PartialRing:
+    """A ring whose rows are being read; `sound` is False once one of them has an error."""
 
     header: Span
     name: str
@@ -103,18 +103,18 @@ class _RingSoFar:
     def finish(self) -> Ring:
         return Ring(name=self.name, start=self.start, nodes=tuple(self.nodes), edges=tuple(self.edges))
 
-    def places(self) -> RingPlaces:
-        return RingPlaces(header=self.header, nodes=tuple(self.node_spans), lights=tuple(self.light_spans))
+    def spans(self) -> RingSpans:
+        return RingSpans(header=self.header, nodes=tuple(self.node_spans), lights=tuple(self.light_spans))
 
 
 class _Reader:
-    """One pass over the lines of one text, collecting problems on the way."""
+    """One pass over the lines of a text, collecting problems."""
 
     def __init__(self, source: Source) -> None:
         self.source = source
         self.problems = Problems()
         self.header = Header(self.problems, source)
-        self.rings: list[_RingSoFar] = []
+        self.rings: list[_PartialRing] = []
         self.node_names: dict[str, Span] = {}
 
     def read(self) -> Map | None:
@@ -122,7 +122,7 @@ class _Reader:
         lines = lines_of_words(self.source)
         if not self._is_stickrep(next(lines, None)):
             return None
-        # Lengths need the unit, wherever the header names it: first the header, then the rings.
+        # The whole header is read before the rings, whose lengths need the unit.
         for words in self._body(lines):
             if words[0].text == "ring":
                 self._ring(words)
@@ -153,10 +153,10 @@ class _Reader:
         return True
 
     def _body(self, lines: Iterator[list[Word]]) -> list[list[Word]]:
-        """Read the header lines, and give all others."""
+        """Read the header lines, and return all other lines."""
         body: list[list[Word]] = []
         for words in lines:
-            if not self.header.take(words):
+            if not self.header.read_line(words):
                 body.append(words)
             if len(body) + len(self.header.links) + len(self.header.elevators) > MAX_LINES:
                 message = f"expected at most {MAX_LINES} rows, links and ring lines; found one more"
@@ -173,7 +173,7 @@ class _Reader:
         limit = fields.MAX_COORDINATE_MM
         x = self._mm(words[0], "x", 0.0, limit)
         y = self._mm(words[1], "y", 0.0, limit)
-        heading = fields.ranged(self.problems, words[2], "the heading", 0.0, 360.0, "degrees")
+        heading = fields.number_in_range(self.problems, words[2], "the heading", 0.0, 360.0, "degrees")
         if x is None or y is None or heading is None:
             return None
         return Pose(x, y, heading % 360.0)
@@ -186,7 +186,7 @@ class _Reader:
             message = f"there is a ring `{name}` already"
             self.problems.report("M015", words[1].span, message, "names of rings are unique in a map")
         span = words[0].span.to(words[min(1, len(words) - 1)].span)
-        ring = _RingSoFar(header=span, name=name or "", start=pose or Pose(0.0, 0.0, 0.0))
+        ring = _PartialRing(header=span, name=name or "", start=pose or Pose(0.0, 0.0, 0.0))
         ring.sound = name is not None and pose is not None
         self.rings.append(ring)
 
@@ -212,7 +212,7 @@ class _Reader:
         ring.light_spans.append(tuple(w.span for w in words[4 : 4 + len(edge.lights)]))
 
     def _node(self, words: list[Word]) -> MapNode | None:
-        angle = fields.ranged(self.problems, words[0], "the angle", 0.0, 360.0, "degrees")
+        angle = fields.number_in_range(self.problems, words[0], "the angle", 0.0, 360.0, "degrees")
         if angle is not None and abs(angle) in (0.0, 360.0):
             message = f"the angle is {words[0].shown}; expected one between 0 and 360 degrees, either sign"
             self.problems.report("M009", words[0].span, message, "180 goes straight on")
@@ -234,18 +234,18 @@ class _Reader:
 
     def _edge(self, words: list[Word]) -> Edge | None:
         kind = fields.edge_kind(self.problems, words[2])
-        count = fields.whole(self.problems, words[3], "the number of lights", fields.MAX_LIGHTS)
+        count = fields.whole_number(self.problems, words[3], "the number of lights", fields.MAX_LIGHTS)
         if count is None:
             return None
-        at = 4 + count
-        if len(words) <= at or not words[at].looks_like_number:
-            place = words[at].span if len(words) > at else line_end(words)
-            numbers = sum(w.looks_like_number for w in words[4 : at + 1])
+        length_index = 4 + count
+        if len(words) <= length_index or not words[length_index].looks_like_number:
+            place = words[length_index].span if len(words) > length_index else line_end(words)
+            numbers = sum(w.looks_like_number for w in words[4 : length_index + 1])
             message = f"expected {counted(count, 'offset')} and a length after the number of lights"
             self.problems.report("M012", place, f"{message}; found {counted(numbers, 'number')}")
             return None
-        lights = self._light_offsets(words[4:at])
-        length = self._mm(words[at], "the length", fields.MIN_LENGTH_MM, fields.MAX_LENGTH_MM)
+        lights = self._light_offsets(words[4:length_index])
+        length = self._mm(words[length_index], "the length", fields.MIN_LENGTH_MM, fields.MAX_LENGTH_MM)
         if kind is None or lights is None or length is None:
             return None
         return Edge(
@@ -253,7 +253,7 @@ class _Reader:
             length_mm=abs(length),
             counted=length > 0,
             lights=lights,
-            attribute=" ".join(w.text for w in words[at + 1 :]),
+            attribute=" ".join(w.text for w in words[length_index + 1 :]),
         )
 
     def _light_offsets(self, words: list[Word]) -> tuple[Light, ...] | None:
@@ -265,14 +265,14 @@ class _Reader:
             if offset is None:
                 sound = False
                 continue
-            at = abs(offset) + (last if self.header.light_offsets == "incremental" else 0.0)
-            if at < last:
+            offset_mm = abs(offset) + (last if self.header.light_offsets == "incremental" else 0.0)
+            if offset_mm < last:
                 message = f"the offset {word.shown} is less than the one before"
                 hint = "cumulative offsets all count from the node; `lights incremental` is the other way"
                 self.problems.report("M019", word.span, message, hint)
                 sound = False
-            lights.append(Light(offset_mm=at, shared=word.text.startswith("-")))
-            last = at
+            lights.append(Light(offset_mm=offset_mm, shared=word.text.startswith("-")))
+            last = offset_mm
         return tuple(lights) if sound else None
 
     # The whole
@@ -281,22 +281,23 @@ class _Reader:
         header = self.header
         start = self._pose(header.start) if header.start else None
         tolerance = self._tolerance()
-        self._missing()
+        self._check_required_lines()
         for ring in self.rings:
             if ring.sound:
-                ring.sound = check_ring(self.problems, ring.finish(), ring.places(), tolerance)
+                ring.sound = check_ring(self.problems, ring.finish(), ring.spans(), tolerance)
         rings = tuple(ring.finish() for ring in self.rings)
         sound = bool(rings) and all(ring.sound for ring in self.rings)
-        # Where a row could not be read, its node is not known, and links to it would be blamed.
-        joints = read_joints(self.problems, header, rings) if sound else Joints(links=(), elevators=())
+        # If a row could not be read, its node is unknown, and correct links to it would be reported.
+        none = Connections(links=(), elevators=())
+        connections = read_connections(self.problems, header, rings) if sound else none
         if start is None or header.start is None or tolerance is None or header.name is None:
             return None
         result = Map(
             name=header.name,
             start=start,
             rings=rings,
-            links=joints.links,
-            elevators=joints.elevators,
+            links=connections.links,
+            elevators=connections.elevators,
             floor=header.floor,
             travel=header.travel,
             tolerance_mm=tolerance,
@@ -305,7 +306,7 @@ class _Reader:
         )
         if sound:
             span = header.start[0].span.to(header.start[-1].span)
-            check_map(self.problems, result, Places(start=span, rings=tuple(r.places() for r in self.rings)))
+            check_map(self.problems, result, MapSpans(start=span, rings=tuple(r.spans() for r in self.rings)))
         return result
 
     def _tolerance(self) -> float | None:
@@ -319,7 +320,7 @@ class _Reader:
             return None
         return tolerance
 
-    def _missing(self) -> None:
+    def _check_required_lines(self) -> None:
         end = Span(self.source, len(self.source.text.rstrip()), len(self.source.text.rstrip()))
         for key, usage in (("map", "map NAME"), ("start", "start X Y HEADING")):
             if key not in self.header.seen:

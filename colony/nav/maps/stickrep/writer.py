@@ -26,10 +26,10 @@ def write_map(written: Map) -> str:
         *([f"travel {written.travel}"] if written.travel != "either" else []),
         f"start {_pose(written.start, scale)}",
     ]
-    joints = [f"link {_site(link.first, scale)} {_site(link.second, scale)}" for link in written.links]
-    joints += [f"elevator {ride.node} {ride.file} {ride.other_node}" for ride in written.elevators]
+    connections = [f"link {_site(link.first, scale)} {_site(link.second, scale)}" for link in written.links]
+    connections += [f"elevator {ride.node} {ride.file} {ride.other_node}" for ride in written.elevators]
     rings = [_ring(ring, scale, written.light_offsets == "cumulative") for ring in written.rings]
-    return "\n\n".join(["\n".join(header), *rings, *(["\n".join(joints)] if joints else [])]) + "\n"
+    return "\n\n".join(["\n".join(header), *rings, *(["\n".join(connections)] if connections else [])]) + "\n"
 
 
 def _ring(ring: Ring, scale: float, cumulative: bool) -> str:

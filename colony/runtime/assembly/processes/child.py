@@ -1,8 +1,8 @@
 """A process of a robot: `python -m colony.runtime.assembly.processes.child SPEC`.
 
-It runs until a signal ends it or its parent is gone, and then closes its resources: a base server stops the
+It runs until it gets a signal or its parent ends, and then closes its resources; a base server stops the
 base. It reports errors on standard error and in its exit code. Hardware servers have their own entry point
-beside their drivers, which passes the drivers to `main`.
+next to their drivers, which passes the drivers to `main`.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import NoReturn
 
-from colony.collector import collector_past_startup
-from colony.os_errors import described
+from colony.collector import gc_frozen
+from colony.os_errors import describe
 from colony.runtime.assembly.processes.devices import Devices
 from colony.runtime.assembly.processes.parts import is_nonblocking, nodes_of, serves
 from colony.runtime.assembly.processes.shutdown import (
@@ -28,11 +28,11 @@ from colony.runtime.assembly.processes.shutdown import (
     on_parent_exit,
     on_signals,
 )
-from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, place_of, read_spec
+from colony.runtime.assembly.processes.spec import GatewayPart, Part, Spec, address_of, read_spec
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.errors import GatewayFullError, LiveError
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.place import Local, Place
+from colony.runtime.transport.live.robot_address import Local, RobotAddress
 from colony.text.diagnostics import DiagnosticError
 
 
@@ -57,13 +57,13 @@ def run(
         StoreError: it cannot store data that it must store, and has to end.
         Exception: as raised by a node.
     """
-    place = place_of(spec.place)
+    robot_address = address_of(spec.robot_address)
     try:
         with ExitStack() as resources:
-            host = resources.enter_context(_host(spec.part, place, devices, resources))
-            shutdown.then(host.stop)
+            host = resources.enter_context(_host(spec.part, robot_address, devices, resources))
+            shutdown.on_request(host.stop)
             ready()
-            with collector_past_startup():
+            with gc_frozen():
                 host.run()
     except GatewayFullError as full:
         if shutdown.reason is None:
@@ -72,25 +72,25 @@ def run(
 
 
 def restart_in_place() -> NoReturn:
-    """Replace this process by a new run of the same command, under the same process id."""
+    """Replace this process by a new run of the same command, with the same process id."""
     os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
 
 
-def _host(part: Part, place: Place, devices: Devices | None, resources: ExitStack) -> Host:
+def _host(part: Part, robot_address: RobotAddress, devices: Devices | None, resources: ExitStack) -> Host:
     if isinstance(part, GatewayPart):
         from colony.runtime.transport.live.gateway import open_gateway
         from colony.runtime.transport.live.security import read_security
 
-        if not isinstance(place, Local):
+        if not isinstance(robot_address, Local):
             raise ValueError("a gateway runs on the robot's own machine")
-        return open_gateway(place, part.listen, read_security(Path(part.security)), report=log_line)
+        return open_gateway(robot_address, part.listen, read_security(Path(part.security)), report=log_line)
     try:
-        nodes = nodes_of(part, place, devices, resources)
+        nodes = nodes_of(part, robot_address, devices, resources)
     except OSError as problem:
-        raise StartupError(described(problem)) from None
+        raise StartupError(describe(problem)) from None
     except (DiagnosticError, StoreError) as problem:
         raise StartupError(str(problem)) from None
-    return Host.open(place, nodes, serves=serves(part), direct=is_nonblocking(part), report=log_line)
+    return Host.open(robot_address, nodes, serves=serves(part), direct=is_nonblocking(part), report=log_line)
 
 
 def main(devices: Devices | None = None) -> None:

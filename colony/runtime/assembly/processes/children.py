@@ -1,9 +1,9 @@
 """The child processes of a supervisor: monitored, restarted, and ended in order.
 
-Each is started from scratch (never forked from a process with an open session), in its own process group, so
-that Ctrl-C at a terminal reaches only the supervisor, which then ends the others in order. When a process has
-ended, the rest of its group is killed. The output of a process goes to its own log, whose last lines are
-shown when it dies.
+Each child is started from scratch (never forked from a process with an open session), in its own process
+group, so that Ctrl-C at a terminal reaches only the supervisor, which then ends the others in order. When a
+process has ended, the rest of its group is killed. The output of a process goes to its own log, whose last
+lines are shown when it dies.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from colony.runtime.transport.live.network import THREADS
 
 TAIL_BYTES = 4096
 TAIL_LINES = 8
-"""Largest part of a log that is shown when its process dies."""
+"""Maximum part of a log that is shown when its process dies."""
 
 LOG_BYTES = 16 * 1024 * 1024
 """Size in bytes beyond which a log is emptied."""
@@ -42,8 +42,8 @@ class Job:
     """A process to start: `module` is run with `arguments`, and its output goes into the file `log`.
 
     Attributes:
-        wave: shutdown wave: processes of wave 0 end first, those of the next wave after them.
-        essential: True if the run ends when the process is given up.
+        wave: shutdown wave; processes of wave 0 are ended first.
+        essential: True if the run ends when the process dies and is not restarted.
         one_thread: True if all of zenoh's tasks run on one thread.
         clients: addresses of the clients that run in the process.
     """
@@ -61,8 +61,8 @@ class Job:
 class Death(NamedTuple):
     """The unexpected end of a process.
 
-    `tail` are the last lines of its output. `pause_s` is the time until its restart; None if it is not
-    restarted. `final` is True if its exit code says that a restart would not help.
+    `tail` has the last lines of its output. `pause_s` is the time until its restart, None if it is not
+    restarted. `final` is True if its exit code means that a restart would not help.
     """
 
     job: Job
@@ -82,7 +82,7 @@ class _Child:
 
 
 class Children:
-    """The child processes of a supervisor. Mutable: the live processes.
+    """The child processes of a supervisor. Mutable.
 
     Args:
         clock: monotonic clock in nanoseconds.
@@ -117,8 +117,8 @@ class Children:
 
     def pids(self) -> dict[str, int]:
         """Return the ids of the live processes by name; may be called from any thread."""
-        found = ((child.job.name, child.process) for child in tuple(self._children.values()))
-        return {name: process.pid for name, process in found if process is not None}
+        processes = ((child.job.name, child.process) for child in tuple(self._children.values()))
+        return {name: process.pid for name, process in processes if process is not None}
 
     def restarts(self) -> int:
         """Return the number of restarts."""
@@ -157,13 +157,13 @@ class Children:
             if child.due_ns is not None and self._clock() >= child.due_ns:
                 self._spawn(child)
             return
-        code = _ended(child.process)
+        code = _exit_code(child.process)
         if code is None:
-            _limit(child.job.log)
+            _limit_log(child.job.log)
             return
         _release(child)
         now = self._clock()
-        child.due_ns = None if code == EXIT_FINAL else child.restarts.died(child.began_ns, now)
+        child.due_ns = None if code == EXIT_FINAL else child.restarts.next_start(child.began_ns, now)
         pause_s = None if child.due_ns is None else (child.due_ns - now) / 1e9
         yield Death(child.job, _cause(code), last_lines(child.job.log), pause_s, code == EXIT_FINAL)
         if child.due_ns is not None and child.due_ns <= now:
@@ -177,13 +177,13 @@ class Children:
         until = time.monotonic() + grace_s
         living = [c for c in children if c.process is not None]
         while living and time.monotonic() < until:
-            living = [c for c in living if c.process is not None and _ended(c.process) is None]
+            living = [c for c in living if c.process is not None and _exit_code(c.process) is None]
             if living:
                 time.sleep(POLL_INTERVAL_S)
         for child in living:
             assert child.process is not None
             child.process.kill()
-            _ended(child.process, os.WEXITED)
+            _exit_code(child.process, os.WEXITED)
         for child in children:
             _release(child)
         return [child.job.name for child in living]
@@ -195,13 +195,13 @@ class Children:
             _release(child)
 
 
-def _ended(process: subprocess.Popen[bytes], wanted: int = os.WEXITED | os.WNOHANG) -> int | None:
+def _exit_code(process: subprocess.Popen[bytes], options: int = os.WEXITED | os.WNOHANG) -> int | None:
     """Return the exit code of a process that has ended, None if it has not.
 
-    Before it is reaped, its forked processes are killed, as until then no other group can have its id.
+    Its forked processes are killed before it is reaped, because until then no other group can have its id.
     """
     with suppress(ChildProcessError):  # raised if SIGCHLD is ignored
-        if os.waitid(os.P_PID, process.pid, wanted | os.WNOWAIT) is None:
+        if os.waitid(os.P_PID, process.pid, options | os.WNOWAIT) is None:
             return None
     kill_group(process.pid)
     return process.wait()
@@ -219,12 +219,12 @@ def _release(child: _Child) -> None:
 def _log(path: Path) -> IO[bytes]:
     """Open the log of a process; if it cannot be created, as on a full disk, output is dropped."""
     try:
-        return open(path, "ab", opener=_private)
+        return open(path, "ab", opener=_open_private)
     except OSError:
         return open(os.devnull, "ab")
 
 
-def _limit(path: Path) -> None:
+def _limit_log(path: Path) -> None:
     """Empty the log of a process if it has grown beyond the limit."""
     with suppress(OSError):
         if path.stat().st_size > LOG_BYTES:
@@ -233,41 +233,41 @@ def _limit(path: Path) -> None:
                 log.write(f"earlier lines were dropped: more than {LOG_BYTES >> 20} MiB\n".encode())
 
 
-def _private(path: str, flags: int) -> int:
+def _open_private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)
 
 
 ONE_THREAD = (
     "(app: (worker_threads: 1), "
-    + ", ".join(f"{part}: (handover: app)" for part in ("net", "acc", "tx", "rx"))
+    + ", ".join(f"{pool}: (handover: app)" for pool in ("net", "acc", "tx", "rx"))
     + ")"
 )
 """Threads of zenoh in processes of clients and of Python modules, in the format of `ZENOH_RUNTIME`.
 
 One thread runs all of zenoh's tasks. A process that handles one message at a time gains nothing from more
-threads, and each costs context switches (measured, with direct hosts: a third of a frame's time). That thread
-must not wait for room at a link, because only it can make that room: see `live/host.py`.
+threads, and each costs context switches (measured, with direct hosts: a third of a frame's time). The one
+thread must not wait for room on a link, because only it can empty the link's queue (see `live/host.py`).
 """
 
 ONE_ARENA = "1"
 """Number of heaps of the C library, in the format of `MALLOC_ARENA_MAX`.
 
-Threads that come and go with connections would get their own heaps, whose free memory no other thread uses
-(measured: 15 MB instead of 2 in a server after the death of 178 clients).
+Otherwise threads that come and go with connections get their own heaps, whose free memory no other thread
+can use (measured: 15 MB instead of 2 MB in a server after the death of 178 clients).
 """
 
 
 def _environment(*, one_thread: bool) -> dict[str, str]:
     """Return the environment of a child: this process's, with defaults for missing settings.
 
-    The child finds this package even if it is not installed.
+    It lets the child find this package even if it is not installed.
     """
     root = str(Path(colony.__file__).parent.parent)
     threads = ONE_THREAD if one_thread else THREADS
     environment = {"MALLOC_ARENA_MAX": ONE_ARENA, "ZENOH_RUNTIME": threads, **os.environ}
     if root not in site.getsitepackages():
-        before = environment.get("PYTHONPATH")
-        environment["PYTHONPATH"] = root if not before else os.pathsep.join((root, before))
+        inherited = environment.get("PYTHONPATH")
+        environment["PYTHONPATH"] = root if not inherited else os.pathsep.join((root, inherited))
     return environment
 
 
@@ -291,16 +291,16 @@ def last_lines(path: Path) -> tuple[str, ...]:
     return tuple(line for line in text.splitlines() if line.strip())[-TAIL_LINES:]
 
 
-def described(death: Death) -> str:
+def describe(death: Death) -> str:
     """Describe a death for users: its cause, what happens next, and the last lines of the process."""
     name, pause_s = death.job.name, death.pause_s
     if death.final and death.tail:
         return f"{name}: {death.tail[-1]}"
     if pause_s is None:
-        then = "it is not restarted"
+        consequence = "it is not restarted"
     else:
-        then = "it is restarted" + (f" in {pause_s:.2g} s" if pause_s > 0 else "")
-    lines = [f"{name} {death.cause}; {then}"]
+        consequence = "it is restarted" + (f" in {pause_s:.2g} s" if pause_s > 0 else "")
+    lines = [f"{name} {death.cause}; {consequence}"]
     if death.tail:
         lines += [f"last lines of {death.job.log}:", *(f"  {line}" for line in death.tail)]
     return "\n".join(lines)

@@ -1,7 +1,7 @@
-"""The leader's connections, which deploy the program at the Clock and at every participating server.
+"""The leader's connections, which deploy the program to the Clock and to every participating server.
 
-A restarted server gets the program again. The run ends with these connections. Each server has its own thread
-here, so that a missing server does not delay the others.
+A restarted server gets the program again. The run ends when these connections do. Each server has its own
+thread here, so that a missing server does not delay the others.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ PAUSE_S = 0.05
 """Seconds between two attempts to reach a server."""
 
 REFUSED_PAUSE_S = 0.5
-"""Seconds before the next attempt at a server that is in another run, whose leader may have died."""
+"""Seconds between two attempts to deploy to a server that is in another run, whose leader may have died."""
 
 BUSY_S = 3.0
 """Seconds that a server may be in another run before this run fails; longer than a lease."""
 
 
 class ProgramDeployer:
-    """The deployer of a program at its servers. Mutable: the servers that took it, and any refusal.
+    """Deploys a program to its servers. Stateful: knows which servers accepted it, and the first refusal.
 
     Args:
-        session: session of this process with the robot; stays open.
+        session: session of this process with the robot; the deployer does not close it.
         deployment: program to run.
         servers: names of the servers.
-        report: callback for a sentence on each awaited server; called from other threads.
+        report: callback for a sentence about each server that it waits for; called from other threads.
     """
 
     def __init__(
@@ -45,7 +45,9 @@ class ProgramDeployer:
         self._deployed: set[str] = set()
         self.refused: str | None = None
         self._threads = [
-            threading.Thread(target=self._keep_deployed, args=(server,), name=f"leads {server}", daemon=True)
+            threading.Thread(
+                target=self._keep_deployed, args=(server,), name=f"deploys to {server}", daemon=True
+            )
             for server in servers
         ]
         for thread in self._threads:
@@ -53,7 +55,7 @@ class ProgramDeployer:
 
     @property
     def deployed(self) -> frozenset[str]:
-        """The servers that took the program."""
+        """The servers that accepted the program."""
         return frozenset(self._deployed)
 
     def close(self) -> None:
@@ -66,7 +68,7 @@ class ProgramDeployer:
 
     def _keep_deployed(self, server: str) -> None:
         with ExitStack() as resources:
-            connection = self._connected(server)
+            connection = self._connect(server)
             if connection is None:
                 return
             resources.enter_context(connection)
@@ -74,7 +76,7 @@ class ProgramDeployer:
                 self._deployed.add(server)
                 self._stop.wait()
 
-    def _connected(self, server: str) -> Connection | None:
+    def _connect(self, server: str) -> Connection | None:
         """Wait for the server, and return a connection; None if it refuses or the run ends."""
         name = f"run of {self._deployment.program}"
         reported = False
@@ -86,7 +88,7 @@ class ProgramDeployer:
                     self._report(f"waiting: {problem}")
                     reported = True
             except CallRefusedError as problem:
-                self._give_up(server, problem)
+                self._note_refusal(server, problem)
                 return None
             except RobotConnectionError:
                 pass
@@ -94,7 +96,7 @@ class ProgramDeployer:
         return None
 
     def _deploy(self, server: str, connection: Connection) -> bool:
-        """Deploy now and after every restart of the server; return True if the server took the program."""
+        """Deploy now and after every restart of the server; return True if it accepted the program."""
         waited_s = 0.0
         while not self._stop.is_set():
             try:
@@ -102,7 +104,7 @@ class ProgramDeployer:
                 return True
             except CallRefusedError as problem:
                 if problem.code != "busy" or waited_s >= BUSY_S:
-                    self._give_up(server, problem)
+                    self._note_refusal(server, problem)
                     return False
                 self._stop.wait(REFUSED_PAUSE_S)
                 waited_s += REFUSED_PAUSE_S
@@ -110,5 +112,5 @@ class ProgramDeployer:
                 self._stop.wait(PAUSE_S)
         return False
 
-    def _give_up(self, server: str, problem: CallRefusedError) -> None:
+    def _note_refusal(self, server: str, problem: CallRefusedError) -> None:
         self.refused = self.refused or f"{server}: {problem.message}"

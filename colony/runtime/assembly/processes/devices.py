@@ -10,9 +10,9 @@ from colony.runtime.servers.drivers import BaseDriver, CameraDriver, ProximityDr
 
 
 class Devices(Protocol):
-    """A factory of drivers. Their times are nanoseconds since `base_ns` of the machine's monotonic clock.
+    """A factory of drivers. Their times are nanoseconds since `base_ns` on the machine's monotonic clock.
 
-    Closing `resources` closes a driver.
+    Each driver is closed with `resources`.
     """
 
     def base(self, device: Device, robot: str, base_ns: int, resources: ExitStack) -> BaseDriver:

@@ -1,7 +1,7 @@
-"""Variables of a running DServer that a run holds by setting them repeatedly.
+"""Variables of a running DServer that a run keeps fresh by setting them repeatedly.
 
-They stay fresh enough for the sensors that read them, as if an operator held a lever. A DServer that was
-started with the run holds them itself.
+They stay fresh enough for the sensors that read them, as if an operator held a lever. A DServer that the run
+starts keeps them fresh itself.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from colony.runtime.library import data
 from colony.runtime.protocol.fields import DSERVER
 
 SET_INTERVAL_S = 0.1
-"""Seconds between two settings of the variables."""
+"""Seconds between two times that the variables are set."""
 
 
 class HeldVariables:
-    """A thread that sets `values` until it is closed. Mutable: the thread."""
+    """A thread that sets `values` repeatedly until it is closed."""
 
     def __init__(self, session: Session, values: Mapping[str, Value]) -> None:
         self._session = session

@@ -1,4 +1,4 @@
-"""The processes of a robot or of a run, each with the file that describes its part."""
+"""The processes of a robot or of a run, each with the spec file of its part."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from colony.runtime.assembly.processes.spec import (
     PServerPart,
     RServerPart,
     Spec,
+    address_spec,
     bindings_of,
     name_of,
-    place_spec,
     write_private,
     write_spec,
 )
@@ -36,7 +36,7 @@ from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.fields import DSERVER, PSERVER, RSERVER, RUNTIME
 from colony.runtime.protocol.topics import client_address
 from colony.runtime.store.reserve import Reserve
-from colony.runtime.transport.live.place import Local, Place
+from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
 CHILD = "colony.runtime.assembly.processes.child"
 
@@ -47,14 +47,14 @@ STORE = "DServer.sqlite"
 """Name of the file of DServer's variables, in the folder of a robot's state."""
 
 STARTUP_BYTES = 1 << 14
-"""Disk space, in bytes, for the claims and the log of a process: a page of each."""
+"""Disk space, in bytes, for the claims and the log of a process."""
 
 STOP = "Clock.stop"
 """Name of the file of the emergency stop, in the same folder."""
 
 
 def fresh_folder(folder: Path) -> Path:
-    """Create an empty folder for this user alone, in a parent that is private already.
+    """Create an empty folder for this user alone, in a parent that is already private.
 
     Raises:
         OSError: the folder cannot be created.
@@ -65,20 +65,20 @@ def fresh_folder(folder: Path) -> Path:
 
 
 def check_disk_room(folder: Path, processes: int) -> None:
-    """Check that the disk of the run directory has room for the first writes of this number of processes.
+    """Check that the disk of the run directory has space for the first writes of `processes` processes.
 
     Each process claims its name, and may write to its log.
 
     Raises:
-        OSError: the disk has too little room.
+        OSError: the disk has too little space.
     """
-    room = Reserve(folder / "room", processes * STARTUP_BYTES)
-    room.take()
-    room.release()
+    reserve = Reserve(folder / "room", processes * STARTUP_BYTES)
+    reserve.take()
+    reserve.release()
 
 
 def keep_logs(folder: Path) -> None:
-    """Delete all files except non-empty logs in a folder of processes that have ended."""
+    """Delete all files except non-empty logs from the folder of processes that have ended."""
     for path in folder.iterdir():
         if path.suffix != ".log" or not path.stat().st_size:
             path.unlink(missing_ok=True)
@@ -95,7 +95,7 @@ def server_parts(
     """Return the parts of all servers of a robot.
 
     Args:
-        state: folder of data that survives a server's death.
+        state: folder of data that must survive the death of a server.
         device: hardware.
         cameras: pairs of a server's name and the name of its camera.
         fsync: as in `DServerPart`.
@@ -112,13 +112,15 @@ def server_parts(
     )
 
 
-def server_jobs(place: Local, parts: Iterable[Part], folder: Path, *, hardware: str) -> tuple[Job, ...]:
-    """Return the jobs of servers; `hardware` is the module to run for those that need a driver."""
-    return tuple(job_of(place, part, folder, SERVERS, hardware=hardware) for part in parts)
+def server_jobs(
+    robot_address: Local, parts: Iterable[Part], folder: Path, *, hardware: str
+) -> tuple[Job, ...]:
+    """Return the jobs of servers; `hardware` is the Python module to run for servers that need a driver."""
+    return tuple(job_of(robot_address, part, folder, SERVERS, hardware=hardware) for part in parts)
 
 
 def client_jobs(
-    place: Place,
+    robot_address: RobotAddress,
     deployed: Deployment,
     compiled: Compiled,
     bindings: Bindings,
@@ -129,37 +131,37 @@ def client_jobs(
 ) -> tuple[Job, ...]:
     """Write a program into `folder`, and return the jobs of its clients and announcers.
 
-    Clients share a process where they can, unless `isolate`.
+    Clients share a process where possible, unless `isolate` is true.
     """
     program = folder / f"{deployed.run}{SUFFIX}"
     write_private(program, encode(compiled))
     write_private(bindings_of(program), msgspec.json.encode(bindings))
-    of_run = ProgramOfRun(run=deployed.run, file=str(program), search=tuple(search))
+    program_of_run = ProgramOfRun(run=deployed.run, file=str(program), search=tuple(search))
     parts: list[Part] = [
-        ClientsPart(program=of_run, clients=process.clients, shared=process.shared)
+        ClientsPart(program=program_of_run, clients=process.clients, shared=process.shared)
         for process in client_processes(compiled, isolate=isolate)
     ]
-    parts += [AnnouncerPart(program=of_run, module=module) for module in compiled.announced]
-    return tuple(job_of(place, part, folder, CLIENTS) for part in parts)
+    parts += [AnnouncerPart(program=program_of_run, module=module) for module in compiled.python_modules]
+    return tuple(job_of(robot_address, part, folder, CLIENTS) for part in parts)
 
 
-def job_of(place: Place, part: Part, folder: Path, wave: int, *, hardware: str = CHILD) -> Job:
+def job_of(robot_address: RobotAddress, part: Part, folder: Path, wave: int, *, hardware: str = CHILD) -> Job:
     """Write the spec of a process into `folder`, and return its job; its log goes there, too.
 
-    Servers, hardware and the process that clients share are essential to a run. A client in its own process
-    and a Python module are not: without them, frames are still decided. Clients and Python modules need only
+    Servers, hardware and the process that clients share are essential to a run. An isolated client and
+    a Python module are not: without them, frames are still decided. Clients and Python modules need only
     one zenoh thread, because they handle one message at a time; servers receive further messages while they
     handle one.
     """
     name = name_of(part)
     spec = folder / f"{name.replace('/', '.')}.json"
-    write_spec(spec, Spec(place=place_spec(place), part=part))
-    driving = isinstance(part, (RServerPart, PServerPart, CServerPart))
+    write_spec(spec, Spec(robot_address=address_spec(robot_address), part=part))
+    needs_driver = isinstance(part, (RServerPart, PServerPart, CServerPart))
     dispensable = isinstance(part, AnnouncerPart) or (isinstance(part, ClientsPart) and not part.shared)
     clients = tuple(client_address(*c) for c in part.clients) if isinstance(part, ClientsPart) else ()
     return Job(
         name=name,
-        module=hardware if driving else CHILD,
+        module=hardware if needs_driver else CHILD,
         arguments=(str(spec),),
         log=spec.with_suffix(".log"),
         wave=wave,

@@ -27,7 +27,7 @@ from colony.runtime.assembly.processes.spec import (
 )
 from colony.runtime.protocol.messages import Node
 from colony.runtime.store.store import PendingStore, Store, StoreFullError
-from colony.runtime.transport.live.place import Local, Place
+from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
 if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def serves(part: NodePart) -> bool:
-    """Return True if other processes look for the part by its name."""
+    """Return True if other processes find the part by its name."""
     return not isinstance(part, (ClientsPart, AnnouncerPart))
 
 
@@ -53,22 +53,24 @@ def is_nonblocking(part: NodePart) -> bool:
             assert_never(part)
 
 
-def nodes_of(part: NodePart, place: Place, devices: Devices | None, resources: ExitStack) -> tuple[Node, ...]:
-    """Return the nodes of a part; their other resources are closed with `resources`.
+def nodes_of(
+    part: NodePart, robot_address: RobotAddress, devices: Devices | None, resources: ExitStack
+) -> tuple[Node, ...]:
+    """Return the nodes of a part; their other resources are added to `resources`.
 
     Raises:
         DiagnosticError: the compiled program is damaged, or a Python module cannot be imported or built.
         StoreError: DServer's stored data cannot be read.
         OSError: the program or its bindings cannot be read.
-        ValueError: the part needs hardware or the robot's own machine, which it does not have.
+        ValueError: the part needs drivers, or must run on the robot's own machine, and does not.
     """
     match part:
         case ClockPart(servers=servers, stop=stop):
             return _clock(servers, Path(stop))
         case RServerPart() | PServerPart() | CServerPart():
-            return (_driving(part, place, devices, resources),)
+            return (_hardware_server(part, robot_address, devices, resources),)
         case DServerPart():
-            return (_dserver(part, place),)
+            return (_dserver(part, robot_address),)
         case ClientsPart():
             return _clients(part)
         case AnnouncerPart():
@@ -86,12 +88,15 @@ def _clock(servers: tuple[str, ...], stop: Path) -> tuple[Node, ...]:
     return clock, runtime
 
 
-def _driving(
-    part: RServerPart | PServerPart | CServerPart, place: Place, devices: Devices | None, resources: ExitStack
+def _hardware_server(
+    part: RServerPart | PServerPart | CServerPart,
+    robot_address: RobotAddress,
+    devices: Devices | None,
+    resources: ExitStack,
 ) -> Node:
-    if devices is None or not isinstance(place, Local):
+    if devices is None or not isinstance(robot_address, Local):
         raise ValueError("a server of hardware runs on the robot's own machine, with its drivers")
-    robot, base_ns, device = place.robot, place.directory.base_ns(), part.device
+    robot, base_ns, device = robot_address.robot, robot_address.directory.base_ns(), part.device
     match part:
         case RServerPart():
             from colony.runtime.servers.rserver import RServer
@@ -108,13 +113,13 @@ def _driving(
             return CServer(devices.camera(device, robot, camera, base_ns, resources), address=server)
 
 
-def _dserver(part: DServerPart, place: Place) -> Node:
+def _dserver(part: DServerPart, robot_address: RobotAddress) -> Node:
     from colony.runtime.servers.dserver import DServer
     from colony.runtime.store.quarantine import damage_notes
 
-    if not isinstance(place, Local):
+    if not isinstance(robot_address, Local):
         raise ValueError("DServer runs on the robot's own machine")
-    store, clock_id = _store(part), str(place.directory.base_ns())
+    store, clock_id = _store(part), str(robot_address.directory.base_ns())
     notes = partial(damage_notes, Path(part.store))
     return DServer(part.held, store=store, clock_id=clock_id, notes=notes)
 

@@ -13,9 +13,9 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 
-from colony.collector import collector_past_startup
+from colony.collector import gc_frozen
 from colony.ir.types import Value
-from colony.runtime.assembly.processes.children import Children, Job, described
+from colony.runtime.assembly.processes.children import Children, Job, describe
 from colony.runtime.assembly.processes.deploying import ProgramDeployer
 from colony.runtime.assembly.processes.held_variables import HeldVariables
 from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
@@ -25,7 +25,7 @@ from colony.runtime.kit.hub import Hub
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import Node
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.place import Local, Place
+from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
 HEALTH_CHECK_INTERVAL_S = 0.05
 """Seconds between two health checks of the processes."""
@@ -44,28 +44,28 @@ class RunFailedError(Exception):
     """The run cannot begin or continue; the message, of one line or several, gives the reason."""
 
 
-class LedRun:
-    """A run whose leader has joined the robot's processes. Mutable: everything.
+class SupervisedRun:
+    """A run whose leader, in this process, has joined the robot's processes. Mutable.
 
     Args:
-        place: place of the robot.
+        robot_address: address of the robot.
         deployed: deployed program.
-        servers: servers at which it is deployed.
+        servers: servers to which it is deployed.
         observer: observer of the run, which passes frames to `window`.
-        window: part of the run that is of interest.
+        window: the part of the run to show.
         status_tracker: state of the run, for queries; one of the sinks of `window`.
         report: callback for a description of each event, of one line or several; called from any thread.
-        ended: callback for when all started processes have ended, before another process can lead a run of
-            the robot.
+        on_end: called once all started processes have ended, and before another leader can start a run of the
+            robot.
 
     Raises:
-        AlreadyRunningError: another run is led on this machine.
+        AlreadyRunningError: this machine already leads a run of the robot.
         RunDirectoryError, UnreachableError: the robot's processes cannot be joined.
     """
 
     def __init__(
         self,
-        place: Place,
+        robot_address: RobotAddress,
         deployed: Deployment,
         servers: Iterable[str],
         *,
@@ -73,7 +73,7 @@ class LedRun:
         window: Window,
         status_tracker: RunStatusTracker,
         report: Callable[[str], None],
-        ended: Callable[[], None] = lambda: None,
+        on_end: Callable[[], None] = lambda: None,
     ) -> None:
         self._deployed = deployed
         self._servers = tuple(servers)
@@ -86,13 +86,13 @@ class LedRun:
         with ExitStack() as resources:
             nodes = (LeaderServer(status_tracker), observer)
             host = resources.enter_context(
-                Host.open(place, nodes, serves=isinstance(place, Local), report=report)
+                Host.open(robot_address, nodes, serves=isinstance(robot_address, Local), report=report)
             )
-            resources.callback(ended)
+            resources.callback(on_end)
             self._joined: set[str] = set()
             host.network.watch(self._note_presence)
             self._children = Children()
-            status_tracker.watch(self._children.pids)
+            status_tracker.set_pids(self._children.pids)
             resources.callback(self._end_children)
             self._host = host
             self._thread = threading.Thread(target=self._observe, name="observer", daemon=True)
@@ -109,8 +109,8 @@ class LedRun:
         for job in jobs:
             self._children.start(job)
 
-    def hold(self, values: Mapping[str, Value]) -> None:
-        """Hold these variables of a running DServer, from `follow` on to the end of the run."""
+    def pin_variables(self, values: Mapping[str, Value]) -> None:
+        """Keep variables of a running DServer at these values, from `follow` to the end of the run."""
         self._held = values
 
     def pid(self, name: str) -> int | None:
@@ -123,8 +123,8 @@ class LedRun:
         """Supervise the processes until `ready()` is true; return False if `stop` ended the wait first.
 
         Raises:
-            RunFailedError: it takes longer than `most_s` (the message names `what`), or a process that the
-                run needs was given up.
+            RunFailedError: it takes longer than `timeout_s` (the message names `what`), or a process that the
+                run needs died and is not restarted.
         """
         until = time.monotonic() + timeout_s
         while not ready():
@@ -134,7 +134,7 @@ class LedRun:
             if time.monotonic() > until:
                 raise RunFailedError(f"{what} takes longer than {timeout_s:g} s")
             self._check_children()
-            self._window.news.wait(HEALTH_CHECK_INTERVAL_S)
+            self._window.changed.wait(HEALTH_CHECK_INTERVAL_S)
         return True
 
     def follow(self, stop: Callable[[], bool], *, meanwhile: Callable[[], object] = lambda: None) -> bool:
@@ -146,7 +146,7 @@ class LedRun:
             RunFailedError: the run cannot begin or continue.
             OSError: as raised by a sink, for example because a recording cannot be written.
         """
-        self._resources.enter_context(collector_past_startup())
+        self._resources.enter_context(gc_frozen())
         session = Session(Hub(self._host.network))
         self._resources.callback(session.close)
         if self._held:
@@ -161,14 +161,14 @@ class LedRun:
             self._check_children()
             self._check(deployer, late=time.monotonic() > begin_by)
             meanwhile()
-            self._window.news.wait(HEALTH_CHECK_INTERVAL_S)
+            self._window.changed.wait(HEALTH_CHECK_INTERVAL_S)
             if self._window.begun and not self._window.over:
-                self._window.news.clear()
+                self._window.changed.clear()
         self._raise_failure()
         return True
 
     def close(self) -> None:
-        """End the run: clients, servers, hardware, in this order, then their observer. Idempotent.
+        """End the run: clients, servers and hardware, in this order, then the observer. Idempotent.
 
         Raises:
             Exception: as raised by a sink.
@@ -177,7 +177,7 @@ class LedRun:
         self._resources.close()
         self._raise_failure()
 
-    def __enter__(self) -> LedRun:
+    def __enter__(self) -> SupervisedRun:
         """Return the run."""
         return self
 
@@ -211,9 +211,9 @@ class LedRun:
 
     def _check_children(self) -> None:
         for death in self._children.poll():
-            text = described(death)
+            text = describe(death)
             restarted = death.pause_s is not None
-            self._status_tracker.died(
+            self._status_tracker.record_death(
                 death.job.clients, death.tail[-1] if death.tail else death.cause, restarted=restarted
             )
             if not restarted and self._requires(death.job):
@@ -221,12 +221,12 @@ class LedRun:
             self._report(text)
 
     def _requires(self, job: Job) -> bool:
-        """Return True if the run ends with this process, because it is essential or never took part.
+        """Return True if the run must end because this process died: it is essential, or it never joined.
 
-        It does not matter whether its last death was before or after the first frame.
+        A process of a run that has not begun counts as not joined.
         """
-        took_part = self._window.begun and job.name in self._joined
-        return job.essential or not took_part
+        joined = self._window.begun and job.name in self._joined
+        return job.essential or not joined
 
     def _note_presence(self, address: str, present: bool) -> None:
         """Record the nodes that have joined the robot; called in a network thread."""

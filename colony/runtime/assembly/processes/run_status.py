@@ -1,4 +1,4 @@
-"""The state of a run, which its leader answers to queries: clients on time, late or lost, and the winners."""
+"""The state of a run, with which its leader answers queries: clients on time, late or lost, and winners."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class _Client:
 
 
 class RunStatusTracker:
-    """A sink that counts the frames in which each client was on time, late or lost. Mutable: the counts."""
+    """A sink that counts the frames in which each client was on time, late or lost. Mutable."""
 
     def __init__(self, deployed: Deployment, *, file: str) -> None:
         self._deployed = deployed
@@ -37,8 +37,8 @@ class RunStatusTracker:
         self._disagreements = 0
         self._pids: Callable[[], Mapping[str, int]] = dict
 
-    def watch(self, pids: Callable[[], Mapping[str, int]]) -> None:
-        """Take the list of the run's live processes from `pids`, which may be called in any thread."""
+    def set_pids(self, pids: Callable[[], Mapping[str, int]]) -> None:
+        """Set the function that returns the run's live processes; it may be called in any thread."""
         self._pids = pids
 
     def take(self, log: FrameLog) -> None:
@@ -63,7 +63,7 @@ class RunStatusTracker:
         """The number of frames that were decided."""
         return self._frames
 
-    def died(self, clients: Iterable[str], error: str, *, restarted: bool) -> None:
+    def record_death(self, clients: Iterable[str], error: str, *, restarted: bool) -> None:
         """Record that the process of these clients died.
 
         Args:
@@ -105,7 +105,7 @@ class RunStatusTracker:
 
 
 class LeaderServer(QuietNode):
-    """A server that answers `run` with the state of the run. Mutable: its connections."""
+    """A server that answers `run` with the state of the run. Mutable."""
 
     address = LEADER
 

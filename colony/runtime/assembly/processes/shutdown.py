@@ -1,7 +1,7 @@
-"""The shutdown of a robot's process: on a signal, or when its parent is gone.
+"""The shutdown of a robot's process: on a signal, or when its parent ends.
 
-The parent holds the other end of the standard input. However the parent ends, even by SIGKILL, the kernel
-closes that end, and the process reads the end of file: a killed run leaves no processes behind.
+The parent holds the other end of the standard input pipe. However the parent ends, even by SIGKILL, the
+kernel closes that pipe, and the process reads an end of file: a killed run leaves no processes behind.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, BinaryIO, NoReturn, cast
 
-from colony.os_errors import described, is_out_of_memory
+from colony.os_errors import describe, is_out_of_memory
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer as Buffer
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 CLOSE_GRACE_S = 1.5
-"""Grace period in seconds to close resources before the process ends forcibly."""
+"""Grace period in seconds to close resources before the process is terminated."""
 
 EXIT_FAILED = 1
 """Exit code of a process that cannot continue; a restart may succeed."""
@@ -39,15 +39,15 @@ PARENT_GONE = "the process that started it is gone"
 
 
 class Shutdown:
-    """The request to end a process. Mutable: the reason, and the callback.
+    """The request to end a process. Mutable.
 
     `request` may be called repeatedly and from any thread; only the first reason counts. From then on the
-    process has `CLOSE_GRACE_S` to close its resources, and ends in any case.
+    process has `CLOSE_GRACE_S` to close its resources, and then ends in any case.
     """
 
     def __init__(self) -> None:
         self._event = threading.Event()
-        self._then: Callable[[], None] = lambda: None
+        self._on_request: Callable[[], None] = lambda: None
         self.reason: str | None = None
 
     def request(self, reason: str) -> None:
@@ -59,20 +59,20 @@ class Shutdown:
         timer.daemon = True
         timer.start()
         self._event.set()
-        self._then()
+        self._on_request()
 
     def _end_hard(self) -> None:
         self.end_forked()
         os._exit(EXIT_HARD)
 
     def end_forked(self) -> None:
-        """Kill this process and all that it forked, if its parent, which otherwise does so, is gone."""
+        """Kill this process and all that it forked, if its parent, which would otherwise do so, is gone."""
         if self.reason == PARENT_GONE and os.getpgrp() == os.getpid():
             kill_group(os.getpid())
 
-    def then(self, stop: Callable[[], None]) -> None:
-        """Call `stop` when the shutdown begins, immediately if it has begun."""
-        self._then = stop
+    def on_request(self, stop: Callable[[], None]) -> None:
+        """Call `stop` when the shutdown begins, or immediately if it has begun."""
+        self._on_request = stop
         if self.reason is not None:
             stop()
 
@@ -96,20 +96,20 @@ def on_signals(shutdown: Shutdown) -> Iterator[None]:
     os.set_blocking(writing, False)
 
     def watch() -> None:
-        while number := os.read(reading, 1):
-            if number[0] in SIGNALS:  # the pipe receives every signal that has a handler
-                shutdown.request(signal.Signals(number[0]).name)
+        while data := os.read(reading, 1):
+            if data[0] in SIGNALS:  # the pipe receives every signal that has a handler
+                shutdown.request(signal.Signals(data[0]).name)
         os.close(reading)
 
     threading.Thread(target=watch, name="signals", daemon=True).start()
-    before_fd = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
-    before = {number: signal.signal(number, lambda *_: None) for number in SIGNALS}
+    previous_fd = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    previous = {number: signal.signal(number, lambda *_: None) for number in SIGNALS}
     try:
         yield
     finally:
-        for number, handler in before.items():
+        for number, handler in previous.items():
             signal.signal(number, handler)
-        signal.set_wakeup_fd(before_fd)
+        signal.set_wakeup_fd(previous_fd)
         os.close(writing)
 
 
@@ -146,7 +146,7 @@ class _Log(io.FileIO):
 
 
 def make_printing_safe() -> None:
-    """Make every print of this process safe from failure, even in Python modules."""
+    """Make printing in this process never fail, even in Python modules."""
     for name, descriptor in (("stdout", 1), ("stderr", 2)):
         log = cast(BinaryIO, _Log(descriptor, "wb", closefd=False))
         stream = io.TextIOWrapper(log, encoding="utf-8", errors="backslashreplace", write_through=True)
@@ -160,7 +160,7 @@ def log_line(text: str) -> None:
 
 
 def exit_with(text: str, code: int = EXIT_FINAL) -> NoReturn:
-    """Print why the process ends, and exit; by default with `EXIT_FINAL`."""
+    """Print the reason why the process ends, and exit; by default with `EXIT_FINAL`."""
     log_line(text)
     sys.exit(code)
 
@@ -170,5 +170,5 @@ def exit_on_exhaustion(problem: Exception) -> NoReturn:
     if is_out_of_memory(problem):
         exit_with("out of memory", EXIT_FAILED)
     if isinstance(problem, OSError):
-        exit_with(described(problem), EXIT_FAILED)
+        exit_with(describe(problem), EXIT_FAILED)
     raise problem

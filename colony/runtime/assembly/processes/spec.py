@@ -1,7 +1,7 @@
-"""The spec of a robot's process: the place of the robot, and the part that the process runs.
+"""The spec of a robot's process: the address of the robot, and the part that the process runs.
 
-It is a small JSON file in a private folder of the user. If the part needs a compiled program, that and its
-bindings are files in the same folder.
+It is a small JSON file in a private folder of the user. If the part needs a compiled program, the program and
+its bindings are files in the same folder.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from colony.ir.types import Value
 from colony.os_errors import naming
 from colony.runtime.assembly.sharing import ClientProcess, announcer_process
 from colony.runtime.protocol.bindings import Bindings
-from colony.runtime.transport.live.place import Credentials, Local, Place, Remote
+from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress
 from colony.runtime.transport.live.run_directory import RobotDirectory
 
 SPEC_BYTES = 4 * 1024 * 1024
 """Size limit of a spec, in bytes; a spec contains about as much as a command line."""
 
 
-class LocalPlaceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="here"):
-    """A robot on this machine, given by its folder."""
+class LocalAddressSpec(msgspec.Struct, frozen=True, kw_only=True, tag="here"):
+    """A robot on this machine, identified by its directory."""
 
     robot: str
     folder: str
 
 
-class RemotePlaceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="there"):
+class RemoteAddressSpec(msgspec.Struct, frozen=True, kw_only=True, tag="there"):
     """A robot behind a gateway; `certificate`, `key` and `authority` are paths of the user's PEM files."""
 
     robot: str
@@ -42,7 +42,7 @@ class RemotePlaceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="there"):
 
 
 class Device(msgspec.Struct, frozen=True, kw_only=True):
-    """The place of the hardware that a server drives: the socket of the plant."""
+    """The address of the hardware that a server drives: the socket of the plant."""
 
     plant: str
 
@@ -50,7 +50,7 @@ class Device(msgspec.Struct, frozen=True, kw_only=True):
 class ClockPart(msgspec.Struct, frozen=True, kw_only=True, tag="Clock"):
     """The Clock, with the server `Runtime`.
 
-    `servers` are expected to answer ticks, and the file `stop` stores an emergency stop.
+    `servers` must answer ticks; the file `stop` stores an emergency stop.
     """
 
     servers: tuple[str, ...]
@@ -80,7 +80,7 @@ class CServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="CServer"):
 class DServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="DServer"):
     """The server of variables and semaphores, kept in `store`; with `fsync` they survive a loss of power.
 
-    `held` are variables that are as fresh as each frame, as if an operator kept setting them.
+    `held` are variables that stay fresh in every frame, as if an operator kept setting them.
     """
 
     store: str
@@ -104,7 +104,7 @@ class ProgramOfRun(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ClientsPart(msgspec.Struct, frozen=True, kw_only=True, tag="clients"):
-    """A process of clients, by actuator and module; `shared` is True in the process that clients share."""
+    """A process of clients, by actuator and module; `shared` is True for the process that clients share."""
 
     program: ProgramOfRun
     clients: tuple[tuple[str, str], ...]
@@ -125,7 +125,7 @@ Part = NodePart | GatewayPart
 class Spec(msgspec.Struct, frozen=True, kw_only=True):
     """The complete spec of a process."""
 
-    place: LocalPlaceSpec | RemotePlaceSpec
+    robot_address: LocalAddressSpec | RemoteAddressSpec = msgspec.field(name="place")
     part: Part
 
 
@@ -133,7 +133,7 @@ def write_spec(path: Path, spec: msgspec.Struct) -> None:
     """Write a spec, readable by this user alone.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     write_private(path, msgspec.json.encode(spec))
 
@@ -142,13 +142,14 @@ def write_private(path: Path, data: bytes) -> None:
     """Write a file for this user alone, atomically.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
-    beside = path.with_name(f"{path.name}.{os.getpid()}")
-    beside.unlink(missing_ok=True)
-    with naming(beside), open(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+    temporary = path.with_name(f"{path.name}.{os.getpid()}")
+    temporary.unlink(missing_ok=True)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+    with naming(temporary), open(os.open(temporary, flags, 0o600), "wb") as file:
         file.write(data)
-    beside.replace(path)
+    temporary.replace(path)
 
 
 def bindings_of(program: Path) -> Path:
@@ -161,7 +162,7 @@ def read_bindings(program: Path) -> Bindings:
 
     Raises:
         msgspec.DecodeError: the file contains no bindings.
-        OSError: it cannot be read.
+        OSError: the file cannot be read.
     """
     return msgspec.json.decode(read_file(bindings_of(program), SPEC_BYTES), type=Bindings)
 
@@ -171,18 +172,18 @@ def read_spec(path: Path) -> Spec:
 
     Raises:
         msgspec.DecodeError: the file is not a spec.
-        OSError: it cannot be read.
+        OSError: the file cannot be read.
     """
     return msgspec.json.decode(read_file(path, SPEC_BYTES), type=Spec)
 
 
-def place_spec(place: Place) -> LocalPlaceSpec | RemotePlaceSpec:
-    """Return the spec of a place."""
-    match place:
+def address_spec(robot_address: RobotAddress) -> LocalAddressSpec | RemoteAddressSpec:
+    """Return the spec of a robot's address."""
+    match robot_address:
         case Local(directory=directory):
-            return LocalPlaceSpec(robot=directory.robot, folder=str(directory.path))
+            return LocalAddressSpec(robot=directory.robot, folder=str(directory.path))
         case Remote(robot=robot, endpoint=endpoint, credentials=credentials):
-            return RemotePlaceSpec(
+            return RemoteAddressSpec(
                 robot=robot,
                 endpoint=endpoint,
                 user=credentials.user,
@@ -192,12 +193,12 @@ def place_spec(place: Place) -> LocalPlaceSpec | RemotePlaceSpec:
             )
 
 
-def place_of(spec: LocalPlaceSpec | RemotePlaceSpec) -> Place:
-    """Return the place that a spec describes."""
+def address_of(spec: LocalAddressSpec | RemoteAddressSpec) -> RobotAddress:
+    """Return the address in a spec."""
     match spec:
-        case LocalPlaceSpec(robot=robot, folder=folder):
+        case LocalAddressSpec(robot=robot, folder=folder):
             return Local(RobotDirectory(Path(folder), robot))
-        case RemotePlaceSpec(robot=robot, endpoint=endpoint):
+        case RemoteAddressSpec(robot=robot, endpoint=endpoint):
             credentials = Credentials(
                 user=spec.user,
                 certificate=Path(spec.certificate),
@@ -208,7 +209,7 @@ def place_of(spec: LocalPlaceSpec | RemotePlaceSpec) -> Place:
 
 
 def name_of(part: Part) -> str:
-    """Return the unique name of a part's process: the address of its node, if it has one."""
+    """Return the unique name of a part's process; a process with one node has the address of that node."""
     match part:
         case ClockPart():
             return "Clock"

@@ -1,4 +1,4 @@
-"""The window of a run that is shown: its first seconds, with times from 0."""
+"""The part of a run that is shown: its first seconds, with times from 0."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from colony.runtime.observe.observer import FrameLog, Sink
 
 
 class Window:
-    """A sink in front of others. Mutable: its beginning, and whether it is over.
+    """A sink that passes the frames of the window to other sinks. Mutable.
 
     Args:
-        length_ns: length of the run to show; None for all.
+        length_ns: length of the part of the run to show; None for the whole run.
         frame_ns: length of a frame.
         sinks: sinks that get the frames with times from 0.
     """
@@ -28,7 +28,7 @@ class Window:
         self._begin_ns: int | None = None
         self._shown_ns = 0
         self._shut = False
-        self.news = threading.Event()
+        self.changed = threading.Event()
 
     def record(self, sink: Sink) -> None:
         """Add a sink that gets the frames in the robot's own time; call it before the first frame."""
@@ -38,7 +38,7 @@ class Window:
         """Pass a frame to the sinks if it is inside the window."""
         if self._shut:
             return
-        first = self._begin_ns is None
+        is_first = self._begin_ns is None
         if self._begin_ns is None:
             self._begin_ns = log.tick.t_ns
         t_ns = log.tick.t_ns - self._begin_ns
@@ -48,36 +48,36 @@ class Window:
         for sink in self._recordings:
             sink.take(log)
         tick = msgspec.structs.replace(log.tick, t_ns=t_ns)
-        moved = replace(log, tick=tick, frame=log.frame._replace(t_ns=log.frame.t_ns - self._begin_ns))
+        shifted = replace(log, tick=tick, frame=log.frame._replace(t_ns=log.frame.t_ns - self._begin_ns))
         for sink in self._sinks:
-            sink.take(moved)
+            sink.take(shifted)
         self._shown_ns = t_ns + self._frame_ns
-        if first:
-            self.news.set()
+        if is_first:
+            self.changed.set()
 
     def close(self) -> None:
         """Close all sinks."""
         self._shut = True
-        with ExitStack() as closing:  # each is closed, even if closing another fails
+        with ExitStack() as closing:  # closes all, even if closing one fails
             for sink in (*self._sinks, *self._recordings):
                 closing.callback(sink.close)
 
     def shut(self) -> None:
         """Ignore all frames from now on. May be called from any thread."""
         self._shut = True
-        self.news.set()
+        self.changed.set()
 
     @property
     def begun(self) -> bool:
-        """True if a frame was shown."""
+        """True if a frame has been shown."""
         return self._shown_ns > 0
 
     @property
     def over(self) -> bool:
-        """True if the whole window was shown, or `shut` was called."""
+        """True if the whole window has been shown, or `shut` was called."""
         return self._shut
 
     @property
     def shown_ns(self) -> int:
-        """The length that was shown, to the end of the last frame."""
+        """The length shown so far, to the end of the last frame."""
         return self._shown_ns

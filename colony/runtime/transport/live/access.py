@@ -1,7 +1,7 @@
 """The table of users as zenoh access control: the keys that each user may publish and subscribe to.
 
-Everything that is not allowed here is denied. The keys of replies, and of everything that users send, contain
-the user's name. This module ties the name to the common name of the certificate, so no user can send
+Everything that is not allowed here is denied. The keys of replies, and of all messages from users, contain
+the user's name. These rules require it to equal the common name of the certificate, so that no user can send
 messages, or receive replies, under another name.
 """
 
@@ -28,9 +28,8 @@ ALL_MESSAGE_KINDS = (
 Rule = dict[str, Any]
 
 _READER_SUBSCRIPTIONS = ("Clock/ticks", "*/frames", "*/activity/*/frames", "verdicts")
-_READER_PUBLICATIONS = (
-    "*/fetches/{user}",
-)  # not `**`, which matches any depth and so the calls of other users
+# not `**`, which matches any depth, and so the calls of other users
+_READER_PUBLICATIONS = ("*/fetches/{user}",)
 _RUNNER_SUBSCRIPTIONS = ("*/recalled/**",)
 _RUNNER_PUBLICATIONS = (
     "*/requests/{user}",
@@ -48,10 +47,10 @@ def access_control(robot: str, security: Security) -> dict[str, Any]:
     policies = [{"rules": ["here"], "subjects": ["here"]}]
     for number, (user, permissions) in enumerate(security.users.items()):
         subject = f"user-{number}"
-        own = list(_rules(subject, robot, user, permissions))
-        rules.extend(own)
+        user_rules = list(_rules(subject, robot, user, permissions))
+        rules.extend(user_rules)
         subjects.append({"id": subject, "cert_common_names": [user], "link_protocols": ["tls"]})
-        policies.append({"rules": [rule["id"] for rule in own], "subjects": [subject]})
+        policies.append({"rules": [rule["id"] for rule in user_rules], "subjects": [subject]})
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -64,7 +63,7 @@ def access_control(robot: str, security: Security) -> dict[str, Any]:
 def _rules(subject: str, robot: str, user: str, permissions: tuple[Permission, ...]) -> Iterator[Rule]:
     """Yield the rules of one user.
 
-    A user must also learn of the subscribers to its keys, and receive the messages that it subscribes to.
+    Users must also see the subscribers to their keys, and receive the messages that they subscribe to.
     """
     prefix, allowed = keys.prefix(robot), rights(permissions)
     published = [f"*/call/{right}/{user}/*" for right in allowed]
@@ -75,7 +74,7 @@ def _rules(subject: str, robot: str, user: str, permissions: tuple[Permission, .
     if "run" in permissions:
         published += [key.format(user=user) for key in _RUNNER_PUBLICATIONS]
         subscribed += _RUNNER_SUBSCRIPTIONS
-        # tokens of clients; a server's is shorter
+        # liveliness tokens of clients; a server's token has a single part
         tokens = (keys.alive(robot, "*/*"), keys.alive(robot, "*/*/*"))
         yield _allow(f"{subject}-tokens", ("liveliness_token",), ("ingress",), tokens)
     yield _allow(f"{subject}-publishes", ("put",), ("ingress",), [prefix + key for key in published])

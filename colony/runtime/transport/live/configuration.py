@@ -1,12 +1,12 @@
 """The zenoh configuration of a robot's processes.
 
 On one machine every server listens on a unix socket in the robot's folder, and every process connects to all
-known sockets, present or not. Retries find a server that starts or restarts; gossip finds servers with other
-names. There is no scouting, no port and no shared memory.
+known sockets, whether they exist yet or not. Retries find a server that starts or restarts; gossip finds
+servers with other names. Scouting, ports and shared memory are not used.
 
 No process connects to an address that came over the network: the robot's processes open links over unix
-sockets only, and the gateway, the only process that other machines can reach, does not take part in gossip.
-It need not, because all other processes connect to it.
+sockets only, and the gateway, the only process that other machines can reach, does not take part in gossip;
+all other processes connect to it anyway.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import zenoh
 
 from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.transport.live.limits import HANDSHAKE_MS, limits
-from colony.runtime.transport.live.place import Credentials, Local, Place, Remote
+from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress
 from colony.runtime.transport.live.run_directory import RobotDirectory
 from colony.runtime.transport.live.security import Security
 
@@ -38,7 +38,7 @@ processes.
 """
 
 LINK_LEASE_MS = 3000
-"""Milliseconds without a sign of life after which zenoh closes a link; longer than any reception takes."""
+"""Milliseconds without a keepalive after which zenoh closes a link; longer than any reception takes."""
 
 STANDARD_SERVERS = ("Clock", "RServer", "PServer", "DServer")
 """The servers of every robot; other servers are found by their sockets and by gossip."""
@@ -46,13 +46,13 @@ STANDARD_SERVERS = ("Clock", "RServer", "PServer", "DServer")
 BLOCK_TIMEOUT_US = 1_000_000
 """Timeout, in microseconds, of a message that waits for room on a link; the link is then closed.
 
-Its receiver is frozen, and must not block the sender for longer.
+Its receiver is frozen by then, and must not block the sender any longer.
 """
 
 FRAME_QUEUE_BATCHES = 16
-"""Batches of 64 KiB that may wait on a process's link for the messages of frames, allocated on demand.
+"""Maximum number of batches of 64 KiB queued for frame messages on a link; allocated on demand.
 
-A direct host does not wait for room, so the requests of a program's maximum number of clients must fit.
+A direct host does not wait for room, so the requests of the largest possible program must fit.
 """
 
 LOGIN_MS = 3000
@@ -66,27 +66,27 @@ Settings = Mapping[str, object]
 
 def configuration(settings: Settings) -> zenoh.Config:
     """Return the settings as a zenoh configuration."""
-    made = zenoh.Config()
+    config = zenoh.Config()
     for key, value in settings.items():
-        made.insert_json5(key, json.dumps(value))
-    return made
+        config.insert_json5(key, json.dumps(value))
+    return config
 
 
-def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
-    """Return the settings of a process that serves as `listens` on this machine, or that only connects.
+def settings(robot_address: RobotAddress, *, listens: tuple[str, ...] = ()) -> Settings:
+    """Return the settings of a process that serves as `listens`; one without `listens` only connects.
 
     Raises:
-        ValueError: the process would serve a robot of another machine; only the robot's own machine has its
+        ValueError: the process would serve a robot on another machine; only the robot's own machine has its
             sockets.
     """
     queue_size = {"transport/link/tx/queue/size/interactive_high": FRAME_QUEUE_BATCHES}
-    match place:
+    match robot_address:
         case Local(directory=directory):
             names = {*STANDARD_SERVERS, GATEWAY, *directory.servers()}
             return _common("peer", LOCAL_LINKS, gossip=True) | _local(directory, listens, names) | queue_size
         case Remote(endpoint=endpoint, credentials=credentials):
             if listens:
-                raise ValueError(f"{listens[0]} cannot serve {place.robot} from another machine")
+                raise ValueError(f"{listens[0]} cannot serve {robot_address.robot} from another machine")
             return (
                 _common("client", REMOTE_LINKS, gossip=False)
                 | {"listen/endpoints": [], "connect/endpoints": [endpoint], "connect/timeout_ms": LOGIN_MS}
@@ -98,7 +98,7 @@ def settings(place: Place, *, listens: tuple[str, ...] = ()) -> Settings:
 def stop_settings(directory: RobotDirectory) -> Settings:
     """Return the settings of a server's second session, a link to the gateway that carries emergency stops.
 
-    Servers subscribe on it to calls under the right to stop, and to nothing else: no flood fills it.
+    On it, servers subscribe only to calls made with the `stop` right, so that no flood can fill it.
     """
     return _common("peer", LOCAL_LINKS, gossip=False) | {
         "listen/endpoints": [],
@@ -111,9 +111,9 @@ def stop_settings(directory: RobotDirectory) -> Settings:
 def gateway_settings(directory: RobotDirectory, listen: str, security: Security) -> Settings:
     """Return the settings of a gateway that listens at `listen`, without its access control.
 
-    The gateway connects to no process: all processes of the robot connect to it. If two ends dialed each
-    other after a broken link, each could take the other's link for the surviving one, and neither would dial
-    again.
+    The gateway connects to no process: all processes of the robot connect to it. If both ends
+    dialed each other after a broken link, each could take the other's link for the surviving one, and neither
+    would dial again.
     """
     return _common("router", (*LOCAL_LINKS, *REMOTE_LINKS), gossip=False) | {
         "gateway": {"south": ACCEPTED_SESSIONS},
@@ -132,7 +132,7 @@ def gateway_settings(directory: RobotDirectory, listen: str, security: Security)
 
 
 def _local(directory: RobotDirectory, listens: tuple[str, ...], names: set[str]) -> dict[str, object]:
-    """Return the settings to listen as `listens` and to connect to all other `names`, present or not."""
+    """Return the settings to listen as `listens` and to connect to all other `names`."""
     return {
         "listen/endpoints": [directory.endpoint(name) for name in listens],
         "connect/endpoints": [directory.endpoint(name) for name in sorted(names.difference(listens))],

@@ -1,11 +1,11 @@
 """Frames that a host handles together with its other messages.
 
-Waking a thread for a message costs more than handling it. A node that can do without some frames until
-something else happens (`messages.DeferringNode`) avoids that cost: zenoh keeps these frames in one ring per
-topic, and the host takes them whenever it handles a message or a node's alarm is due.
+Waking a thread for a message costs more than handling it. A node that does not need some frames until
+it has something else to handle (`messages.DeferringNode`) avoids that cost: zenoh keeps these frames in one
+ring per topic, and the host takes them whenever it handles a message or a node's alarm is due.
 
 Only frames are kept this way, because a reader can fetch a frame that its ring dropped. Other deferrable
-topics go through the inbox without waking the host: messages of users must be counted on arrival, and
+topics go through the inbox without waking the host: users' messages must be counted on arrival, and
 verdicts cannot be fetched again.
 """
 
@@ -24,13 +24,13 @@ MAX_DEFERRED_FRAMES = 128
 """Deferred frames kept per topic. A full ring drops its oldest frame; a reader fetches it again."""
 
 DEFERRED_BATCH = 8
-"""Largest number of frames taken from one topic before all other messages get their turn."""
+"""Maximum number of frames taken from one topic before other messages are handled."""
 
 _Subscriber = zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]
 
 
 class DeferredFrames:
-    """The rings of a host. Mutable: the topics that it listens to, and the waiting frames."""
+    """The rings of a host. Stateful: holds the waiting frames."""
 
     def __init__(self, session: zenoh.Session, robot: str) -> None:
         self._session = session

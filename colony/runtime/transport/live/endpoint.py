@@ -8,7 +8,7 @@ from typing import NamedTuple
 from colony.runtime.transport.live.errors import SecurityError
 
 _TLS = re.compile(r"tls/(?:\[([0-9A-Fa-f:.]+)\]|([^\s:/\[\]]+)):([0-9]{1,5})")
-_LARGEST_PORT = 65535
+_MAX_PORT = 65535
 
 
 class Endpoint(NamedTuple):
@@ -24,9 +24,9 @@ def parse_endpoint(text: str) -> Endpoint:
     Raises:
         SecurityError: the text is anything else, or names an unencrypted protocol.
     """
-    found = _TLS.fullmatch(text)
-    if found is not None and int(found[3]) <= _LARGEST_PORT:
-        return Endpoint(found[1] or found[2], int(found[3]))
+    match = _TLS.fullmatch(text)
+    if match is not None and int(match[3]) <= _MAX_PORT:
+        return Endpoint(match[1] or match[2], int(match[3]))
     if text.partition("/")[0] in ("tcp", "udp", "ws"):
         raise SecurityError(
             f"`{text}` is unencrypted, so that anyone on the network could drive the robot: "

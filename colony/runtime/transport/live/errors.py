@@ -12,7 +12,7 @@ class RunDirectoryError(LiveError):
 
 
 class AlreadyRunningError(LiveError):
-    """Another process serves the robot under this name already."""
+    """Another process already serves the robot under this name."""
 
 
 class UnreachableError(LiveError):
@@ -20,7 +20,7 @@ class UnreachableError(LiveError):
 
 
 class GatewayFullError(LiveError):
-    """The gateway's memory has reached its limit: its process must restart, which ends its sessions."""
+    """The gateway's memory has reached its limit; its process must restart, which ends its sessions."""
 
 
 class SecurityError(LiveError):

@@ -1,6 +1,6 @@
 """The gateway to a robot from other machines: it joins the robot's sockets and listens with TLS.
 
-It routes messages, and reports their rights to users. It never forwards a message without the required right.
+It routes messages, tells users their rights, and never forwards a message without the required right.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.limits import allow_descriptors
 from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.outbox import Report
-from colony.runtime.transport.live.place import Local
+from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.security import PERMISSIONS, Permission, Security
 
 
 class Identity(msgspec.Struct, frozen=True, kw_only=True):
-    """The result of `whoami`: the authenticated identity, and the rights granted to it."""
+    """The result of `whoami`: the authenticated user, and the permissions granted to that user."""
 
     user: str
     may: tuple[Permission, ...]
 
 
 def whoami() -> Ask[Identity]:
-    """Return the identity of the caller, and the rights granted to it."""
+    """Return the identity of the caller, and the permissions granted to it."""
     return Ask("whoami", NoArguments(), Identity, "read", repeatable=True)
 
 
 MAX_GROWTH_BYTES = 64 * 1024 * 1024
-"""Bytes of resident memory by which a gateway may grow before it restarts; it starts at 45 MiB.
+"""Growth of a gateway's resident memory, in bytes, at which it restarts; it starts with about 45 MiB.
 
-Zenoh keeps 1.3 KB for every key that a session declares, for the life of the session and without a limit. So
-do the robot's servers, for keys that come through the gateway.
+Zenoh keeps 1.3 KB for every key that a session declares, for the life of the session and without a limit. The
+robot's servers also keep it, for keys that come through the gateway.
 """
 
 MEMORY_CHECK_INTERVAL_NS = 500_000_000
@@ -59,7 +59,7 @@ def resident_bytes() -> int:
 class GatewayNode(QuietNode):
     """A node that answers `whoami` and checks the gateway's memory.
 
-    Users that are not in the table are those of this machine; they have every right.
+    Users who are not in the table are local to this machine, and have all permissions.
 
     Args:
         security: table of users.
@@ -104,9 +104,9 @@ class GatewayNode(QuietNode):
 
 
 def open_gateway(
-    place: Local, listen: str, security: Security, *, report: Report = lambda problem: None
+    robot_address: Local, listen: str, security: Security, *, report: Report = lambda problem: None
 ) -> Host:
-    """Open a gateway to a robot of this machine that listens at `listen` (`tls/HOST:PORT`).
+    """Open a gateway to a robot on this machine that listens at `listen` (`tls/HOST:PORT`).
 
     It routes messages as soon as it is open, and answers calls once its `run` is called.
 
@@ -119,11 +119,13 @@ def open_gateway(
     parse_endpoint(listen)
     allow_descriptors()
     settings = {
-        **configuration.gateway_settings(place.directory, listen, security),
-        "access_control": access_control(place.robot, security),
+        **configuration.gateway_settings(robot_address.directory, listen, security),
+        "access_control": access_control(robot_address.robot, security),
     }
     with ExitStack() as resources:
-        network = resources.enter_context(ZenohSession.open(place, listens=(GATEWAY,), settings=settings))
-        host = Host(network, [GatewayNode(security)], time=local_time(place), report=report)
+        network = resources.enter_context(
+            ZenohSession.open(robot_address, listens=(GATEWAY,), settings=settings)
+        )
+        host = Host(network, [GatewayNode(security)], time=local_time(robot_address), report=report)
         host.take_ownership(resources.pop_all())
         return host

@@ -1,6 +1,6 @@
 """A process of the runtime over zenoh: it runs one or more nodes, the same that run in virtual time.
 
-    with Host.open(place, [RServer(driver)], serves=True) as host:
+    with Host.open(robot_address, [RServer(driver)], serves=True) as host:
         signal.signal(signal.SIGTERM, lambda *_: host.stop())
         host.run()
 
@@ -8,14 +8,14 @@ One thread at a time handles messages, in one of three ways:
 
 - In the thread of `run`. The network threads put bytes into the inbox (`reception.py`, `inbox.py`). The
   thread of `run` takes messages in order (`message_queue.py`), decodes them, passes them to the nodes,
-  settles the nodes, and sends their effects. While it sends, which may block for lack of room, other threads
-  may hand messages to the nodes.
+  settles the nodes, and sends their effects. While it sends, which may block until a link has room, other
+  threads may hand messages to the nodes.
 - Immediately. In a `direct` host, for nodes that never block, the receiving thread hands a message to the
   nodes itself if nothing else waits or is being handled. This saves two thread switches. Other messages go to
-  the inbox, where urgent calls overtake the rest. Such a host never waits for room to send, in any thread: a
-  message without room is dropped, and its receiver continues without it or fetches it. A frozen server
-  therefore costs only its own clients their frames. Only large messages that must not be dropped wait, in
-  their own thread (`sender.py`).
+  the inbox, where urgent calls overtake the rest. Such a host never waits for room on a link: a message that
+  does not fit is dropped, and its receiver continues without it or fetches it. A frozen server therefore
+  delays only its own clients. Only large messages that must not be dropped wait, in a
+  separate thread (`sender.py`).
 - Deferred. Frames that no reader needs yet wait in ring buffers (`deferred.py`), and other deferrable
   messages in the inbox, until another message or an alarm makes the nodes handle something.
 
@@ -54,20 +54,20 @@ from colony.runtime.transport.live.inbox import Inbox
 from colony.runtime.transport.live.message_queue import MessageQueue, QueuedMessage
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import Outbox, Report
-from colony.runtime.transport.live.place import Place
 from colony.runtime.transport.live.reception import Reception
+from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.runtime.transport.live.robot_time import LearnedTime, time_of
 from colony.runtime.transport.live.sender import Sender, must_block
 
 BATCH = 64
-"""Messages handled, at most, before the nodes settle and their effects are sent."""
+"""Maximum number of messages handled before the nodes settle and their effects are sent."""
 
 NEVER_NS = 1 << 63
 """A time that is never reached."""
 
 
 class Host:
-    """A process's nodes on zenoh. Mutable: waiting messages, pending wakes, and whether it is stopping."""
+    """The nodes of a process, connected by zenoh. Mutable."""
 
     def __init__(
         self,
@@ -84,10 +84,11 @@ class Host:
             network: open session; closing the host leaves it open.
             nodes: nodes with different addresses.
             time: clock of the robot, in nanoseconds.
-            direct: True to let the receiving thread hand a message to the nodes, and never wait for room.
-                Only for nodes that never block: nothing is received while they handle a message. Ignored if a
-                node has to settle.
-            report: callback for a sentence on each survived problem, in a thread that handles messages.
+            direct: True to let the receiving thread hand messages to the nodes, and to never wait for room on
+                links. Only for nodes that never block: nothing is received while they handle a message.
+                Ignored if a node has to settle.
+            report: callback for a sentence about each problem that the host survives; called in a thread that
+                handles messages.
         """
         self._nodes = tuple(nodes)
         self._network = network
@@ -123,7 +124,7 @@ class Host:
     @classmethod
     def open(
         cls,
-        place: Place,
+        robot_address: RobotAddress,
         nodes: Sequence[Node],
         *,
         serves: bool = False,
@@ -133,8 +134,8 @@ class Host:
     ) -> Host:
         """Join the robot's processes with these nodes; they start in `run`.
 
-        With `serves`, this is the only process of the machine with nodes of these addresses, and others find
-        it under the socket of the first. `time` defaults to the robot's time.
+        With `serves`, no other process on this machine can run nodes with these addresses, and other
+        processes find this one through the socket of the first node. `time` defaults to the robot's time.
 
         Raises:
             AlreadyRunningError: another process already runs one of the nodes.
@@ -143,7 +144,7 @@ class Host:
         """
         listens = tuple(node.address for node in nodes) if serves else ()
         with ExitStack() as resources:
-            network = resources.enter_context(ZenohSession.open(place, listens=listens))
+            network = resources.enter_context(ZenohSession.open(robot_address, listens=listens))
             if time is None:
                 time = time_of(network)
             host = cls(network, nodes, time=time, direct=direct, report=report)
@@ -152,7 +153,7 @@ class Host:
 
     @property
     def network(self) -> ZenohSession:
-        """The session of the process, for connections besides its nodes."""
+        """The session of the process, also for connections that do not belong to its nodes."""
         return self._network
 
     def run(self) -> None:
@@ -181,7 +182,7 @@ class Host:
         self._inbox.rouse()
 
     def take_ownership(self, resources: ExitStack) -> None:
-        """Close `holds` when the host is closed."""
+        """Close `resources` when the host is closed."""
         self._resources.push(resources)
 
     def close(self) -> None:
@@ -212,14 +213,14 @@ class Host:
             declared.callback(self._network.session.liveliness().declare_token(key).undeclare)
 
     def _begin(self) -> list[Send]:
-        effects: list[_Due] = []
+        effects: list[_NodeEffect] = []
         for node in self._nodes:
             effects.extend((node, effect) for effect in node.start(self._time()))
         self._settle()
         return self._note_wakes(effects)
 
     def _run_once(self) -> None:
-        """Handle everything due or waiting; sleep if there is nothing."""
+        """Handle everything that is due or queued; if there is nothing, sleep."""
         self._no_stop_pending.wait()
         with self._handling:
             sends: list[Send] = []
@@ -237,13 +238,13 @@ class Host:
 
         The messages to send are appended to `sends`.
         """
-        effects: list[_Due] = []
+        effects: list[_NodeEffect] = []
         handled = self._take_deferred(effects) | self._wake(effects)
         for _ in range(BATCH if self._settling else 1):
-            if not self._no_stop_pending.is_set() or (waiting := self._inbox.pop()) is None:
+            if not self._no_stop_pending.is_set() or (queued := self._inbox.pop()) is None:
                 break
             handled = True
-            self._deliver(waiting.topic, self._read(waiting), effects)
+            self._deliver(queued.topic, self._read(queued), effects)
         if handled:
             self._settle()
             sends += self._note_wakes(effects)
@@ -253,7 +254,7 @@ class Host:
         for settling in self._settling:
             settling.settle()
 
-    def _wake(self, effects: list[_Due]) -> bool:
+    def _wake(self, effects: list[_NodeEffect]) -> bool:
         """Wake the nodes whose alarms are due; return True if there were any."""
         now, woken = self._time(), False
         while self._wakes and self._wakes[0][0] <= now:
@@ -276,37 +277,37 @@ class Host:
     def _send(self, sends: list[Send]) -> None:
         self._outbox.send_all(sends, self._time())
 
-    # --- the handling thread, whichever it is ---------------------------------------------------------
+    # --- any thread that handles messages -----------------------------------------------------------
 
-    def _take_deferred(self, effects: list[_Due]) -> bool:
+    def _take_deferred(self, effects: list[_NodeEffect]) -> bool:
         """Handle deferred frames; return True if there were any."""
         handled, frames = False, self._deferred.take()
-        while self._no_stop_pending.is_set() and (waiting := next(frames, None)) is not None:
-            self._deliver(waiting.topic, self._read(waiting), effects)
+        while self._no_stop_pending.is_set() and (queued := next(frames, None)) is not None:
+            self._deliver(queued.topic, self._read(queued), effects)
             handled = True
         return handled
 
-    def _read(self, waiting: QueuedMessage) -> tuple[Message, ...]:
-        if not isinstance(waiting.message, bytes):
-            return (waiting.message,)
+    def _read(self, queued: QueuedMessage) -> tuple[Message, ...]:
+        if not isinstance(queued.message, bytes):
+            return (queued.message,)
         try:
-            messages = codec.decode_all(waiting.message)
+            messages = codec.decode_all(queued.message)
             for message in messages:
-                keys.check_frame(message, waiting.topic)
+                keys.check_frame(message, queued.topic)
                 if self._learned is not None and isinstance(message, Tick):
                     self._learned.on_tick(message.t_ns)
                 check_plausible(message, self._time())
         except MessageFormatError as problem:
-            return (Malformed(topic=waiting.topic, connection=None, reason=str(problem)),)
+            return (Malformed(topic=queued.topic, connection=None, reason=str(problem)),)
         return messages
 
-    def _deliver(self, topic: str, messages: Iterable[Message], effects: list[_Due]) -> None:
+    def _deliver(self, topic: str, messages: Iterable[Message], effects: list[_NodeEffect]) -> None:
         now = self._time()
         for message in messages:
             for node in self._listeners[topic]:
                 effects.extend((node, effect) for effect in node.handle(message, now))
 
-    def _note_wakes(self, effects: list[_Due]) -> list[Send]:
+    def _note_wakes(self, effects: list[_NodeEffect]) -> list[Send]:
         """Schedule the wakes among the effects; return the messages to send."""
         sends: list[Send] = []
         for node, effect in effects:
@@ -338,25 +339,24 @@ class Host:
     # --- the threads of the network ------------------------------------------------------------------
 
     def _handle_directly(self, topic: str, message: bytes | Call) -> bool:
-        """Handle a message in this thread, and everything it leaves waiting; return False if it must wait."""
+        """Handle a message and all messages queued meanwhile; return False if it must be queued."""
         if not self._no_stop_pending.is_set() or not self._handling.acquire(blocking=False):
-            return (
-                False  # the nodes are busy, perhaps in this thread, if a node receives from another one here
-            )
+            # the nodes are busy: perhaps in this very thread, if a node receives from another one here
+            return False
         try:
             if self._stopping or not self._inbox.claim():
                 return False
-            effects: list[_Due] = []
+            effects: list[_NodeEffect] = []
             if self._take_deferred(effects):
                 self._send_directly(self._note_wakes(effects))
             if not self._no_stop_pending.is_set():
                 return False
-            waiting: QueuedMessage | None = QueuedMessage(topic, message)
-            while waiting is not None:
+            queued: QueuedMessage | None = QueuedMessage(topic, message)
+            while queued is not None:
                 effects = []
-                self._deliver(waiting.topic, self._read(waiting), effects)
+                self._deliver(queued.topic, self._read(queued), effects)
                 self._send_directly(self._note_wakes(effects))
-                waiting = self._inbox.pop() if self._no_stop_pending.is_set() else None
+                queued = self._inbox.pop() if self._no_stop_pending.is_set() else None
             if self._wakes and self._wakes[0][0] < self._sleeps_until:
                 self._sleeps_until = self._wakes[0][0]
                 self._inbox.rouse()
@@ -369,20 +369,20 @@ class Host:
     # --- the thread of emergency stops ---------------------------------------------------------------
 
     def _stop_nodes(self, topic: str, message: Call) -> None:
-        """Hand the nodes an emergency stop, ahead of everything that waits."""
+        """Hand an emergency stop to the nodes, ahead of all queued messages."""
         try:
-            self._stop_outbox.send_all(self._stopped(topic, message), self._time())
+            self._stop_outbox.send_all(self._handle_stop(topic, message), self._time())
         except BaseException as failure:
             self._fail(failure)
 
-    def _stopped(self, topic: str, message: Call) -> list[Send]:
-        """Return the nodes' replies to a stop. No other thread uses the nodes meanwhile."""
+    def _handle_stop(self, topic: str, message: Call) -> list[Send]:
+        """Let the nodes handle a stop while no other thread uses them; return their messages."""
         self._no_stop_pending.clear()
         try:
             with self._handling:
                 if self._stopping:
                     return []
-                effects: list[_Due] = []
+                effects: list[_NodeEffect] = []
                 self._deliver(topic, (message,), effects)
                 self._settle()
                 return self._note_wakes(effects)
@@ -391,5 +391,5 @@ class Host:
             self._inbox.rouse()  # a node may have set an earlier alarm
 
 
-_Due = tuple[Node, Effect]
-"""An effect, and the node that it belongs to."""
+_NodeEffect = tuple[Node, Effect]
+"""A node, and an effect of it that has not been carried out."""

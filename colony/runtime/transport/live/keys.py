@@ -1,4 +1,4 @@
-"""Topics as zenoh keys, and what a key reveals about its message.
+"""Zenoh keys of topics, and the information that a key contains about its message.
 
     Clock/ticks                 colony/rome/Clock/ticks
     RServer/reply/ada/7         colony/rome/RServer/reply/ada/7
@@ -6,7 +6,7 @@
     RServer/fetches             colony/rome/RServer/fetches/ada
 
 The key of a call contains its right and its connection, and the keys of all other messages from clients
-contain the user, because access control can tie only keys to users. The message itself must agree with its
+contain the user, because zenoh's access control restricts users only by key. A message must agree with its
 key. For the same reason each topic accepts only its own kinds of messages: a user who may only fetch frames
 must not be able to send a call there.
 """
@@ -54,11 +54,11 @@ _KINDS: dict[str, tuple[type, ...]] = {
     "verdicts": (Verdict,),
     "reply": (Reply, Notice),
 }
-"""The message types accepted on a topic, by the topic's second part (or its only one)."""
+"""The message types accepted on a topic, by the topic's second part (or its only part)."""
 
 
 _OF_USERS = frozenset({"fetches", "requests", "announcements", "checkpoints", "ready", "restarts"})
-"""Kinds of messages that clients send to servers besides calls: the second part of the topic."""
+"""Kinds of messages other than calls that clients send to servers, as the second part of the topic."""
 
 
 class CallKey(NamedTuple):
@@ -79,7 +79,7 @@ def takes_calls(topic: str) -> bool:
 
 
 def is_of_frames(topic: str) -> bool:
-    """Return True if a topic carries frames, which can be fetched again."""
+    """Return True if a topic carries frames that can be fetched again."""
     return topic.endswith("/frames")
 
 
@@ -97,20 +97,20 @@ def listening(robot: str, topic: str) -> str:
 
 
 def listening_to_calls(robot: str, topic: str, right: Right) -> str:
-    """Return the key expression of the calls on a topic that are made under one right."""
+    """Return the key expression of the calls on a topic that are made with one right."""
     return f"colony/{robot}/{topic}/{right}/*/*"
 
 
-def sending(robot: str, topic: str, message: WireMessage, *, user: str, least: Right = "read") -> str:
+def sending(robot: str, topic: str, message: WireMessage, *, user: str, alive_right: Right = "read") -> str:
     """Return the key on which `user` sends a message to a topic.
 
-    A sign of life uses the right `least`, which may be any right of its sender.
+    A keepalive uses `alive_right`, which may be any right of its sender.
     """
     match message:
         case Call(right=right, connection=connection):
             return f"colony/{robot}/{topic}/{right}/{connection}"
         case Alive(connection=connection):
-            return f"colony/{robot}/{topic}/{least}/{connection}"
+            return f"colony/{robot}/{topic}/{alive_right}/{connection}"
         case _:
             return f"colony/{robot}/{topic}" + (f"/{user}" if kind_of_users(topic) else "")
 
@@ -143,13 +143,13 @@ def check_call(message: SentMessage, key: CallKey) -> Call | Alive:
     """Return the message if it is valid on this key.
 
     Raises:
-        MessageFormatError: it is not a call or a sign of life, or claims another connection or right.
+        MessageFormatError: it is not a call or keepalive, or claims another connection or right.
     """
     match message:
         case Call(right=right, connection=connection):
             if right != key.right:
                 raise MessageFormatError(
-                    f"it claims the right to {right}, but arrived under the right to {key.right}"
+                    f"it claims the right to {right}, but arrived with the right to {key.right}"
                 )
         case Alive(connection=connection):
             pass

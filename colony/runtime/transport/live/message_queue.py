@@ -1,12 +1,13 @@
 """The messages that wait to be handled by a server, and their order.
 
-Calls under the right to stop go first, then the messages of frames in order of arrival, then all other calls:
-by the priority of their connections, then in order of arrival (thesis section 4.3). Emergency stops do not
+Calls made with the `stop` right go first, then frame messages in order of arrival, then all other calls, by
+the priority of their connections, then in order of arrival (thesis section 4.3). Emergency stops do not
 wait here; they have their own lane (`stop_lane.py`).
 
-Everything here is bounded. Excess calls of a connection that calls faster than it is served are refused. When
-all connections together hold too much, the one that holds most loses calls. Messages of frames are dropped
-only when they alone would fill the memory, because readers fetch missed frames again.
+The queue is bounded. When a connection calls faster than it is served, its excess calls are refused. When the
+calls of all connections exceed the byte limit, the oldest calls of the connection with the most bytes are
+dropped. Frame messages are dropped only when they alone exceed their limit; readers fetch missed frames
+again.
 """
 
 from __future__ import annotations
@@ -21,23 +22,23 @@ from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.protocol.messages import Alive, Call, Malformed
 
 MAX_CALLS_PER_CONNECTION = 256
-"""Largest number of waiting calls of one connection."""
+"""Maximum number of queued calls of one connection."""
 
 MAX_STOPS_PER_CONNECTION = 16
-"""Largest number of waiting calls of one connection under the right to stop."""
+"""Maximum number of queued calls of one connection with the `stop` right."""
 
 MAX_CONNECTIONS = 2048
-"""Largest number of connections with waiting messages; messages of further connections are refused."""
+"""Maximum number of connections with queued messages; messages of further connections are refused."""
 
 MESSAGE_OVERHEAD_BYTES = 512
-"""Approximate memory of a waiting message besides its payload, in bytes."""
+"""Approximate memory of a queued message in addition to its payload, in bytes."""
 
 MAX_BYTES_PER_CONNECTION = 8 * 1024 * 1024
 MAX_CALL_BYTES = 24 * 1024 * 1024
 MAX_FRAME_BYTES = 32 * 1024 * 1024
 
 MAX_NOTIFICATIONS = 1024
-"""Largest number of dropped calls whose callers are notified at once."""
+"""Maximum number of dropped calls whose callers have not been notified yet."""
 
 
 class QueuedMessage(NamedTuple):
@@ -48,14 +49,14 @@ class QueuedMessage(NamedTuple):
 
 
 def too_large(topic: str, connection: str | None, size: int) -> Malformed:
-    """Return the replacement that a host hands its nodes for a message that is too large."""
+    """Return the message that a host hands to its nodes instead of one that is too large."""
     return Malformed(
         topic=topic, connection=connection, reason=f"{size} bytes; expected at most {MAX_MESSAGE_BYTES}"
     )
 
 
 class DroppedCall(NamedTuple):
-    """A call that was dropped because too many calls waited."""
+    """A call that was dropped because too many calls were queued."""
 
     topic: str
     connection: str
@@ -63,14 +64,14 @@ class DroppedCall(NamedTuple):
 
 
 class _Entry(NamedTuple):
-    waiting: QueuedMessage
+    queued: QueuedMessage
     connection: str
     size: int
 
 
 @dataclass(frozen=False, slots=True)
 class _ConnectionQueue:
-    """The waiting messages of one connection: its calls, by their places in the order of arrival."""
+    """The queued messages of one connection; `calls` are sequence numbers in order of arrival."""
 
     calls: dict[int, None] = field(default_factory=dict)
     size: int = 0
@@ -79,7 +80,7 @@ class _ConnectionQueue:
 
 
 class MessageQueue:
-    """The waiting messages of a host. Mutable. Not thread-safe; see `inbox.py`."""
+    """The queued messages of a host. Mutable. Not thread-safe; see `inbox.py`."""
 
     def __init__(
         self,
@@ -108,7 +109,7 @@ class MessageQueue:
         self._count = 0
         self.frames_lost = 0
 
-    def frame(self, topic: str, data: bytes | Malformed) -> None:
+    def add_frame_message(self, topic: str, data: bytes | Malformed) -> None:
         """Add a message that is not a call."""
         size = self._overhead + (len(data) if isinstance(data, bytes) else 0)
         self._frames.append(_Entry(QueuedMessage(topic, data), "", size))
@@ -117,8 +118,8 @@ class MessageQueue:
             self._frames_size -= self._frames.popleft().size
             self.frames_lost += 1
 
-    def call(self, topic: str, connection: str, message: Call | Alive | Malformed, size: int) -> None:
-        """Add a connection's call, its sign of life, or a malformed message in place of either."""
+    def add_call(self, topic: str, connection: str, message: Call | Alive | Malformed, size: int) -> None:
+        """Add a call, a keepalive (`Alive`), or the `Malformed` that replaces either."""
         entry = _Entry(QueuedMessage(topic, message), connection, size + self._overhead)
         connection_queue = self._connections.get(connection)
         if connection_queue is None:
@@ -127,7 +128,7 @@ class MessageQueue:
                 return
             connection_queue = self._connections[connection] = _ConnectionQueue()
         if isinstance(message, Alive):
-            if not connection_queue.alive:  # one sign of life says as much as many
+            if not connection_queue.alive:  # one keepalive is as good as many
                 connection_queue.alive = True
                 self._frames.append(entry._replace(size=0))
         elif isinstance(message, Call) and message.right == "stop":
@@ -137,10 +138,10 @@ class MessageQueue:
             else:
                 self._note_dropped(entry)
         else:
-            self._queue(entry, connection_queue)
+            self._add_by_priority(entry, connection_queue)
 
     def is_full_for(self, connection: str) -> bool:
-        """Return True if a connection has the maximum number of waiting calls: one more would be refused."""
+        """Return True if one more call of this connection would be refused."""
         connection_queue = self._connections.get(connection)
         return connection_queue is not None and len(connection_queue.calls) >= self._max_calls_per_connection
 
@@ -149,7 +150,7 @@ class MessageQueue:
         self._dropped_calls.append(DroppedCall(topic, connection, number))
 
     def pop(self) -> QueuedMessage | None:
-        """Return the next message to handle, or None if nothing waits."""
+        """Return the next message to handle, or None if the queue is empty."""
         if self._stops:
             entry = self._stops.popleft()
             self._connections[entry.connection].stops -= 1
@@ -157,7 +158,7 @@ class MessageQueue:
             entry = self._frames.popleft()
             self._frames_size -= entry.size
             if not entry.connection:
-                return entry.waiting
+                return entry.queued
             self._connections[entry.connection].alive = False
         else:
             while self._order and self._order[0][1] not in self._calls:
@@ -165,12 +166,12 @@ class MessageQueue:
             if not self._order:
                 return None
             entry = self._take(heapq.heappop(self._order)[1])
-        self._tidy(entry.connection)
-        return entry.waiting
+        self._remove_if_empty(entry.connection)
+        return entry.queued
 
     @property
     def empty(self) -> bool:
-        """True if nothing waits."""
+        """True if no message is queued."""
         return not (self._frames or self._calls or self._stops)
 
     @property
@@ -183,11 +184,11 @@ class MessageQueue:
         while self._dropped_calls:
             yield self._dropped_calls.popleft()
 
-    def _queue(self, entry: _Entry, connection_queue: _ConnectionQueue) -> None:
+    def _add_by_priority(self, entry: _Entry, connection_queue: _ConnectionQueue) -> None:
         if len(connection_queue.calls) >= self._max_calls_per_connection:
             self._note_dropped(entry)
             return
-        message = entry.waiting.message
+        message = entry.queued.message
         priority = message.priority if isinstance(message, Call) else 0
         self._count += 1
         self._calls[self._count] = entry
@@ -198,28 +199,28 @@ class MessageQueue:
         while connection_queue.size > self._max_bytes_per_connection and len(connection_queue.calls) > 1:
             self._drop_oldest(connection_queue)
         while self._calls_size > self._max_call_bytes:
-            self._drop_oldest(max(self._connections.values(), key=lambda each: each.size))
+            self._drop_oldest(max(self._connections.values(), key=lambda queue: queue.size))
         if len(self._order) > 2 * len(self._calls) + 64:
-            self._order = [place for place in self._order if place[1] in self._calls]
+            self._order = [entry for entry in self._order if entry[1] in self._calls]
             heapq.heapify(self._order)
 
     def _drop_oldest(self, connection_queue: _ConnectionQueue) -> None:
         self._note_dropped(self._take(next(iter(connection_queue.calls))))
 
-    def _take(self, place: int) -> _Entry:
-        entry = self._calls.pop(place)
+    def _take(self, sequence: int) -> _Entry:
+        entry = self._calls.pop(sequence)
         connection_queue = self._connections[entry.connection]
-        del connection_queue.calls[place]
+        del connection_queue.calls[sequence]
         connection_queue.size -= entry.size
         self._calls_size -= entry.size
         return entry
 
     def _note_dropped(self, entry: _Entry) -> None:
-        message = entry.waiting.message
+        message = entry.queued.message
         number = message.number if isinstance(message, Call) else 0
-        self._dropped_calls.append(DroppedCall(entry.waiting.topic, entry.connection, number))
+        self._dropped_calls.append(DroppedCall(entry.queued.topic, entry.connection, number))
 
-    def _tidy(self, connection: str) -> None:
+    def _remove_if_empty(self, connection: str) -> None:
         connection_queue = self._connections[connection]
         if not connection_queue.calls and not connection_queue.stops and not connection_queue.alive:
             del self._connections[connection]

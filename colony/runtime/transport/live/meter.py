@@ -15,11 +15,11 @@ BYTES_PER_TOKEN = 16_384
 """Bytes of a message that cost one extra token."""
 
 MAX_SENDERS = 1024
-"""Senders with a bucket. Beyond that, the sender that was silent for longest loses its bucket."""
+"""Maximum number of buckets. Beyond that, the bucket of the least recently active sender is dropped."""
 
 
 class Rate(NamedTuple):
-    """The tokens gained per second, and the most that a sender may save up."""
+    """The tokens gained per second, and the maximum that a sender may accumulate."""
 
     per_s: float
     burst: float
@@ -28,11 +28,11 @@ class Rate(NamedTuple):
 @dataclass(frozen=False, slots=True)
 class _Bucket:
     tokens: float
-    at_ns: int
+    updated_ns: int
 
 
 class Meter:
-    """A token bucket per sender. Mutable: the tokens of each sender. Threads may share it."""
+    """A token bucket per sender. Mutable. Threads may share it."""
 
     def __init__(self, rate: Rate) -> None:
         self._per_ns = rate.per_s / 1e9
@@ -54,14 +54,14 @@ class Meter:
             return True
 
     def _bucket(self, sender: str, now_ns: int) -> _Bucket:
-        """Return a sender's bucket, filled up to the present."""
+        """Return a sender's bucket, refilled up to `now_ns`."""
         bucket = self._buckets.get(sender)
         if bucket is None:
             bucket = self._buckets[sender] = _Bucket(self._burst, now_ns)
             if len(self._buckets) > MAX_SENDERS:
                 self._buckets.popitem(last=False)
-        elif now_ns > bucket.at_ns:
+        elif now_ns > bucket.updated_ns:
             self._buckets.move_to_end(sender)
-            bucket.tokens = min(self._burst, bucket.tokens + (now_ns - bucket.at_ns) * self._per_ns)
-            bucket.at_ns = now_ns
+            bucket.tokens = min(self._burst, bucket.tokens + (now_ns - bucket.updated_ns) * self._per_ns)
+            bucket.updated_ns = now_ns
         return bucket

@@ -12,13 +12,13 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*", re.ASCII)
 _USER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]*", re.ASCII)
 
 
-def check_name(what: str, name: str) -> str:
-    """Return `name` if it is a valid name of a `what` (a robot, a server).
+def check_name(kind: str, name: str) -> str:
+    """Return `name` if it is a valid name of a `kind` ("robot", "server").
 
     Raises:
         ValueError: the name is invalid.
     """
-    return _check(what, name, _NAME, "letters, digits, `_`, `-` and `.`")
+    return _check(kind, name, _NAME, "letters, digits, `_`, `-` and `.`")
 
 
 def check_user(name: str) -> str:
@@ -30,10 +30,10 @@ def check_user(name: str) -> str:
     return _check("user", name, _USER, "letters, digits, `_`, `-`, `.` and `@`")
 
 
-def _check(what: str, name: str, pattern: re.Pattern[str], expected: str) -> str:
+def _check(kind: str, name: str, pattern: re.Pattern[str], expected: str) -> str:
     if len(name) > MAX_NAME_LENGTH or pattern.fullmatch(name) is None:
         raise ValueError(
-            f"`{name}` cannot be the name of a {what}: expected 1 to {MAX_NAME_LENGTH} characters, "
+            f"`{name}` cannot be the name of a {kind}: expected 1 to {MAX_NAME_LENGTH} characters, "
             f"{expected}, beginning with a letter or digit"
         )
     return name

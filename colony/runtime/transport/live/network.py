@@ -15,40 +15,44 @@ from colony.runtime.transport.live import configuration, keys
 from colony.runtime.transport.live.configuration import Settings
 from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.names import local_user as local_user
-from colony.runtime.transport.live.place import Local, Place, Remote
 from colony.runtime.transport.live.probe import diagnose
+from colony.runtime.transport.live.robot_address import Local, Remote, RobotAddress
 
 THREADS = "(rx: (worker_threads: 2), acc: (handover: rx), tx: (worker_threads: 1), net: (handover: tx))"
 """Threads of zenoh, in the format of `ZENOH_RUNTIME`; a variable that is already set takes precedence.
 
-Receiving and accepting share their threads: with separate threads each message would wake two, one that
-notices it and one that reads it. Sending, which includes signs of life, has its own thread: a server that is
-flooded with calls must keep sending signs of life, or the other processes close their links to it.
+Receiving and accepting share threads: with separate ones, each message would wake two, one that notices it
+and one that reads it. Sending, including keepalives, has its own thread: a server that is flooded with calls
+must keep sending keepalives, or the other processes close their links to it.
 """
 
 SOCKET_SCAN_S = 0.1
-"""Seconds after which all present sockets have been tried."""
+"""Seconds after which all existing sockets have been tried."""
 
 FREE_DESCRIPTORS = 32
-"""Descriptors that must be free to open a session: it takes up to 12, plus one per linked process."""
+"""File descriptors that must be free to open a session, which needs up to 12, plus one per linked process."""
 
 Watcher = Callable[[str, bool], None]
 """A function that takes the address of a node, and True if the node is present."""
 
 
 class ZenohSession:
-    """A process's session. Mutable: open or closed.
+    """A process's session. Mutable.
 
-    Use it in a `with`: an open session keeps the process alive. No process forks while it has one open.
-    `stops` is the second session of a server, for emergency stops from the gateway: on the link of the first
-    session they would wait behind a flood of calls. It is None in processes that only connect, and in the
-    gateway.
+    Use it in a `with`: an open session keeps the process alive. A process must not fork while it has one
+    open. `stops` is the second session of a server, for emergency stops from the gateway: on the link of the
+    first session, stops would wait behind a flood of calls. It is None in processes that only connect, and in
+    the gateway.
     """
 
     def __init__(
-        self, place: Place, session: zenoh.Session, resources: ExitStack, stops: zenoh.Session | None = None
+        self,
+        robot_address: RobotAddress,
+        session: zenoh.Session,
+        resources: ExitStack,
+        stops: zenoh.Session | None = None,
     ) -> None:
-        self.place = place
+        self.robot_address = robot_address
         self.session = session
         self.stops = stops
         self._resources = resources
@@ -57,15 +61,16 @@ class ZenohSession:
         self._watchers: tuple[Watcher, ...] = ()
         handler = zenoh.handlers.Callback(self._presence, indirect=False)
         tokens = session.liveliness()
-        tokens.declare_subscriber(keys.alive(place.robot, "**"), handler, history=True)
+        tokens.declare_subscriber(keys.alive(robot_address.robot, "**"), handler, history=True)
 
     @classmethod
     def open(
-        cls, place: Place, *, listens: tuple[str, ...] = (), settings: Settings | None = None
+        cls, robot_address: RobotAddress, *, listens: tuple[str, ...] = (), settings: Settings | None = None
     ) -> ZenohSession:
         """Join the robot's processes, on this machine as the servers named by `listens`.
 
-        Other processes find these servers under the socket of the first. `settings` replace the usual ones.
+        Other processes find these servers through the socket of the first. `settings` replace the default
+        ones.
 
         Raises:
             AlreadyRunningError: another process already serves one of `listens`.
@@ -73,30 +78,30 @@ class ZenohSession:
             UnreachableError: the gateway cannot be reached, or refuses the login.
         """
         with ExitStack() as resources:
-            if isinstance(place, Local):
-                place.directory.prepare()
+            if isinstance(robot_address, Local):
+                robot_address.directory.prepare()
                 for name in listens:
-                    resources.enter_context(place.directory.claim(name))
+                    resources.enter_context(robot_address.directory.claim(name))
             stops = None
-            if isinstance(place, Local) and listens and settings is None:
-                stops = _open(place, configuration.stop_settings(place.directory), resources)
+            if isinstance(robot_address, Local) and listens and settings is None:
+                stops = _open(robot_address, configuration.stop_settings(robot_address.directory), resources)
             if settings is None:
-                settings = configuration.settings(place, listens=listens[:1])
-            session = _open(place, settings, resources)
-            return cls(place, session, resources.pop_all(), stops)
+                settings = configuration.settings(robot_address, listens=listens[:1])
+            session = _open(robot_address, settings, resources)
+            return cls(robot_address, session, resources.pop_all(), stops)
 
     @property
     def robot(self) -> str:
         """The name of the robot."""
-        return self.place.robot
+        return self.robot_address.robot
 
     @property
     def user(self) -> str:
-        """The identity of this process at servers: the certificate's user, else the user of this machine."""
-        return self.place.credentials.user if isinstance(self.place, Remote) else local_user()
+        """The user that servers see: that of the certificate for a remote robot, else this process's."""
+        return self.robot_address.credentials.user if isinstance(self.robot_address, Remote) else local_user()
 
     def alive(self) -> tuple[str, ...]:
-        """Return the addresses of the nodes known to be present."""
+        """Return the addresses of the nodes that are currently present."""
         time.sleep(max(0.0, self._opened + SOCKET_SCAN_S - time.monotonic()))
         return tuple(sorted(self._present))
 
@@ -131,13 +136,13 @@ class ZenohSession:
         self.close()
 
 
-def _open(place: Place, settings: Settings, resources: ExitStack) -> zenoh.Session:
+def _open(robot_address: RobotAddress, settings: Settings, resources: ExitStack) -> zenoh.Session:
     _check_descriptors()
     try:
         with _threads():
             session = zenoh.open(configuration.configuration(settings))
     except zenoh.ZError as problem:
-        raise UnreachableError(_open_failure(place, settings, problem)) from None
+        raise UnreachableError(_open_failure(robot_address, settings, problem)) from None
     except BaseException as problem:
         # Rust's panic is not an Exception and cannot be imported
         if type(problem).__name__ != "PanicException":
@@ -171,31 +176,31 @@ def _check_descriptors() -> None:
     Raises:
         UnreachableError: too few descriptors are free.
     """
-    most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-    if most == resource.RLIM_INFINITY:
+    limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    if limit == resource.RLIM_INFINITY:
         return
     try:
         used = len(os.listdir("/proc/self/fd"))
-    except OSError as problem:  # listing takes a descriptor too, and not every system has this folder
-        used = most if problem.errno == errno.EMFILE else 0
-    if most - used < FREE_DESCRIPTORS:
+    except OSError as problem:  # listing needs a descriptor, too, and not every system has this folder
+        used = limit if problem.errno == errno.EMFILE else 0
+    if limit - used < FREE_DESCRIPTORS:
         needed = f"a session needs {FREE_DESCRIPTORS} more: raise the limit (`ulimit -n`)"
-        raise UnreachableError(f"this process may have {most} files open, and has {used}; {needed}")
+        raise UnreachableError(f"this process may have {limit} files open, and has {used}; {needed}")
 
 
-def _open_failure(place: Place, settings: Settings, problem: zenoh.ZError) -> str:
-    match place:
+def _open_failure(robot_address: RobotAddress, settings: Settings, problem: zenoh.ZError) -> str:
+    match robot_address:
         case Remote():
-            return diagnose(place)
+            return diagnose(robot_address)
         case Local(directory=directory):
             return f"{directory.robot}: cannot listen at {settings['listen/endpoints']}: {problem}"
 
 
-def local_time(place: Local) -> Callable[[], int]:
+def local_time(robot_address: Local) -> Callable[[], int]:
     """Return the robot's clock on its own machine: monotonic nanoseconds since the robot's base.
 
     Raises:
         RunDirectoryError: the robot's folder cannot be used.
     """
-    base, monotonic = place.directory.base_ns(), time.monotonic_ns
+    base, monotonic = robot_address.directory.base_ns(), time.monotonic_ns
     return lambda: monotonic() - base

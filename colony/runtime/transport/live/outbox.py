@@ -1,13 +1,11 @@
-"""A process's outgoing messages, with one declared publisher per key.
+"""A process's outgoing messages, with one declared publisher per key, so that unheard messages cost little.
 
-A message without a listener therefore costs almost nothing.
+Ticks, server frames and verdicts go to all readers, and are dropped for a reader whose link is full, because
+a frozen reader must not block the server; a reader fetches the frames that it missed. Other messages
+wait for room if the outbox may block. Otherwise they are dropped, too; clients send
+new ones with the next frame, and connections repeat the call.
 
-Ticks, server frames and verdicts go to all readers, and are dropped for a reader whose link has no room,
-because a frozen reader must not block the server; a reader fetches the frames that it missed. Other messages
-wait for room if the outbox may block. Otherwise they are dropped, too, and their senders repeat them: clients
-with the next frame, connections with the same call.
-
-Messages of frames overtake checkpoints, calls and their replies, which may be whole images.
+Frame messages overtake checkpoints, calls and replies, which may contain whole images.
 """
 
 from __future__ import annotations
@@ -41,17 +39,17 @@ IDLE_NS = 10_000_000_000
 """Nanoseconds without a message after which a connection's publisher is released."""
 
 MAX_BATCHED_BYTES = 1024
-"""Size in bytes of the largest checkpoint that travels in a batch."""
+"""Maximum size in bytes of a checkpoint that is sent in a batch."""
 
 MAX_CONNECTION_PUBLISHERS = 256
-"""Largest number of publishers for connections."""
+"""Maximum number of publishers for connections."""
 
 Report = Callable[[str], None]
-"""A function that takes a sentence on each survived problem."""
+"""A function that takes a sentence about each problem that the process survives."""
 
 
 class Outbox:
-    """The publishers of a process. Mutable: the publishers, and when those of connections were last used."""
+    """The publishers of a process. Mutable."""
 
     def __init__(
         self,
@@ -68,8 +66,8 @@ class Outbox:
         Args:
             session: session to send with.
             robot: robot whose processes receive the messages.
-            report: callback for a sentence on each message that cannot be sent.
-            user: user in whose name clients send.
+            report: callback for a sentence about each message that cannot be sent.
+            user: user in the keys of messages that clients send.
             may_block: True to make messages that do not go to all readers wait for room instead of being
                 dropped.
             urgent: True to let replies overtake all other messages; then no message waits for room.
@@ -84,7 +82,7 @@ class Outbox:
         self._connection_publishers: dict[str, tuple[zenoh.Publisher, int]] = {}
 
     def send_all(self, sends: Iterable[Send], now_ns: int) -> None:
-        """Send messages: first the single ones, then those that clients send to one server, as batches."""
+        """Send messages: first the single ones, then messages of clients to the same server, in batches."""
         batches: dict[str, list[Batched]] = {}
         for topic, message in sends:
             if isinstance(message, Batched) and not _is_large(message):
@@ -96,7 +94,7 @@ class Outbox:
                 self._send_together(topic, messages[i : i + MAX_BATCH_LENGTH], now_ns)
 
     def send(self, topic: str, message: SentMessage, now_ns: int) -> None:
-        """Send a message; report one that is too large, and replace a reply by one that says so."""
+        """Send a message; report one that is too large, and send an error instead of a reply that is."""
         try:
             data = codec.encode(message)
         except ValueError as problem:
@@ -124,7 +122,7 @@ class Outbox:
     def _put(self, topic: str, message: WireMessage, data: bytes, now_ns: int) -> None:
         try:
             self._publisher(topic, message, now_ns).put(data)
-        except zenoh.ZError as problem:  # a name given by a user cannot be part of a key
+        except zenoh.ZError as problem:  # a name given by a user is not valid in a key
             self._report(f"to {topic}: {problem}")
 
     def _publisher(self, topic: str, message: WireMessage, now_ns: int) -> zenoh.Publisher:
@@ -143,16 +141,14 @@ class Outbox:
     def _connection_publisher(self, key: str, message: SentMessage, now_ns: int) -> zenoh.Publisher:
         publisher, _ = self._connection_publishers.pop(key, (None, 0))
         if publisher is None:
-            self._tidy(now_ns)
+            self._release_idle(now_ns)
             priority = SendPriority.STOP if self._urgent else priority_of(message)
             publisher = publish(self._session, key, priority=priority, may_block=self._may_block)
-        self._connection_publishers[key] = (
-            publisher,
-            now_ns,
-        )  # reinserted last, so that the first was idle for longest
+        # reinserted at the end, so that the publishers are in order of last use
+        self._connection_publishers[key] = (publisher, now_ns)
         return publisher
 
-    def _tidy(self, now_ns: int) -> None:
+    def _release_idle(self, now_ns: int) -> None:
         """Release publishers that are idle, and those beyond the limit."""
         while self._connection_publishers:
             key, (publisher, used_ns) = next(iter(self._connection_publishers.items()))
@@ -190,7 +186,7 @@ def publish(
 
 
 def _is_large(message: Batched) -> bool:
-    """Return True if a message is too large for a batch: batches without it stay small."""
+    """Return True if a message is too large for a batch."""
     return isinstance(message, Checkpoint) and len(message.memory) > MAX_BATCHED_BYTES
 
 

@@ -1,4 +1,4 @@
-"""The work of the network threads on a message: count it, check its size, and queue it for handling.
+"""The network threads' part in receiving a message: count it, check its size, and queue it for handling.
 
 Handlers run in zenoh's threads, which must not block: a blocked thread stops reception for the whole process.
 """
@@ -31,7 +31,7 @@ It returns False if the message must go to the inbox.
 
 
 class Reception:
-    """The subscriptions of a host.
+    """The subscriptions of a host, and their handlers.
 
     Args:
         network: session from which messages come.
@@ -59,7 +59,7 @@ class Reception:
         self._rate_limits = RateLimits(local_user())
 
     def listen(self, topic: str, declared: ExitStack, *, defers: bool) -> None:
-        """Receive the messages of a topic until `declared` is closed; with `defers`, they wake no thread."""
+        """Receive messages on a topic until `declared` is closed; with `defers`, they wake no thread."""
         robot = self._network.robot
         if keys.takes_calls(topic):
             for right in keys.RIGHTS:
@@ -73,8 +73,8 @@ class Reception:
             self._subscribe(keys.listening(robot, topic), self._frame_handler(topic, defers), declared)
 
     def _listen_to_stops(self, topic: str, declared: ExitStack) -> None:
-        """Open a lane for messages under the right to stop, over both sessions if there are two."""
-        lane = StopLane(self._stop, self._inbox.call)
+        """Open a lane for messages sent with the `stop` right, over both sessions if there are two."""
+        lane = StopLane(self._stop, self._inbox.add_call)
         declared.callback(lane.close)
         key = keys.listening_to_calls(self._network.robot, topic, "stop")
         self._subscribe(key, _stop_handler(topic, lane, self._rate_limits, twice=False), declared)
@@ -91,7 +91,7 @@ class Reception:
 
     def _frame_handler(self, topic: str, defers: bool) -> Handler:
         """Return the handler of a topic that does not carry calls."""
-        frame, limits = self._inbox.frame, self._rate_limits
+        frame, limits = self._inbox.add_frame_message, self._rate_limits
         kind, direct = keys.kind_of_users(topic), None if defers else self._direct
 
         def take(sample: zenoh.Sample) -> None:
@@ -100,7 +100,7 @@ class Reception:
             data = payload.to_bytes() if size <= MAX_MESSAGE_BYTES else b""
             if kind is not None:
                 user = str(sample.key_expr).rpartition("/")[2]
-                if not limits.frame(kind, user, size, codec.count(data)):
+                if not limits.admit_frame(kind, user, size, codec.count(data)):
                     return  # no reply: a reader fetches a missed frame again
             if size > MAX_MESSAGE_BYTES:
                 frame(topic, too_large(topic, None, size))
@@ -117,22 +117,22 @@ class Reception:
             key = keys.call_key(str(sample.key_expr))
             size = len(payload)
             if key is None:
-                return  # a key without a connection names no receiver of a reply
-            if inbox.is_full_for(key.connection) or not limits.call(key.connection, size):
-                if limits.refusal(key.connection) and size <= MAX_MESSAGE_BYTES:
+                return  # without a connection in the key, there is nobody to reply to
+            if inbox.is_full_for(key.connection) or not limits.admit_call(key.connection, size):
+                if limits.admit_refusal(key.connection) and size <= MAX_MESSAGE_BYTES:
                     self._refuse(topic, key, payload.to_bytes())
                 return
             if size > MAX_MESSAGE_BYTES:
-                inbox.call(topic, key.connection, too_large(topic, key.connection, size), 0)
+                inbox.add_call(topic, key.connection, too_large(topic, key.connection, size), 0)
                 return
             try:
                 message = keys.check_call(codec.decode(payload.to_bytes()), key)
             except MessageFormatError as problem:
                 malformed = Malformed(topic=topic, connection=key.connection, reason=str(problem))
-                inbox.call(topic, key.connection, malformed, 0)
+                inbox.add_call(topic, key.connection, malformed, 0)
             else:
                 if direct is None or not isinstance(message, Call) or not direct(topic, message):
-                    inbox.call(topic, key.connection, message, size)
+                    inbox.add_call(topic, key.connection, message, size)
 
         return take
 
@@ -145,9 +145,9 @@ class Reception:
 
 
 def _stop_handler(topic: str, lane: StopLane, limits: RateLimits, *, twice: bool) -> Handler:
-    """Return the handler of one session's messages under the right to stop.
+    """Return the handler of one session's messages sent with the `stop` right.
 
-    With `twice`, another session receives the same messages and handles all but the emergency stops.
+    With `twice`, another session receives the same messages, so only emergency stops are handled.
     """
 
     def take(sample: zenoh.Sample) -> None:
@@ -156,7 +156,7 @@ def _stop_handler(topic: str, lane: StopLane, limits: RateLimits, *, twice: bool
         if (
             key is not None
             and len(payload) <= MAX_MESSAGE_BYTES
-            and limits.stop(key.connection, len(payload))
+            and limits.admit_stop(key.connection, len(payload))
         ):
             lane.put(topic, key, payload.to_bytes(), twice=twice)
 

@@ -2,7 +2,7 @@
 
 A tick contains the time at which it was due, and arrives later by an unknown delay that is never negative.
 The greatest difference between a tick's time and its arrival is therefore the most accurate. The clocks of
-two machines drift apart, so a difference is lowered by `DRIFT` as it ages.
+two machines drift apart, so `DRIFT` times its age is subtracted from an old difference.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from colony.runtime.protocol.messages import Tick
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.network import ZenohSession, local_time
-from colony.runtime.transport.live.place import Local
+from colony.runtime.transport.live.robot_address import Local
 
 DRIFT = 1e-4
-"""Largest drift between two clocks, in seconds per second."""
+"""Maximum drift between two clocks, in seconds per second."""
 
 FIRST_TICK_TIMEOUT_S = 5.0
 
 
 class LearnedTime:
-    """A clock learned from ticks. Mutable: the best difference so far.
+    """A clock learned from ticks. Stateful: remembers the best difference so far.
 
     Args:
         monotonic: clock of this machine, in nanoseconds.
@@ -50,14 +50,14 @@ class LearnedTime:
         return self._best is not None
 
     def on_tick(self, t_ns: int) -> None:
-        """Note the arrival, now, of a tick that was due at `t_ns`."""
-        now = self._monotonic()
-        found = t_ns - now
+        """Take a tick that was due at `t_ns` and arrives now."""
+        now_ns = self._monotonic()
+        offset_ns = t_ns - now_ns
         if self._best is not None:
-            offset, at = self._best
-            if found < offset - int(DRIFT * (now - at)):
+            best_offset_ns, best_ns = self._best
+            if offset_ns < best_offset_ns - int(DRIFT * (now_ns - best_ns)):
                 return
-        self._best = (found, now)
+        self._best = (offset_ns, now_ns)
 
     def __call__(self) -> int:
         """Return the robot's time in nanoseconds. It never goes back, and is 0 before the first tick."""
@@ -67,18 +67,18 @@ class LearnedTime:
 
 
 def time_of(network: ZenohSession) -> Callable[[], int]:
-    """Return the robot's clock in nanoseconds: this machine's if the robot is local, else a learned one.
+    """Return the robot's clock in nanoseconds: based on this machine's if the robot is local, else learned.
 
     Raises:
         RunDirectoryError: the robot's folder cannot be used.
         UnreachableError: no tick arrived.
     """
-    place = network.place
-    return local_time(place) if isinstance(place, Local) else learned_time(network)
+    robot_address = network.robot_address
+    return local_time(robot_address) if isinstance(robot_address, Local) else learned_time(network)
 
 
 def learned_time(network: ZenohSession, *, timeout_s: float = FIRST_TICK_TIMEOUT_S) -> LearnedTime:
-    """Return the clock of a robot of another machine after its first tick; it keeps learning.
+    """Wait for a tick of a robot on another machine, and return its clock, which keeps learning.
 
     Raises:
         UnreachableError: no tick arrived within the timeout.

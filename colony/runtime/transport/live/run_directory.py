@@ -1,10 +1,10 @@
 """The folder in which the processes of one machine's robots find each other, one subfolder per robot.
 
     <run directory>/<robot>/RServer.sock     the socket on which RServer listens
-    <run directory>/<robot>/RServer.claim    locked by the process that serves it, with its process id
-    <run directory>/<robot>/base             the base of the robot's time
+    <run directory>/<robot>/RServer.claim    locked by the process that runs RServer; contains its process id
+    <run directory>/<robot>/base             the zero of the robot's time
 
-A process that can open the sockets has full control of the robot, so only the owner may enter the folder.
+A process that can open the sockets has full control of the robot, so only its owner may enter the folder.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from colony.runtime.transport.live.names import check_name
 ADVICE = "set COLONY_RUN_DIR to a folder of yours"
 
 MAX_SOCKET_PATH_BYTES = 107
-"""Longest path of a unix socket in bytes (`sun_path` without its terminator)."""
+"""Maximum length of the path of a unix socket in bytes (`sun_path` without its terminator)."""
 
 FORBIDDEN_CHARACTERS = "#?"
 """Characters that end the address in a zenoh endpoint, and so cannot be in a socket's path."""
@@ -107,7 +107,7 @@ class RobotDirectory:
         """Return the path of a server's socket.
 
         Raises:
-            RunDirectoryError: the path is too long, zenoh could not read it, or the server's name is invalid.
+            RunDirectoryError: the path is too long or not valid for zenoh, or the server's name is invalid.
         """
         try:
             path = self.path / f"{check_name('server', server)}.sock"
@@ -115,9 +115,9 @@ class RobotDirectory:
             raise RunDirectoryError(str(problem)) from None
         if not _is_utf8(path):
             raise RunDirectoryError(f"the path of a socket must be UTF-8, and {path} is not: {ADVICE}")
-        if odd := [sign for sign in FORBIDDEN_CHARACTERS if sign in str(path)]:
+        if forbidden := [c for c in FORBIDDEN_CHARACTERS if c in str(path)]:
             raise RunDirectoryError(
-                f"{path} cannot be the path of a socket, because it contains `{odd[0]}`: "
+                f"{path} cannot be the path of a socket, because it contains `{forbidden[0]}`: "
                 "set COLONY_RUN_DIR to a folder without it"
             )
         size = len(os.fsencode(path))
@@ -133,13 +133,13 @@ class RobotDirectory:
         return f"unixsock-stream/{self.socket(server)}"
 
     def servers(self) -> tuple[str, ...]:
-        """Return the servers that have a socket here, including killed ones."""
+        """Return the servers that have a socket here, including servers that were killed."""
         return tuple(sorted(p.stem for p in self.path.glob("*.sock")))
 
     def running(self) -> Mapping[str, int]:
         """Return the running servers with their process ids."""
-        found = {p.stem: _holder(p) for p in sorted(self.path.glob("*.claim"))}
-        return {name: pid for name, pid in found.items() if pid is not None}
+        pids = {p.stem: _holder(p) for p in sorted(self.path.glob("*.claim"))}
+        return {name: pid for name, pid in pids.items() if pid is not None}
 
     def claim(self, server: str) -> Claim:
         """Claim to be the only process that serves `server`, until the claim is closed or the process ends.
@@ -168,8 +168,8 @@ class RobotDirectory:
     def base_ns(self, *, monotonic: Callable[[], int] = time.monotonic_ns) -> int:
         """Return the base of the robot's time: robot time is the monotonic clock minus this base.
 
-        The first process that asks sets it. A base from before a reboot is replaced, so that the robot's time
-        advances by as much as the wall clock did.
+        The first process that asks sets it. A base from before a reboot is replaced, such that the robot's
+        time has advanced by as much as the wall clock.
 
         Raises:
             RunDirectoryError: the folder cannot be used, or its base file cannot be read.
@@ -190,7 +190,7 @@ class RobotDirectory:
 
 
 class Claim:
-    """The right to serve, held by a lock on a file. Mutable: closed or not."""
+    """An exclusive claim to serve, held by a lock on a file. Mutable."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -220,7 +220,7 @@ class _Base(msgspec.Struct, frozen=True, kw_only=True):
 
 @contextmanager
 def in_run_directory(path: Path) -> Iterator[None]:
-    """Turn an OSError into an error with advice; `path` is the file if the error names none.
+    """Turn an OSError into an error with advice; `path` is named if the OSError names no file.
 
     Raises:
         RunDirectoryError: in place of any OSError, except when no more files can be opened.
@@ -230,8 +230,8 @@ def in_run_directory(path: Path) -> Iterator[None]:
     except OSError as problem:
         if problem.errno in (errno.EMFILE, errno.ENFILE):
             raise
-        room = f"free some space or {ADVICE}" if problem.errno in NO_ROOM else ADVICE
-        advice = limit_advice(problem) or room
+        default = f"free some space or {ADVICE}" if problem.errno in NO_ROOM else ADVICE
+        advice = limit_advice(problem) or default
         raise RunDirectoryError(f"{problem.filename or path}: {problem.strerror}: {advice}") from None
 
 
@@ -243,16 +243,16 @@ def _make_private(folder: Path) -> None:
 
 def _check_private(folder: Path) -> None:
     with in_run_directory(folder):
-        found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode):
+        status = folder.lstat()
+    if not stat.S_ISDIR(status.st_mode):
         raise RunDirectoryError(f"{folder} is not a folder: {ADVICE}")
-    if found.st_uid != os.getuid():
+    if status.st_uid != os.getuid():
         raise RunDirectoryError(
-            f"{folder} belongs to user {found.st_uid}, and this is user {os.getuid()}: {ADVICE}"
+            f"{folder} belongs to user {status.st_uid}, and this is user {os.getuid()}: {ADVICE}"
         )
-    if found.st_mode & 0o077:
+    if status.st_mode & 0o077:
         raise RunDirectoryError(
-            f"{folder} is open to others (mode {stat.S_IMODE(found.st_mode):04o}), who could drive the "
+            f"{folder} is open to others (mode {stat.S_IMODE(status.st_mode):04o}), who could drive the "
             f"robot: `chmod 700 {folder}`"
         )
 
@@ -260,13 +260,13 @@ def _check_private(folder: Path) -> None:
 def _write_holder(descriptor: int, holder: str) -> None:
     """Overwrite the holder noted in a claim.
 
-    The file keeps its size and needs no room on a full disk, so a server can be restarted.
+    The file keeps its size, so that a server can be restarted even when the disk is full.
     """
     os.pwrite(descriptor, f"{holder:<{CLAIM_BYTES - 1}}\n".encode(), 0)
 
 
 def _try_lock(descriptor: int) -> bool:
-    """Try to lock a file, several times, because a process that reads the holder locks it briefly, too."""
+    """Try to lock a file, several times, because a process that reads the holder also locks it briefly."""
     for _ in range(CLAIM_TRIES):
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -8,9 +8,9 @@
     [users.ada]
     may = ["read", "command"]
 
-A user is the common name of a certificate that the authority signed. `read` permits reading, `stop` emergency
-stops, `command` changes, motion and stops, and `run` programs on the robot: sending as their clients, with
-all other rights.
+A user is identified by the common name of a certificate that the authority signed. `read` permits reading;
+`stop` emergency stops; `command` changes, motion and emergency stops; `run` all of these, and running
+programs on the robot, that is, sending messages as their clients.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from colony.files import read_file, reason
 from colony.runtime.protocol.messages import Right
 from colony.runtime.transport.live.errors import SecurityError
 from colony.runtime.transport.live.names import check_user, local_user
-from colony.runtime.transport.live.place import Credentials
+from colony.runtime.transport.live.robot_address import Credentials
 
 Permission = Literal["read", "command", "stop", "run"]
 PERMISSIONS: tuple[Permission, ...] = get_args(Permission)
@@ -58,23 +58,23 @@ class Security:
 
 def rights(permissions: tuple[Permission, ...]) -> tuple[Right, ...]:
     """Return the rights that permissions grant, `read` first."""
-    found = {right for permission in permissions for right in IMPLIED[permission]}
+    granted = {right for permission in permissions for right in IMPLIED[permission]}
     order: tuple[Right, ...] = ("read", "command", "stop")
-    return tuple(right for right in order if right in found)
+    return tuple(right for right in order if right in granted)
 
 
 def read_security(path: Path) -> Security:
     """Read the table of users, and check that its certificates can be used.
 
     Raises:
-        SecurityError: something is wrong; the message lists every problem with its place.
+        SecurityError: the files are invalid; the message lists every problem and where it is.
     """
     table = _read_toml(path)
     problems = list(_unknown(table, ("gateway", "users"), ""))
     files = _files(path, table.get("gateway"), "gateway", problems)
     users = _users(table.get("users"), problems)
     if not problems:
-        problems.extend(_unusable(files["certificate"], files["key"], files["authority"]))
+        problems.extend(_certificate_problems(files["certificate"], files["key"], files["authority"]))
     _raise(path, problems)
     return Security(users=users, **files)
 
@@ -83,7 +83,7 @@ def read_credentials(path: Path) -> Credentials:
     """Read a client's credentials: a TOML file with `user`, `certificate`, `key` and `authority`.
 
     Raises:
-        SecurityError: something is wrong; the message lists every problem with its place.
+        SecurityError: the files are invalid; the message lists every problem and where it is.
     """
     table = _read_toml(path)
     problems: list[str] = []
@@ -96,7 +96,7 @@ def read_credentials(path: Path) -> Credentials:
         problems.append(f"user: {problem}")
     files = _files(path, table, "", problems)
     if not problems:
-        problems.extend(_unusable(files["certificate"], files["key"], files["authority"]))
+        problems.extend(_certificate_problems(files["certificate"], files["key"], files["authority"]))
     _raise(path, problems)
     return Credentials(user=str(user), **files)
 
@@ -107,7 +107,7 @@ def check_credentials(credentials: Credentials) -> None:
     Raises:
         SecurityError: they cannot.
     """
-    problems = list(_unusable(credentials.certificate, credentials.key, credentials.authority))
+    problems = list(_certificate_problems(credentials.certificate, credentials.key, credentials.authority))
     if problems:
         raise SecurityError("\n".join(problems))
 
@@ -128,34 +128,34 @@ def _read_toml(path: Path) -> dict[str, object]:
         raise SecurityError(f"{path}: {problem}") from None
 
 
-def _unknown(table: Mapping[str, object], known: tuple[str, ...], where: str) -> Iterator[str]:
+def _unknown(table: Mapping[str, object], known: tuple[str, ...], prefix: str) -> Iterator[str]:
     for name in table:
         if name not in known:
-            yield f"{where}{name}: unknown; expected {', '.join(known)}"
+            yield f"{prefix}{name}: unknown; expected {', '.join(known)}"
 
 
 def _files(path: Path, table: object, where: str, problems: list[str]) -> dict[str, Path]:
-    """Return the three paths of a table; add the missing ones to the problems."""
+    """Return the three paths of a table; report missing ones in `problems`."""
     prefix = f"{where}." if where else ""
     if not isinstance(table, dict):
         problems.append(f"{where}: missing; expected a table with {', '.join(_FILES)}")
         return {}
     problems.extend(_unknown(table, _FILES, prefix))
-    found: dict[str, Path] = {}
+    files: dict[str, Path] = {}
     for name in _FILES:
         value = table.get(name)
         if isinstance(value, str):
-            found[name] = path.absolute().parent / value
+            files[name] = path.absolute().parent / value
         else:
             problems.append(f"{prefix}{name}: expected the path of a PEM file")
-    return found
+    return files
 
 
 def _users(table: object, problems: list[str]) -> dict[str, tuple[Permission, ...]]:
     if not isinstance(table, dict) or not table:
         problems.append("users: missing; expected at least one, as `[users.ada]` with `may = [...]`")
         return {}
-    found: dict[str, tuple[Permission, ...]] = {}
+    users: dict[str, tuple[Permission, ...]] = {}
     for name, entry in table.items():
         where = f"users.{name}"
         try:
@@ -168,15 +168,16 @@ def _users(table: object, problems: list[str]) -> dict[str, tuple[Permission, ..
             problems.append(f"{where}: expected `may = [...]` with some of {', '.join(PERMISSIONS)}")
             continue
         problems.extend(_unknown(entry, ("may",), f"{where}."))
-        found[name] = tuple(p for p in PERMISSIONS if p in entry["may"])
-        for place, permission in enumerate(entry["may"]):
+        users[name] = tuple(p for p in PERMISSIONS if p in entry["may"])
+        for index, permission in enumerate(entry["may"]):
             if permission not in PERMISSIONS:
                 expected = ", ".join(PERMISSIONS)
-                problems.append(f"{where}.may[{place}]: found {permission!r}; expected one of {expected}")
-    return found
+                problems.append(f"{where}.may[{index}]: found {permission!r}; expected one of {expected}")
+    return users
 
 
-def _unreadable(file: Path) -> str | None:
+def _read_error(file: Path) -> str | None:
+    """Return the reason why a file cannot be read, or None."""
     try:
         read_file(file, FILE_BYTES)
     except FileNotFoundError:
@@ -186,9 +187,9 @@ def _unreadable(file: Path) -> str | None:
     return None
 
 
-def _unusable(certificate: Path, key: Path, authority: Path) -> Iterator[str]:
+def _certificate_problems(certificate: Path, key: Path, authority: Path) -> Iterator[str]:
     """Yield the reasons why certificates and key cannot be used."""
-    unreadable = [f"{file}: {why}" for file in (certificate, key, authority) if (why := _unreadable(file))]
+    unreadable = [f"{file}: {why}" for file in (certificate, key, authority) if (why := _read_error(file))]
     if unreadable:
         yield from unreadable
         return

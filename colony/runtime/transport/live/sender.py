@@ -1,9 +1,9 @@
-"""A thread that sends the messages that may have to wait for room on a link.
+"""A thread that sends the messages that may have to wait until a link has room.
 
-A network thread must not wait for room: it may be the thread that makes room, and nothing is received while
-it waits. A direct host therefore sends most messages without waiting, and hands this thread the messages that
-exceed the room of a link and must not be dropped: checkpoints, notices, large replies. Their priority differs
-from that of the messages of frames, whose queues therefore stay free while this thread waits.
+A network thread must not wait: it may be the thread that empties the link's queue, and nothing is received
+while it waits. A direct host therefore sends most messages without waiting, and hands this thread the
+messages that may be too large for the queue but must not be dropped: checkpoints, notices, large replies.
+They do not hold up frame messages, which have another priority and so another queue.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from colony.runtime.protocol.messages import Checkpoint, Notice, Reply, Send
 from colony.runtime.transport.live.outbox import Outbox
 
 MAX_DROPPABLE_BYTES = 1024
-"""Size in bytes of the largest reply that may be dropped for lack of room; a link has room for many."""
+"""Maximum size in bytes of a reply that may be dropped if a link is full; a link has room for many."""
 
 
 class Sender:
-    """A queue with its own thread. Mutable: the waiting messages, and whether the thread runs.
+    """A queue with its own thread. Mutable.
 
     Args:
         outbox: outbox that waits for room; used only in the sender's thread.
         time: clock in nanoseconds.
-        failed: callback for the exception that ended the thread; called in that thread.
+        on_failure: callback for the exception that ended the thread; called in that thread.
     """
 
     def __init__(
-        self, outbox: Outbox, time: Callable[[], int], failed: Callable[[BaseException], None]
+        self, outbox: Outbox, time: Callable[[], int], on_failure: Callable[[BaseException], None]
     ) -> None:
         self._outbox = outbox
         self._time = time
-        self._failed = failed
+        self._on_failure = on_failure
         self._queue: SimpleQueue[Sequence[Send] | None] = SimpleQueue()
         self._thread = Thread(target=self._run, name="large messages", daemon=True)
         self._thread.start()
@@ -43,7 +43,7 @@ class Sender:
         self._queue.put(sends)
 
     def close(self) -> None:
-        """Send the waiting messages, and end the thread."""
+        """Send the queued messages, and end the thread."""
         self._queue.put(None)
         self._thread.join()
 
@@ -52,11 +52,11 @@ class Sender:
             while (sends := self._queue.get()) is not None:
                 self._outbox.send_all(sends, self._time())
         except BaseException as failure:
-            self._failed(failure)
+            self._on_failure(failure)
 
 
 def must_block(send: Send) -> bool:
-    """Return True if a message may exceed a link's room and must not be dropped."""
+    """Return True if a message may be too large for a link's queue but must not be dropped."""
     match send.message:
         case Reply(result=result):
             return len(bytes(result)) > MAX_DROPPABLE_BYTES

@@ -1,8 +1,8 @@
-"""The lane of emergency stops through a process: a queue and a thread that nothing else uses.
+"""A separate queue and thread for emergency stops.
 
-The receiving thread puts messages under the right to stop into the queue, undecoded. The lane's thread
-decodes them and hands over emergency stops immediately. Other messages under this right, such as the opening
-of a connection, join all other calls.
+The receiving thread puts messages sent with the `stop` right into the queue, undecoded. The lane's thread
+decodes them and hands over emergency stops immediately. Other messages with this right, such as those that
+open a connection, join all other calls.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from colony.runtime.protocol.messages import Alive, Call, Malformed
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.keys import CallKey
 
-MAX_WAITING = 1024
-"""Messages that may wait: the bursts (`rate_limits.STOP_RATE`) of ten users at once."""
+MAX_QUEUED = 1024
+"""Maximum number of queued messages: the bursts (`rate_limits.STOP_RATE`) of ten users at once."""
 
 OtherHandler = Callable[[str, str, Call | Alive | Malformed, int], None]
-"""A function that takes other messages than emergency stops: topic, connection, content, size in bytes."""
+"""A handler of messages other than emergency stops: topic, connection, content, size in bytes."""
 
 
 class _Received(NamedTuple):
@@ -34,7 +34,7 @@ class _Received(NamedTuple):
 
 
 class StopLane:
-    """A queue with its own thread. Mutable: the waiting messages, and whether the thread runs.
+    """A queue with its own thread. Mutable.
 
     Args:
         stop: handler of an emergency stop on a topic; called in the lane's thread.
@@ -49,16 +49,16 @@ class StopLane:
         self._thread.start()
 
     def put(self, topic: str, key: CallKey, data: bytes, *, twice: bool = False) -> None:
-        """Queue a message from the network without blocking; drop it if `MAX_WAITING` messages wait.
+        """Queue a message from the network without blocking; drop it if the queue is full.
 
-        A message that arrives `twice` is handled only if it is an emergency stop, whose repetition is
-        recognized.
+        `twice` marks the second copy of a message that arrives over two sessions: it is handled only if it is
+        an emergency stop, whose repetition is recognized.
         """
-        if self._queue.qsize() < MAX_WAITING:
+        if self._queue.qsize() < MAX_QUEUED:
             self._queue.put(_Received(topic, key, data, twice))
 
     def close(self) -> None:
-        """Handle the waiting messages, and end the thread."""
+        """Handle the queued messages, and end the thread."""
         self._queue.put(None)
         self._thread.join()
 

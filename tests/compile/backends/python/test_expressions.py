@@ -13,7 +13,7 @@ from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.code import Lost, PythonActive
-from colony.execute.views import of_clients
+from colony.execute.views import clients_view
 
 TEXT = """
 robot r {
@@ -30,7 +30,7 @@ network { out = %s suppresses m }
 @pytest.mark.parametrize(("above", "kind"), [("p", PythonActive), ("n", Lost)])
 def test_what_others_do_has_no_text(above: str, kind: type) -> None:
     program = load_text(TEXT % above)
-    code = of_clients(lower(program, compile_program(program).clients).code, [("out", "m")])
+    code = clients_view(lower(program, compile_program(program).clients).code, [("out", "m")])
     at = next(i for i, op in enumerate(code.ops) if isinstance(op, kind))
     layout, known = Layout(), ranges(code)
     placement = Placement(code, layout, known)

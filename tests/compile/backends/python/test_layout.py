@@ -10,7 +10,7 @@ def test_join() -> None:
     first = layout.slot(ROOT)
     block = layout.region(first)
     one = layout.slot(block)
-    body = layout.region(one, holds=7)
+    body = layout.region(one, condition=7)
     in_one = layout.slot(body)
     two = layout.slot(block)
     in_two = layout.slot(layout.region(two))

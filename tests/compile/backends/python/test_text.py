@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.compile.backends.python.ranges import ANYTHING, Range
-from colony.compile.backends.python.text import Binding, Text, applied, literal, mentions_twice
+from colony.compile.backends.python.text import Binding, Text, apply_operator, literal, mentions_twice
 from colony.execute import arithmetic
 from colony.execute.operators import FUNCTIONS, Operator
 
@@ -64,11 +64,11 @@ def test_operands_that_stand_twice(operator: Operator, x: tuple[Range, ...], twi
 
 def test_how_deep_it_nests() -> None:
     deep = Text("x", Binding.SUM, 4)
-    assert applied(Operator.ADD, [Text("a"), deep], [DIMENSIONLESS, DIMENSIONLESS]) == Text(
+    assert apply_operator(Operator.ADD, [Text("a"), deep], [DIMENSIONLESS, DIMENSIONLESS]) == Text(
         "a + (x)", Binding.SUM, 5
     )
-    assert applied(Operator.NEGATE, [Text("a")], [DIMENSIONLESS]) == Text("-a", Binding.SIGN, 1)
-    assert applied(Operator.MULTIPLY, [deep, Text("b")], [DIMENSIONLESS, DIMENSIONLESS]).depth == 5
+    assert apply_operator(Operator.NEGATE, [Text("a")], [DIMENSIONLESS]) == Text("-a", Binding.SIGN, 1)
+    assert apply_operator(Operator.MULTIPLY, [deep, Text("b")], [DIMENSIONLESS, DIMENSIONLESS]).depth == 5
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_how_deep_it_nests() -> None:
     ],
 )
 def test_the_plainest_that_is_right(operator: Operator, x: tuple[Range, ...], text: str) -> None:
-    assert applied(operator, [Text(name) for name in "abc"[: len(x)]], list(x)).text == text
+    assert apply_operator(operator, [Text(name) for name in "abc"[: len(x)]], list(x)).text == text
 
 
 # --- the same values -----------------------------------------------------------------------------
@@ -125,21 +125,21 @@ def expressions(draw: st.DrawFn, depth: int = 4) -> tuple[Text, float | bool]:
     else:
         parts = [_as_number(part) for part in parts]
     value = FUNCTIONS[operator](*(value for _, value in parts))
-    return applied(operator, [text for text, _ in parts], [_range(value) for _, value in parts]), value
+    return apply_operator(operator, [text for text, _ in parts], [_range(value) for _, value in parts]), value
 
 
 def _as_bool(part: tuple[Text, float | bool]) -> tuple[Text, float | bool]:
     text, value = part
     if isinstance(value, bool):
         return part
-    return applied(Operator.EQUAL, [text, text], [_range(value)] * 2), value == value
+    return apply_operator(Operator.EQUAL, [text, text], [_range(value)] * 2), value == value
 
 
 def _as_number(part: tuple[Text, float | bool]) -> tuple[Text, float | bool]:
     text, value = part
     if not isinstance(value, bool):
         return part
-    return applied(
+    return apply_operator(
         Operator.SELECT, [text, literal(2.0), literal(-3.0)], [ANYTHING] * 3
     ), 2.0 if value else -3.0
 
@@ -159,8 +159,11 @@ def test_two_operators_beside_each_other() -> None:
         for left in (True, False):
             a, b, c = 7.0, 2.0, -3.0
             within = _as_number(
-                (applied(inner, [literal(a), literal(b)], [_range(a), _range(b)]), FUNCTIONS[inner](a, b))
+                (
+                    apply_operator(inner, [literal(a), literal(b)], [_range(a), _range(b)]),
+                    FUNCTIONS[inner](a, b),
+                )
             )
             parts = [within, (literal(c), c)] if left else [(literal(c), c), within]
-            text = applied(outer, [t for t, _ in parts], [_range(v) for _, v in parts]).text
+            text = apply_operator(outer, [t for t, _ in parts], [_range(v) for _, v in parts]).text
             assert repr(eval(text, dict(NAMESPACE))) == repr(FUNCTIONS[outer](*(v for _, v in parts))), text

@@ -66,7 +66,7 @@ def test_the_compass_rule_spreads_a_gap_over_the_ring(room: Ring) -> None:
 def test_projections_follow_the_ring(room: Ring) -> None:
     (mark,) = projections(room)
     assert (mark.edge, mark.light) == (1, 0)
-    assert mark.at == pytest.approx((60 * INCH, 100 * INCH))
+    assert mark.point == pytest.approx((60 * INCH, 100 * INCH))
     assert mark.along == pytest.approx((1.0, 0.0))
 
 

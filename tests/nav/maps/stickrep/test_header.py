@@ -11,7 +11,7 @@ def header(text: str) -> tuple[Header, list[bool]]:
     """What a header says, and which of its lines were taken."""
     source = Source("h.stickrep", text)
     read = Header(Problems(), source)
-    return read, [read.take(words) for words in lines_of_words(source)]
+    return read, [read.read_line(words) for words in lines_of_words(source)]
 
 
 def test_lines_in_any_order() -> None:

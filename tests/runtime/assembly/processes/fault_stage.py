@@ -25,7 +25,7 @@ from colony.robots.process_run import PLANT_START_TIMEOUT_S
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import Tick, Verdict
 from colony.runtime.transport.live.network import ZenohSession, local_time
-from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.robot_address import local
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
 from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, children_of
@@ -75,16 +75,16 @@ class Run:
         self.verdicts: deque[Verdict] = deque(maxlen=keep)
         self.ticks: deque[Tick] = deque(maxlen=keep)
         self._holds = ExitStack()
-        place = local(ROBOT, machine.environment)
+        robot_address = local(ROBOT, machine.environment)
         until(
             lambda: self.started.ended() or machine.truth(),
             "the simulator starts",
             patience_s=PLANT_START_TIMEOUT_S,
         )
         assert not self.started.ended(), self.started.err
-        self.network = self._holds.enter_context(ZenohSession.open(place))
-        self.now: Callable[[], int] = local_time(place)
-        self.base_ns = place.directory.base_ns()
+        self.network = self._holds.enter_context(ZenohSession.open(robot_address))
+        self.now: Callable[[], int] = local_time(robot_address)
+        self.base_ns = robot_address.directory.base_ns()
         for topic in (topics.TICKS, topics.VERDICTS):
             handler = zenoh.handlers.Callback(self._hear, indirect=False)
             self.network.session.declare_subscriber(f"colony/{ROBOT}/{topic}", handler)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.assembly.processes.children import Children, Death, Job, described, last_lines
+from colony.runtime.assembly.processes.children import Children, Death, Job, describe, last_lines
 from colony.runtime.assembly.processes.restarts import MAX_PAUSE_NS, MAX_QUICK_DEATHS, STABLE_NS, Restarts
 from tests.waiting import PATIENCE_S, until
 
@@ -163,7 +163,7 @@ def said(folder: Path, name: str) -> tuple[str, ...]:
 def test_a_first_death_is_mended_at_once_and_the_next_ones_later_and_later() -> None:
     restarts, now = Restarts(), 0
     pauses = []
-    while (at := restarts.died(now, now)) is not None:
+    while (at := restarts.next_start(now, now)) is not None:
         pauses.append(at - now)
         now = at
     assert pauses[0] == 0
@@ -175,7 +175,7 @@ def test_a_first_death_is_mended_at_once_and_the_next_ones_later_and_later() -> 
 def test_who_lived_for_long_is_started_at_once_again() -> None:
     restarts, now = Restarts(), 0
     for _ in range(3 * MAX_QUICK_DEATHS):
-        assert restarts.died(now, now + STABLE_NS) == now + STABLE_NS
+        assert restarts.next_start(now, now + STABLE_NS) == now + STABLE_NS
         now += STABLE_NS
     assert restarts.total == 3 * MAX_QUICK_DEATHS
 
@@ -241,15 +241,15 @@ def test_one_that_was_started_wrongly_is_given_up_at_once(children: Children, fo
     deaths: list[Death] = []
     until(lambda: deaths.extend(children.poll()) or deaths, "the death is seen")
     assert (deaths[0].pause_s, deaths[0].final) == (None, True)
-    assert described(deaths[0]) == "wrong: no such robot"
+    assert describe(deaths[0]) == "wrong: no such robot"
 
 
 def test_a_death_is_told_with_the_last_words(folder: Path) -> None:
     death = Death(job(folder, "a"), "was killed by SIGKILL", ("x", "y"), 0.25, False)
     expected = ["a was killed by SIGKILL; it is restarted in 0.25 s"]
     expected += [f"last lines of {folder}/a.log:", "  x", "  y"]
-    assert described(death).splitlines() == expected
-    assert described(death._replace(tail=(), pause_s=None)) == "a was killed by SIGKILL; it is not restarted"
+    assert describe(death).splitlines() == expected
+    assert describe(death._replace(tail=(), pause_s=None)) == "a was killed by SIGKILL; it is not restarted"
 
 
 def test_they_end_wave_by_wave(children: Children, folder: Path) -> None:

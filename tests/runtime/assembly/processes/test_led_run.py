@@ -11,7 +11,7 @@ from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame, Outcome
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.run import LedRun, RunFailedError
+from colony.runtime.assembly.processes.run import RunFailedError, SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.window import Window
 from colony.runtime.observe.observer import FrameLog
@@ -19,7 +19,7 @@ from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import deployment
 from colony.runtime.protocol.messages import Tick
 from tests.runtime.programs import roam
-from tests.runtime.transport.live.stage import place, run_directory
+from tests.runtime.transport.live.stage import robot_address, run_directory
 from tests.waiting import until
 
 NAME = "DServer/activity/rogue"
@@ -35,7 +35,7 @@ import os, sys, threading, time
 from pathlib import Path
 from colony.runtime.assembly.processes.shutdown import exit_with
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.robot_address import local
 from tests.runtime.transport.live.stage import Recorder
 
 go = Path(__file__).with_name("go")
@@ -58,8 +58,8 @@ class Led:
         self.status_tracker = RunStatusTracker(deployed, file="f.colony")
         self.window = Window(None, frame_ns=deployed.frame_ns, sinks=(self.status_tracker,))
         self.reports: list[str] = []
-        self.led = LedRun(
-            place({"COLONY_RUN_DIR": run_folder}),
+        self.led = SupervisedRun(
+            robot_address({"COLONY_RUN_DIR": run_folder}),
             deployed,
             (),
             observer=build_observer(compiled, bindings, (self.window,), "r1"),

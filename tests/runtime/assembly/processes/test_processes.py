@@ -23,10 +23,10 @@ from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatus
 from colony.runtime.assembly.processes.spec import (
     Device,
     Spec,
+    address_of,
+    address_spec,
     bindings_of,
     name_of,
-    place_of,
-    place_spec,
     read_bindings,
     read_spec,
     write_private,
@@ -40,7 +40,7 @@ from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.deployment import Deployment, deployment
 from colony.runtime.protocol.messages import Fate, Reply, Send, Tick, Verdict
-from colony.runtime.transport.live.place import Credentials, Local, Place, Remote
+from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress
 from colony.runtime.transport.live.run_directory import RobotDirectory
 from tests.runtime.assembly.test_virtual import pulsing
 from tests.runtime.calling import call_of, opening
@@ -61,9 +61,13 @@ def deployed(of: Program) -> Deployment:
     return deployment(compile_program(of).compiled, bind(of.robot), run="r1", seed=1)
 
 
-def jobs_of(of: Program, place: Place, folder: Path, *, isolate: bool = True) -> tuple[Job, ...]:
+def jobs_of(
+    of: Program, robot_address: RobotAddress, folder: Path, *, isolate: bool = True
+) -> tuple[Job, ...]:
     compiled = compile_program(of).compiled
-    return client_jobs(place, deployed(of), compiled, bind(of.robot), folder, ("modules",), isolate=isolate)
+    return client_jobs(
+        robot_address, deployed(of), compiled, bind(of.robot), folder, ("modules",), isolate=isolate
+    )
 
 
 def log(k: int, *fates: tuple[str, Fate], by: str | None = None, restart: bool = False) -> FrameLog:
@@ -94,8 +98,8 @@ def test_a_compiled_program_comes_back_as_it_was(roaming: Program, tmp_path: Pat
 
 
 def test_a_client_does_not_begin_with_a_damaged_program(roaming: Program, tmp_path: Path) -> None:
-    place = Local(RobotDirectory(tmp_path, "rome"))
-    job = jobs_of(roaming, place, tmp_path)[0]
+    robot_address = Local(RobotDirectory(tmp_path, "rome"))
+    job = jobs_of(roaming, robot_address, tmp_path)[0]
     (path,) = tmp_path.glob("*.colonyc")
     data = bytearray(path.read_bytes())
     data[-1] ^= 1
@@ -115,54 +119,54 @@ def test_specs_come_back_as_they_were(roaming: Program, tmp_path: Path) -> None:
         endpoint="tls/h:1",
         credentials=Credentials(user="ada", certificate=pem, key=pem, authority=pem),
     )
-    for place in (here, there):
-        assert place_of(place_spec(place)) == place
+    for robot_address in (here, there):
+        assert address_of(address_spec(robot_address)) == robot_address
         folder = fresh_folder(tmp_path / "told")
-        jobs = jobs_of(roaming, place, folder)
+        jobs = jobs_of(roaming, robot_address, folder)
         assert [job.name for job in jobs] == CLIENTS
         assert [job.clients for job in jobs] == [(client,) for client in CLIENTS]
         specs = [read_spec(Path(job.arguments[0])) for job in jobs]
         assert [name_of(spec.part) for spec in specs] == CLIENTS
-        assert {place_of(spec.place) for spec in specs} == {place}
+        assert {address_of(spec.robot_address) for spec in specs} == {robot_address}
     for part in server_parts(tmp_path, Device(plant="p"), cameras=[("CServer", "CServer")], held={"v": 1.0}):
-        write_spec(tmp_path / "s", Spec(place=place_spec(here), part=part))
+        write_spec(tmp_path / "s", Spec(robot_address=address_spec(here), part=part))
         assert read_spec(tmp_path / "s").part == part
         assert serves(part)  # type: ignore[arg-type]
 
 
 def test_a_client_is_built_of_its_spec(roaming: Program, tmp_path: Path) -> None:
-    place = Local(RobotDirectory(tmp_path, "rome"))
-    jobs = jobs_of(roaming, place, tmp_path)
+    robot_address = Local(RobotDirectory(tmp_path, "rome"))
+    jobs = jobs_of(roaming, robot_address, tmp_path)
     with ExitStack() as holds:
-        (node,) = nodes_of(read_spec(Path(jobs[1].arguments[0])).part, place, None, holds)  # type: ignore[arg-type]
+        (node,) = nodes_of(read_spec(Path(jobs[1].arguments[0])).part, robot_address, None, holds)  # type: ignore[arg-type]
     assert node.address == "drive/avoid"
 
 
 def test_clients_share_a_process_of_which_each_is_known(roaming: Program, tmp_path: Path) -> None:
-    place = Local(RobotDirectory(tmp_path, "rome"))
-    (job,) = jobs_of(roaming, place, tmp_path, isolate=False)
+    robot_address = Local(RobotDirectory(tmp_path, "rome"))
+    (job,) = jobs_of(roaming, robot_address, tmp_path, isolate=False)
     assert (job.name, job.clients) == ("clients", tuple(CLIENTS))
     part = read_spec(Path(job.arguments[0])).part
     assert name_of(part) == "clients"
     assert not serves(part)  # type: ignore[arg-type]
     with ExitStack() as holds:
-        nodes = nodes_of(part, place, None, holds)  # type: ignore[arg-type]
+        nodes = nodes_of(part, robot_address, None, holds)  # type: ignore[arg-type]
     assert [node.address for node in nodes] == ["drive/back_off", "drive/avoid"]
 
 
 def test_a_run_ends_with_the_shared_process_however_many_clients_it_has(
     roaming: Program, tmp_path: Path
 ) -> None:
-    place = Local(RobotDirectory(tmp_path, "rome"))
+    robot_address = Local(RobotDirectory(tmp_path, "rome"))
     one = replace(roaming, wires=(Wire(name="drive", actuator="drive", wiring=Use(name="cruise")),))
     for program, clients in ((roaming, CLIENTS), (one, ["drive/cruise"])):
-        (shared,) = jobs_of(program, place, tmp_path, isolate=False)
+        (shared,) = jobs_of(program, robot_address, tmp_path, isolate=False)
         assert (shared.name, list(shared.clients), shared.essential) == ("clients", clients, True)
-        assert [job.essential for job in jobs_of(program, place, tmp_path)] == [False] * len(clients)
+        assert [job.essential for job in jobs_of(program, robot_address, tmp_path)] == [False] * len(clients)
 
 
 def test_a_client_and_a_module_in_python_of_one_name_are_two_processes(tmp_path: Path) -> None:
-    place = Local(RobotDirectory(tmp_path, "rome"))
+    robot_address = Local(RobotDirectory(tmp_path, "rome"))
     program = pulsing()
     (actuator,), (use,) = program.robot.actuators, program.wires
     robot = replace(program.robot, actuators=(replace(actuator, name="activity"),))
@@ -174,16 +178,16 @@ def test_a_client_and_a_module_in_python_of_one_name_are_two_processes(tmp_path:
         for m in program.modules
     )
     renamed = replace(program, robot=robot, wires=(wire,), modules=modules, contracts=(), limits=())
-    jobs = jobs_of(renamed, place, tmp_path)
+    jobs = jobs_of(renamed, robot_address, tmp_path)
     assert "activity/pulse" in {job.name for job in jobs}
     assert len({job.name for job in jobs}) == len({job.arguments for job in jobs}) == len(jobs)
 
 
 def test_a_server_of_hardware_wants_a_driver(tmp_path: Path) -> None:
-    place = Local(RobotDirectory(tmp_path, "rome"))
+    robot_address = Local(RobotDirectory(tmp_path, "rome"))
     base = server_parts(tmp_path, Device(plant="p"))[1]
     with ExitStack() as holds, pytest.raises(ValueError, match="runs on the robot's own machine"):
-        nodes_of(base, place, None, holds)  # type: ignore[arg-type]
+        nodes_of(base, robot_address, None, holds)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -252,15 +256,15 @@ def test_the_leader_counts_who_was_on_time(roaming: Program) -> None:
     status_tracker.take(log(1, ("back_off", "silent"), ("avoid", "won"), by="avoid"))
     status_tracker.take(log(2, ("back_off", "late"), ("avoid", "won"), by="avoid"))
     status_tracker.take(log(3, ("back_off", "lost"), ("avoid", "suppressed"), restart=True))
-    status_tracker.died(
+    status_tracker.record_death(
         ("drive/back_off", "drive/cruise"), "MemoryError", restarted=True
     )  # they share a process
-    status_tracker.died((), "of a server", restarted=True)
+    status_tracker.record_death((), "of a server", restarted=True)
     status = status_tracker.status()
     a, b, c = status.clients
     assert (a.address, a.standing, a.on_time, a.late, a.lost) == ("drive/back_off", "lost", 1, 1, 1)
     assert [of.restarts for of in (a, b, c)] == [1, 0, 1]
-    status_tracker.died(("drive/cruise",), "MemoryError", restarted=False)
+    status_tracker.record_death(("drive/cruise",), "MemoryError", restarted=False)
     assert status_tracker.status().clients[2].restarts == 1, "one that is given up is not started again"
     assert [of.last_error for of in (a, b, c)] == ["MemoryError", None, "MemoryError"]
     assert (b.address, b.standing, b.on_time, b.late, b.lost) == ("drive/avoid", "alive", 3, 0, 0)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import trustme
 
-from colony.runtime.transport.live.place import Credentials
+from colony.runtime.transport.live.robot_address import Credentials
 from colony.runtime.transport.live.security import Permission
 
 EXPIRED = datetime(2020, 1, 1, tzinfo=UTC)

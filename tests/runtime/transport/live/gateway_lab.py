@@ -14,10 +14,10 @@ from colony.runtime.protocol import codec
 from colony.runtime.transport.live.gateway import open_gateway
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
-from colony.runtime.transport.live.place import Credentials, Remote
+from colony.runtime.transport.live.robot_address import Credentials, Remote
 from colony.runtime.transport.live.security import Permission, read_security
 from tests.runtime.transport.live.certificates import Authority, free_port
-from tests.runtime.transport.live.stage import ROBOT, place, run_directory, running
+from tests.runtime.transport.live.stage import ROBOT, robot_address, run_directory, running
 from tests.waiting import until
 
 USERS: dict[str, tuple[Permission, ...]] = {
@@ -47,7 +47,7 @@ class Lab:
 @contextmanager
 def gateway_for(lab: Lab, users: Mapping[str, tuple[Permission, ...]]) -> Iterator[None]:
     security = read_security(lab.authority.table(users))
-    with running(open_gateway(place(lab.environment), lab.endpoint, security)):
+    with running(open_gateway(robot_address(lab.environment), lab.endpoint, security)):
         yield
 
 

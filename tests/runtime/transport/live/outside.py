@@ -16,7 +16,7 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
-from tests.runtime.transport.live.stage import ROBOT, Recorder, place
+from tests.runtime.transport.live.stage import ROBOT, Recorder, robot_address
 from tests.waiting import until
 
 SERVER = "RServer"
@@ -54,7 +54,7 @@ class Outside:
 
 @pytest.fixture
 def outside(environment: Mapping[str, str]) -> Iterator[Outside]:
-    with ZenohSession.open(place(environment)) as network:
+    with ZenohSession.open(robot_address(environment)) as network:
         yield Outside(network)
 
 

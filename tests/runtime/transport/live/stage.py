@@ -14,7 +14,7 @@ from pathlib import Path
 
 from colony.runtime.protocol.messages import Effect, Message, Node
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.place import Local, local
+from colony.runtime.transport.live.robot_address import Local, local
 from tests.paths import ROOT
 from tests.waiting import PATIENCE_S, killed_in_the_end, until
 
@@ -31,7 +31,7 @@ def run_directory() -> Iterator[Mapping[str, str]]:
         shutil.rmtree(folder)
 
 
-def place(environment: Mapping[str, str]) -> Local:
+def robot_address(environment: Mapping[str, str]) -> Local:
     """The robot of the tests."""
     return local(ROBOT, environment)
 
@@ -96,7 +96,7 @@ def hosted(
     report: Callable[[str], None] = lambda problem: None,
 ) -> Iterator[Host]:
     """A process's worth of nodes that serve, in a thread."""
-    host = Host.open(place(environment), nodes, serves=True, report=report)
+    host = Host.open(robot_address(environment), nodes, serves=True, report=report)
     with running(host):
         names = {node.address for node in nodes}
         until(lambda: names <= set(host.network.alive()), f"{names} are not there")

@@ -28,7 +28,7 @@ from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import MAX_BATCHED_BYTES, Outbox
 from colony.runtime.transport.live.rate_limits import PROGRAM_RATE, RateLimits
 from tests.runtime.transport.live.outside import SERVER, Outside
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, robot_address
 from tests.waiting import until
 
 REQUESTS = topics.requests(SERVER)
@@ -74,7 +74,7 @@ class WireMessage:
 
 @pytest.fixture
 def wire(environment: Mapping[str, str]) -> Iterator[WireMessage]:
-    with ZenohSession.open(place(environment)) as network:
+    with ZenohSession.open(robot_address(environment)) as network:
         yield WireMessage(network)
 
 
@@ -123,13 +123,13 @@ def test_what_is_too_large_together_goes_one_by_one(wire: WireMessage) -> None:
 def test_a_batch_costs_as_much_as_its_messages_alone() -> None:
     counting = RateLimits("here", monotonic=lambda: 0)
     burst = int(PROGRAM_RATE.burst)
-    assert not counting.frame("requests", "ada", 50, burst + 1)
-    assert counting.frame("requests", "ada", 50, burst - 1), "what was refused cost nothing"
-    assert not counting.frame("requests", "ada", 50, 2)
-    assert counting.frame("requests", "ada", 50)
-    assert not counting.frame("requests", "ada", 50)
-    assert counting.frame("requests", "bob", 50, burst)
-    assert all(counting.frame("requests", "here", 50, burst) for _ in range(3))
+    assert not counting.admit_frame("requests", "ada", 50, burst + 1)
+    assert counting.admit_frame("requests", "ada", 50, burst - 1), "what was refused cost nothing"
+    assert not counting.admit_frame("requests", "ada", 50, 2)
+    assert counting.admit_frame("requests", "ada", 50)
+    assert not counting.admit_frame("requests", "ada", 50)
+    assert counting.admit_frame("requests", "bob", 50, burst)
+    assert all(counting.admit_frame("requests", "here", 50, burst) for _ in range(3))
 
 
 def put(outside: Outside, data: bytes, user: str = "ada") -> None:

@@ -30,7 +30,7 @@ from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.meter import Rate
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import SERVER, Outside
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, robot_address, running
 from tests.waiting import until
 
 SONAR = SensorBinding(sensor="sonar", server="PServer", field="sonar", within_ns=None)
@@ -142,7 +142,7 @@ def test_they_are_handled_before_the_message_that_they_waited_for(
     environment: Mapping[str, str], outside: Outside, reader: Reader, direct: bool
 ) -> None:
     reader.go.set()
-    with Host.open(place(environment), [reader], serves=True, direct=direct) as host, running(host):
+    with Host.open(robot_address(environment), [reader], serves=True, direct=direct) as host, running(host):
         until(lambda: reader.address in outside.network.alive(), "it is there")
         put(outside, frame(0), frame(1), tick(0))
         until(lambda: tick(0) in reader.heard, "the tick is heard")
@@ -168,7 +168,7 @@ def test_what_users_send_waits_too_and_is_counted(
     monkeypatch.setattr(rate_limits, "PROGRAM_RATE", Rate(per_s=0.0, burst=2.0))
     reader.go.set()
     requests = [Request(k=k, actuator="drive", client="c", bid="silent") for k in range(3)]
-    with Host.open(place(environment), [reader], serves=True, direct=direct) as host, running(host):
+    with Host.open(robot_address(environment), [reader], serves=True, direct=direct) as host, running(host):
         until(lambda: reader.address in outside.network.alive(), "it is there")
         for request in requests:
             outside.put(f"{REQUESTS}/ada", codec.encode(request))

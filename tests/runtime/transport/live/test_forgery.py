@@ -27,7 +27,7 @@ from colony.runtime.protocol.messages import (
 )
 from colony.runtime.transport.live import keys
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.robot_address import local
 from tests.runtime.transport.live.gateway_lab import Lab, put
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, run_directory
 from tests.waiting import until

@@ -24,7 +24,7 @@ from colony.runtime.transport.live.inbox import MAX_SLEEP_S, Inbox
 from colony.runtime.transport.live.message_queue import MessageQueue
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import publish
-from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.robot_address import local
 from tests.cli.machine import MAP, ROBOT, Machine
 from tests.runtime.servers.fuzz_stage import BUILD, Stage
 from tests.waiting import until

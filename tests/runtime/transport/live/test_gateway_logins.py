@@ -12,12 +12,12 @@ from colony.runtime.kit.connection import Session, connect
 from colony.runtime.transport.live import configuration
 from colony.runtime.transport.live.errors import SecurityError, UnreachableError
 from colony.runtime.transport.live.gateway import open_gateway
-from colony.runtime.transport.live.place import Credentials
+from colony.runtime.transport.live.robot_address import Credentials
 from colony.runtime.transport.live.security import read_security
 from tests.runtime.kit.stage import BATTERY
 from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.runtime.transport.live.gateway_lab import USERS, Lab, gateway_for
-from tests.runtime.transport.live.stage import ROBOT, place, run_directory
+from tests.runtime.transport.live.stage import ROBOT, robot_address, run_directory
 
 
 def test_logins_that_are_refused(lab: Lab, tmp_path: Path) -> None:
@@ -54,11 +54,11 @@ def _all_refused(cases: tuple[tuple[Credentials, str, str], ...]) -> list[BaseEx
     """Try all at once: each waits for as long as a gateway may take."""
     found: list[BaseException | None] = [None] * len(cases)
 
-    def attempt(place: int, credentials: Credentials, endpoint: str) -> None:
+    def attempt(index: int, credentials: Credentials, endpoint: str) -> None:
         try:
             Session.open(ROBOT, gateway=endpoint, credentials=credentials).close()
         except Exception as problem:
-            found[place] = problem
+            found[index] = problem
 
     threads = [threading.Thread(target=attempt, args=(n, c, e)) for n, (c, e, _) in enumerate(cases)]
     for thread in threads:
@@ -80,7 +80,7 @@ def test_nothing_goes_in_the_clear(lab: Lab) -> None:
         connect(BATTERY, robot=ROBOT, gateway=in_the_clear, credentials=lab.authority.user("ada"))
     security = read_security(lab.authority.table(USERS))
     with pytest.raises(SecurityError, match="is unencrypted"):
-        open_gateway(place(lab.environment), in_the_clear, security)
+        open_gateway(robot_address(lab.environment), in_the_clear, security)
     settings = {"mode": "client", "connect/endpoints": [in_the_clear], "connect/timeout_ms": 300}
     with pytest.raises(zenoh.ZError):
         zenoh.open(configuration.configuration({**settings, "scouting/multicast/enabled": False}))
@@ -103,9 +103,9 @@ def test_a_certificate_is_wanted(lab: Lab) -> None:
 def test_two_gateways_to_one_robot_and_a_port_that_is_taken(lab: Lab, tmp_path: Path) -> None:
     security = read_security(lab.authority.table(USERS))
     with pytest.raises(Exception, match="Gateway of rome is already running"):
-        open_gateway(place(lab.environment), f"tls/localhost:{free_port()}", security)
+        open_gateway(robot_address(lab.environment), f"tls/localhost:{free_port()}", security)
     with run_directory() as other, pytest.raises(UnreachableError, match=r"cannot listen at .*tls/localhost"):
-        open_gateway(place(other), lab.endpoint, security)
+        open_gateway(robot_address(other), lab.endpoint, security)
 
 
 def test_a_user_who_was_taken_out_of_the_table_is_out(lab: Lab, tmp_path: Path) -> None:

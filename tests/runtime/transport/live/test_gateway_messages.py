@@ -30,7 +30,7 @@ from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import Outbox, SendPriority, publish
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.gateway_lab import Lab, listen, note, put
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, python_process
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, python_process, robot_address
 from tests.waiting import until
 
 
@@ -38,7 +38,7 @@ def test_nothing_comes_twice_and_servers_that_come_later_are_found(lab: Lab) -> 
     """All are linked to each other and to the gateway; with gossip for some, and without for the gateway."""
     call = plain_call("bob/1", right="read")
     with (
-        ZenohSession.open(place(lab.environment)) as at_home,
+        ZenohSession.open(robot_address(lab.environment)) as at_home,
         lab.session("bob") as session,
         ZenohSession.open(lab.remote("bob")) as remote,
         hosted(lab.environment, [Recorder("Clock", topics.calls("Clock"))]),
@@ -64,7 +64,7 @@ def test_messages_larger_than_their_right_allows(lab: Lab, user: str, right: str
     sizes: list[int] = []
     key = f"colony/{ROBOT}/RServer/call/{right}/{user}/1"
     with (
-        ZenohSession.open(place(lab.environment), listens=("RServer",)) as robot,
+        ZenohSession.open(robot_address(lab.environment), listens=("RServer",)) as robot,
         ZenohSession.open(lab.remote(user)) as network,
     ):
         note(robot, key, lambda sample: sizes.append(len(sample.payload)))
@@ -87,7 +87,7 @@ def test_users_choose_no_priority_and_nobody_waits_for_them(lab: Lab) -> None:
     calls = f"colony/{ROBOT}/RServer/call"
     frames = f"colony/{ROBOT}/RServer/frames"
     with (
-        ZenohSession.open(place(lab.environment), listens=("RServer",)) as robot,
+        ZenohSession.open(robot_address(lab.environment), listens=("RServer",)) as robot,
         ZenohSession.open(lab.remote("eva")) as network,
     ):
         note(robot, f"{calls}/**", keep)
@@ -138,7 +138,7 @@ _READER = """
 import sys
 from pathlib import Path
 from colony.runtime.transport.live.network import ZenohSession
-from colony.runtime.transport.live.place import Credentials, Remote
+from colony.runtime.transport.live.robot_address import Credentials, Remote
 
 robot, endpoint, user, certificate, key, authority, frames = sys.argv[1:]
 credentials = Credentials(
@@ -161,7 +161,7 @@ def test_a_user_who_does_not_read_holds_up_nobody(lab: Lab) -> None:
     bob = lab.remote("bob").credentials
     argv = (ROBOT, lab.endpoint, bob.user, str(bob.certificate), str(bob.key), str(bob.authority), frames)
     with (
-        ZenohSession.open(place(lab.environment), listens=("RServer",)) as robot,
+        ZenohSession.open(robot_address(lab.environment), listens=("RServer",)) as robot,
         ZenohSession.open(lab.remote("ada")) as ada,
         publish(robot.session, frames) as publisher,
         sending(publisher),

@@ -29,7 +29,7 @@ from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.robot_time import learned_time
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
-from tests.runtime.transport.live.stage import Recorder, hosted, place, running
+from tests.runtime.transport.live.stage import Recorder, hosted, robot_address, running
 from tests.waiting import until
 
 
@@ -48,7 +48,7 @@ def test_waiting_messages_are_taken_in_their_order(environment: Mapping[str, str
             outside.call(call)
         outside.put(topics.TICKS, codec.encode(tick))
         outside.call(stop)
-        waiting = host._inbox._room
+        waiting = host._inbox._queue
         until(
             lambda: len(waiting._calls) == 3 and len(waiting._stops) == len(waiting._frames) == 1, "they wait"
         )
@@ -66,7 +66,7 @@ def test_a_flood_is_answered_and_harms_nobody_else(environment: Mapping[str, str
         outside.call(plain_call("u/other", 1))
         for number in range(1, MAX_CALLS_PER_CONNECTION + 11):
             outside.call(plain_call("u/flood", number))
-        room = host._inbox._room
+        room = host._inbox._queue
         until(
             lambda: (len(room._calls), len(room._dropped_calls)) == (MAX_CALLS_PER_CONNECTION + 1, 10),
             "they wait",
@@ -99,7 +99,10 @@ def test_a_host_on_another_machine_decodes_each_tick_once_and_learns_the_time_fr
     count("decode")
     count("decode_all")
     node = Recorder(SERVER, topics.TICKS)
-    with ThreadPoolExecutor() as pool, ZenohSession.open(place(environment), listens=(SERVER,)) as network:
+    with (
+        ThreadPoolExecutor() as pool,
+        ZenohSession.open(robot_address(environment), listens=(SERVER,)) as network,
+    ):
         learning = pool.submit(learned_time, network)
         outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
         learned = learning.result()
@@ -175,8 +178,8 @@ def test_one_process_serves_under_a_name(environment: Mapping[str, str]) -> None
         hosted(environment, [Recorder(SERVER), Recorder("Second")]),
         pytest.raises(AlreadyRunningError, match=r"Second of rome is already running"),
     ):
-        Host.open(place(environment), [Recorder("Other"), Recorder("Second")], serves=True)
-    Host.open(place(environment), [Recorder("Other"), Recorder("Second")], serves=True).close()
+        Host.open(robot_address(environment), [Recorder("Other"), Recorder("Second")], serves=True)
+    Host.open(robot_address(environment), [Recorder("Other"), Recorder("Second")], serves=True).close()
 
 
 @pytest.mark.parametrize("direct", [False, True])
@@ -187,7 +190,7 @@ def test_a_node_that_fails_ends_the_host_and_all_are_closed(
         raise ArithmeticError("on purpose")
 
     nodes = [Recorder(SERVER, topics.TICKS, on=fail), Recorder("other")]
-    with Host.open(place(environment), nodes, serves=True, direct=direct) as host:
+    with Host.open(robot_address(environment), nodes, serves=True, direct=direct) as host:
         ran = threading.Thread(target=_expect_failure, args=(host,))
         ran.start()
         outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
@@ -202,7 +205,7 @@ def _expect_failure(host: Host) -> None:
 
 def test_it_stops_before_it_ran(environment: Mapping[str, str]) -> None:
     node = Recorder(SERVER)
-    with Host.open(place(environment), [node], serves=True) as host:
+    with Host.open(robot_address(environment), [node], serves=True) as host:
         host.stop()
         host.run()
     assert node.closed == 1
@@ -219,11 +222,11 @@ def test_nodes_of_one_host_hear_each_other(environment: Mapping[str, str]) -> No
 
 def test_the_robots_time_is_the_same_in_all_processes(environment: Mapping[str, str]) -> None:
     nodes = [Recorder(name, topics.TICKS) for name in ("one", "two")]
-    hosts = [Host.open(place(environment), [node]) for node in nodes]
+    hosts = [Host.open(robot_address(environment), [node]) for node in nodes]
     with (
         running(hosts[0]),
         running(hosts[1]),
-        ZenohSession.open(place(environment), listens=("Clock",)) as network,
+        ZenohSession.open(robot_address(environment), listens=("Clock",)) as network,
     ):
         until(lambda: len(network.alive()) == 2, "both are there")
         Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))

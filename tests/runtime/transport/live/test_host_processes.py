@@ -23,14 +23,14 @@ from colony.runtime.protocol.messages import (
 from colony.runtime.transport.live.configuration import BLOCK_TIMEOUT_US
 from colony.runtime.transport.live.network import ZenohSession
 from tests.runtime.transport.live.outside import SERVER, Outside
-from tests.runtime.transport.live.stage import Recorder, hosted, place, python_process
+from tests.runtime.transport.live.stage import Recorder, hosted, python_process, robot_address
 from tests.waiting import until
 
 LARGE = """
 import os, signal, sys
 from colony.runtime.protocol import topics
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.robot_address import local
 from colony.runtime.protocol.messages import Checkpoint, Send
 from tests.runtime.transport.live.stage import Recorder
 
@@ -51,7 +51,7 @@ def test_with_one_thread_for_the_network_a_large_checkpoint_gets_through(
     with (
         python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", LARGE) as process,
         hosted(environment, [server]) as host,
-        ZenohSession.open(place(environment), listens=("Clock",)) as clock,
+        ZenohSession.open(robot_address(environment), listens=("Clock",)) as clock,
     ):
         until(lambda: "drive/c" in clock.alive(), "it is there for the Clock")
         until(lambda: "drive/c" in host.network.alive(), "it is there for DServer")
@@ -69,7 +69,7 @@ CROWD = """
 import os, signal, sys
 from colony.runtime.protocol import topics
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.robot_address import local
 from colony.runtime.protocol.messages import Checkpoint, Request, Send
 from tests.runtime.transport.live.stage import Recorder
 
@@ -98,7 +98,7 @@ def test_with_one_thread_for_the_network_the_requests_of_a_whole_program_get_thr
     with (
         python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", CROWD, str(MAX_CLIENTS)),
         hosted(environment, [server]) as host,
-        ZenohSession.open(place(environment), listens=("Clock",)) as clock,
+        ZenohSession.open(robot_address(environment), listens=("Clock",)) as clock,
     ):
         until(lambda: "drive/crowd" in clock.alive(), "it is there for the Clock")
         until(lambda: "drive/crowd" in host.network.alive(), "it is there for RServer")
@@ -111,7 +111,7 @@ FROZEN_SERVER = """
 import os
 from colony.runtime.protocol import topics
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.robot_address import local
 from tests.runtime.transport.live.stage import Recorder
 
 server = Recorder("RServer", topics.requests("RServer"), topics.checkpoints("RServer"))
@@ -132,7 +132,7 @@ def test_a_server_that_is_frozen_makes_no_client_of_another_server_late(
         python_process(environment, "-c", FROZEN_SERVER, says="ready") as frozen,
         python_process({**environment, "ZENOH_RUNTIME": ONE_THREAD}, "-c", CROWD, str(MAX_CLIENTS)),
         hosted(environment, [server]) as host,
-        ZenohSession.open(place(environment), listens=("Clock",)) as clock,
+        ZenohSession.open(robot_address(environment), listens=("Clock",)) as clock,
     ):
         until(lambda: "drive/crowd" in clock.alive(), "it is there for the Clock")
         until(lambda: "drive/crowd" in host.network.alive(), "it is there for DServer")
@@ -150,7 +150,7 @@ FROZEN = """
 import os, signal, sys
 from colony.runtime.protocol import topics
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.robot_address import local
 from tests.runtime.transport.live.stage import Recorder
 
 with Host.open(local("rome", os.environ), [Recorder("drive/frozen", topics.frames("PServer"))]) as host:
@@ -175,7 +175,7 @@ def test_a_reader_that_is_frozen_does_not_hold_up_a_server(environment: Mapping[
     ):
         until(lambda: "drive/frozen" in host.network.alive(), "the reader is there")
         process.send_signal(signal.SIGSTOP)
-        with ZenohSession.open(place(environment)) as network:
+        with ZenohSession.open(robot_address(environment)) as network:
             Outside(network).put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
         until(lambda: len(server.got) > frames, "all frames are published")
     gaps = [b - a for a, b in zip(server.times, server.times[1:], strict=False)]
@@ -187,7 +187,7 @@ def test_a_reader_that_is_frozen_does_not_hold_up_a_server(environment: Mapping[
 PROCESS = """
 import os, signal, sys
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.place import local
+from colony.runtime.transport.live.robot_address import local
 from tests.runtime.transport.live.stage import Recorder
 
 class Node(Recorder):
@@ -209,7 +209,7 @@ def test_a_process_ends_by_a_signal_and_another_takes_its_place(
     for _ in range(2):
         with (
             python_process(environment, "-c", PROCESS, says="ready") as process,
-            ZenohSession.open(place(environment)) as network,
+            ZenohSession.open(robot_address(environment)) as network,
         ):
             until(lambda n=network: n.alive() == (SERVER,), "it is there")  # type: ignore[misc]
             process.send_signal(how)

@@ -28,7 +28,7 @@ from colony.runtime.transport.live.outbox import publish
 from colony.runtime.transport.live.sender import MAX_DROPPABLE_BYTES
 from tests.runtime.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
-from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, place, running
+from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, robot_address, running
 from tests.waiting import until
 
 
@@ -52,7 +52,10 @@ def test_a_direct_host_handles_frames_and_calls_where_they_come_in_and_wakes_in_
             yield WakeAt(now_ns + 1_000_000)
 
     node = _Threads(CALLS, topics.TICKS, on=wake)
-    with Host.open(place(environment), [node], serves=True, direct=True) as host, running(host) as run:
+    with (
+        Host.open(robot_address(environment), [node], serves=True, direct=True) as host,
+        running(host) as run,
+    ):
         until(lambda: SERVER in outside.network.alive(), "it is there")
         outside.put(topics.TICKS, codec.encode(Tick(k=0, t_ns=0)))
         until(lambda: len(node.got) == 2, "the tick and the wake")
@@ -69,7 +72,10 @@ def test_a_direct_host_loses_nothing_and_keeps_the_order_while_calls_come_betwee
     many = 300
     node = Recorder(SERVER, CALLS, topics.TICKS)
     second = Recorder("Second", topics.TICKS)
-    with Host.open(place(environment), [node, second], serves=True, direct=True) as host, running(host):
+    with (
+        Host.open(robot_address(environment), [node, second], serves=True, direct=True) as host,
+        running(host),
+    ):
         until(lambda: SERVER in outside.network.alive(), "it is there")
         for k in range(many):
             outside.put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
@@ -89,7 +95,7 @@ def test_nodes_of_a_direct_host_hear_each_other(environment: Mapping[str, str], 
         Recorder(SERVER, topics.TICKS, on=pass_on),
         Recorder("listener", topics.frames(topics.CLOCK)),
     ]
-    with Host.open(place(environment), nodes, serves=True, direct=True) as host, running(host):
+    with Host.open(robot_address(environment), nodes, serves=True, direct=True) as host, running(host):
         until(lambda: SERVER in outside.network.alive(), "it is there")
         for k in range(100):
             outside.put(topics.TICKS, codec.encode(Tick(k=k, t_ns=0)))
@@ -114,7 +120,7 @@ def test_a_direct_host_sends_what_must_not_be_dropped_in_a_thread_of_its_own(
 
     node = Recorder(SERVER, CALLS, on=answer)
     outside.hear(topics.replies(SERVER, "u/a"))
-    with Host.open(place(environment), [node], serves=True, direct=True) as host:
+    with Host.open(robot_address(environment), [node], serves=True, direct=True) as host:
         assert host._blocking_outbox is not None
         send_all = host._blocking_outbox.send_all
 
@@ -155,7 +161,7 @@ def test_an_emergency_stop_has_a_thread_of_its_own_and_goes_before_all_that_wait
         assert node.busy.wait(20)
         for number in range(1, MAX_CALLS_PER_CONNECTION + 1):
             outside.call(plain_call("u/flood", number, priority=1 << 40))
-        until(lambda: len(host._inbox._room._calls) == MAX_CALLS_PER_CONNECTION, "they wait")
+        until(lambda: len(host._inbox._queue._calls) == MAX_CALLS_PER_CONNECTION, "they wait")
         stop = _stop("u/stop", 1)
         outside.call(stop)
         until(lambda: not host._no_stop_pending.is_set(), "the stop is next")
@@ -170,7 +176,7 @@ def test_an_answer_that_nobody_takes_does_not_hold_up_a_stop(environment: Mappin
     """The thread that sends waits for room, which another process does not make."""
     sending, go_on = threading.Event(), threading.Event()
     node = Recorder(SERVER, CALLS, on=_echo)
-    with hosted(environment, [node]) as host, ZenohSession.open(place(environment)) as network:
+    with hosted(environment, [node]) as host, ZenohSession.open(robot_address(environment)) as network:
         send = host._outbox.send
 
         def blocked(topic: str, message: SentMessage, now_ns: int) -> None:

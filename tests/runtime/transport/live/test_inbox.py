@@ -22,15 +22,15 @@ def inbox() -> Inbox:
 
 def roused(inbox: Inbox) -> bool:
     """Whether the sleep would end at once."""
-    return not inbox._calls.empty()
+    return not inbox._wakeups.empty()
 
 
 def test_what_may_wait_rouses_nobody_and_is_taken_in_its_order_with_what_rouses(inbox: Inbox) -> None:
-    inbox.frame(TOPIC, b"1", rouse=False)
+    inbox.add_frame_message(TOPIC, b"1", rouse=False)
     assert not roused(inbox)
-    inbox.frame(TOPIC, b"2")
+    inbox.add_frame_message(TOPIC, b"2")
     assert roused(inbox)
-    inbox.frame(TOPIC, b"3", rouse=False)
+    inbox.add_frame_message(TOPIC, b"3", rouse=False)
     inbox.sleep(20.0)
     taken = [waiting.message for waiting in iter(inbox.pop, None)]
     assert taken == [b"1", b"2", b"3"]
@@ -38,13 +38,13 @@ def test_what_may_wait_rouses_nobody_and_is_taken_in_its_order_with_what_rouses(
 
 
 def test_a_call_rouses_who_slept_over_what_may_wait(inbox: Inbox) -> None:
-    inbox.frame(TOPIC, b"1", rouse=False)
-    inbox.call("RServer/call", "ada/1", plain_call("ada/1", 1), 10)
+    inbox.add_frame_message(TOPIC, b"1", rouse=False)
+    inbox.add_call("RServer/call", "ada/1", plain_call("ada/1", 1), 10)
     assert roused(inbox)
 
 
 def test_while_something_waits_nobody_overtakes_it(inbox: Inbox) -> None:
-    inbox.frame(TOPIC, b"1", rouse=False)
+    inbox.add_frame_message(TOPIC, b"1", rouse=False)
     assert not inbox.claim()
     assert inbox.pop() is not None
     assert inbox.claim()

@@ -22,7 +22,7 @@ from colony.runtime.transport.live.gateway import open_gateway
 from colony.runtime.transport.live.network import local_time
 from colony.runtime.transport.live.security import read_security
 from tests.runtime.transport.live.certificates import Authority, free_port
-from tests.runtime.transport.live.stage import ROBOT, hosted, place, run_directory, running
+from tests.runtime.transport.live.stage import ROBOT, hosted, robot_address, run_directory, running
 from tests.waiting import until
 
 HERE, THERE = "198.18.231.1", "198.18.231.2"
@@ -154,7 +154,7 @@ class _Split:
 
     def set(self, state: str) -> int:
         """Pull the cable (`down`) or plug it in (`up`); the robot's time just before."""
-        now_ns = local_time(place(self.environment))()
+        now_ns = local_time(robot_address(self.environment))()
         _run("ip", "link", "set", self.cable, state)
         return now_ns
 
@@ -170,12 +170,12 @@ def _split(folder: Path, ask: str) -> Iterator[_Split]:
     with ExitStack() as holds:
         environment = holds.enter_context(run_directory())
         namespace, cable = holds.enter_context(_cable())
-        base = _Base(local_time(place(environment)))
+        base = _Base(local_time(robot_address(environment)))
         server = RServer(base)
         holds.enter_context(hosted(environment, [Clock(servers=("RServer",), keep=100)]))
         holds.enter_context(hosted(environment, [server]))
         endpoint = f"tls/{HERE}:{free_port()}"
-        holds.enter_context(running(open_gateway(place(environment), endpoint, security)))
+        holds.enter_context(running(open_gateway(robot_address(environment), endpoint, security)))
         remote = _Remote(namespace, CLIENT.replace("ASK", ask), endpoint, login)
         holds.callback(remote.end)
         yield _Split(environment, base, server, remote, cable)

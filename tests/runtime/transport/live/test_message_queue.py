@@ -18,7 +18,7 @@ CALLS = "RServer/call"
 
 
 def _put(room: MessageQueue, call: Call, size: int = 10) -> None:
-    room.call(CALLS, call.connection, call, size)
+    room.add_call(CALLS, call.connection, call, size)
 
 
 def _all(room: MessageQueue) -> list[object]:
@@ -35,10 +35,10 @@ def test_stops_then_frames_then_calls_by_priority_first_come_first_served() -> N
     stop = plain_call("u/low", 2, priority=1, right="stop")
     _put(room, low)
     _put(room, high_1)
-    room.frame("Clock/ticks", b"1")
+    room.add_frame_message("Clock/ticks", b"1")
     _put(room, high_2)
     _put(room, stop)
-    room.frame("Clock/ticks", b"2")
+    room.add_frame_message("Clock/ticks", b"2")
     assert _all(room) == [stop, b"1", b"2", high_1, high_2, low]
 
 
@@ -47,9 +47,9 @@ def test_signs_of_life_do_not_wait_behind_calls_and_do_not_pile_up() -> None:
     call = plain_call("u/b", 1, priority=100)
     _put(room, call)
     for _ in range(5):
-        room.call(CALLS, "u/a", alive, 3)
+        room.add_call(CALLS, "u/a", alive, 3)
     assert _all(room) == [alive, call]
-    room.call(CALLS, "u/a", alive, 3)
+    room.add_call(CALLS, "u/a", alive, 3)
     assert room.pop() == QueuedMessage(CALLS, alive)
 
 
@@ -115,14 +115,14 @@ def test_emergency_stops_are_kept_apart_from_floods() -> None:
 def test_what_could_not_be_read_counts_as_a_call_of_its_connection() -> None:
     room = MessageQueue(max_calls_per_connection=2)
     for n in range(4):
-        room.call(CALLS, "u/a", Malformed(topic=CALLS, connection="u/a", reason=str(n)), 0)
+        room.add_call(CALLS, "u/a", Malformed(topic=CALLS, connection="u/a", reason=str(n)), 0)
     assert [m.reason for m in _all(room) if isinstance(m, Malformed)] == ["0", "1"]
 
 
 def test_messages_of_frames_are_given_up_only_when_they_fill_the_memory() -> None:
     room = MessageQueue(max_frame_bytes=10, overhead=0)
     for n in range(5):
-        room.frame("t", bytes([n]) * 4)
+        room.add_frame_message("t", bytes([n]) * 4)
     assert room.frames_lost == 3
     assert _all(room) == [b"\x03" * 4, b"\x04" * 4]
 
@@ -151,7 +151,7 @@ def test_every_message_comes_out_once_or_is_told_of_and_in_order(
         elif isinstance(step, bytes):
             data = b"%d " % number + step
             put.append(data)
-            room.frame("t", data)
+            room.add_frame_message("t", data)
         else:
             who, priority, right = step
             call = plain_call(f"u/{who}", number, priority=priority, right=right)

@@ -12,13 +12,13 @@ from colony.runtime.protocol.messages import Reply, Tick
 from colony.runtime.transport.live import keys, outbox
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import IDLE_NS, Outbox
-from tests.runtime.transport.live.stage import ROBOT, place, run_directory
+from tests.runtime.transport.live.stage import ROBOT, robot_address, run_directory
 from tests.waiting import until
 
 
 @pytest.fixture
 def network() -> Iterator[ZenohSession]:
-    with run_directory() as environment, ZenohSession.open(place(environment)) as made:
+    with run_directory() as environment, ZenohSession.open(robot_address(environment)) as made:
         yield made
 
 

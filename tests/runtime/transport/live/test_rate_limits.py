@@ -51,26 +51,26 @@ def limits() -> RateLimits:
 
 
 def test_users_are_counted_over_all_of_their_connections(limits: RateLimits) -> None:
-    let_in = sum(limits.call(f"ada/{n}", 100) for n in range(int(CALL_RATE.burst) + 50))
+    let_in = sum(limits.admit_call(f"ada/{n}", 100) for n in range(int(CALL_RATE.burst) + 50))
     assert let_in == CALL_RATE.burst
-    assert limits.call("bob/1", 100)
-    assert limits.stop("ada/1", 100), "a flood of calls is none of stops"
+    assert limits.admit_call("bob/1", 100)
+    assert limits.admit_stop("ada/1", 100), "a flood of calls is none of stops"
 
 
 def test_programs_of_this_machine_are_not_counted(limits: RateLimits) -> None:
-    assert all(limits.call("here/1", 100) for _ in range(10 * int(CALL_RATE.burst)))
-    assert all(limits.frame("fetches", "here", 50) for _ in range(10 * int(FETCH_RATE.burst)))
+    assert all(limits.admit_call("here/1", 100) for _ in range(10 * int(CALL_RATE.burst)))
+    assert all(limits.admit_frame("fetches", "here", 50) for _ in range(10 * int(FETCH_RATE.burst)))
 
 
 def test_fetches_and_stops_have_rates_of_their_own(limits: RateLimits) -> None:
-    assert sum(limits.frame("fetches", "ada", 50) for _ in range(2000)) == FETCH_RATE.burst
-    assert limits.frame("requests", "ada", 50)
-    assert sum(limits.stop("ada/1", 50) for _ in range(500)) == STOP_RATE.burst
-    assert limits.stop("bob/1", 50)
+    assert sum(limits.admit_frame("fetches", "ada", 50) for _ in range(2000)) == FETCH_RATE.burst
+    assert limits.admit_frame("requests", "ada", 50)
+    assert sum(limits.admit_stop("ada/1", 50) for _ in range(500)) == STOP_RATE.burst
+    assert limits.admit_stop("bob/1", 50)
 
 
 def test_a_program_of_this_machine_that_stops_without_end_keeps_no_other_from_stopping(
     limits: RateLimits,
 ) -> None:
-    assert sum(limits.stop("here/1", 50) for _ in range(500)) == STOP_RATE.burst
-    assert limits.stop("here/2", 50)
+    assert sum(limits.admit_stop("here/1", 50) for _ in range(500)) == STOP_RATE.burst
+    assert limits.admit_stop("here/2", 50)

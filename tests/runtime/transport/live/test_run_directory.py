@@ -20,7 +20,7 @@ from colony.runtime.transport.live.run_directory import (
     RunDirectory,
     in_run_directory,
 )
-from tests.runtime.transport.live.stage import place, run_directory
+from tests.runtime.transport.live.stage import robot_address, run_directory
 
 
 def _robot(folder: Path) -> RobotDirectory:
@@ -201,9 +201,9 @@ def test_a_base_that_cannot_be_read_is_told_of(robot: RobotDirectory, tmp_path: 
 
 def test_place_of_a_robot_of_this_machine() -> None:
     with run_directory() as environment:
-        assert place(environment).robot == "rome"
+        assert robot_address(environment).robot == "rome"
         with pytest.raises(RunDirectoryError):
-            place(environment | {"COLONY_RUN_DIR": "x" * 200}).directory.socket("RServer")
+            robot_address(environment | {"COLONY_RUN_DIR": "x" * 200}).directory.socket("RServer")
 
 
 def test_robots_are_not_looked_for_where_others_could_have_put_them(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from colony.runtime.transport.live.gateway import MAX_GROWTH_BYTES, open_gateway
 from colony.runtime.transport.live.security import PERMISSIONS, read_credentials, read_security
 from tests.runtime.kit.stage import BATTERY, battery_thread, charge, level
 from tests.runtime.transport.live.certificates import free_port
-from tests.runtime.transport.live.stage import ROBOT, place, run_directory, running
+from tests.runtime.transport.live.stage import ROBOT, robot_address, run_directory, running
 from tests.waiting import until
 
 PAGE = (Path(__file__).parents[4] / "docs" / "security.md").read_text(encoding="utf-8")
@@ -37,7 +37,7 @@ def test_the_keys_that_the_page_makes_open_the_gateway_that_it_describes(tmp_pat
     with (
         run_directory() as environment,
         battery_thread(environment),
-        running(open_gateway(place(environment), endpoint, security)),
+        running(open_gateway(robot_address(environment), endpoint, security)),
         Session.open(ROBOT, gateway=endpoint, credentials=login) as session,
     ):
         until(lambda: BATTERY in session.servers(), "the gateway found the server")

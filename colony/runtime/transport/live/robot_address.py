@@ -1,4 +1,4 @@
-"""The place of a robot as seen by a process: on this machine, or behind a gateway on another one."""
+"""How a process reaches a robot: on this machine, or through a gateway on another one."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Credentials:
-    """The identity that a client shows to a gateway.
+    """The identity that a client presents to a gateway.
 
-    It consists of the certificate of `user`, its private key (PEM files), and the authority that signed the
-    gateway's certificate.
+    All files are PEM: the certificate of `user`, its private key, and the certificate of the authority that
+    signed the gateway's certificate.
     """
 
     user: str
@@ -25,7 +25,7 @@ class Credentials:
 
 @dataclass(frozen=True, slots=True)
 class Local:
-    """A robot of this machine, given by its folder."""
+    """A robot on this machine, identified by its directory."""
 
     directory: RobotDirectory
 
@@ -44,11 +44,11 @@ class Remote:
     credentials: Credentials
 
 
-Place = Local | Remote
+RobotAddress = Local | Remote
 
 
 def local(robot: str, environment: Mapping[str, str]) -> Local:
-    """Return the place of a robot of this machine.
+    """Return the address of a robot on this machine.
 
     Raises:
         RunDirectoryError: the name is not valid for a robot.

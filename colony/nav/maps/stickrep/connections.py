@@ -18,51 +18,51 @@ from colony.text.source import Span
 from colony.text.suggestions import did_you_mean
 
 MAX_ACROSS_MM = 8_000.0
-"""Largest distance between linked places."""
-MAX_ASIDE_MM = 500.0
-"""Largest displacement along their corridor of two places that face each other."""
-_MIN_COSINE = math.cos(math.radians(10.0))  # walls that differ by more do not run along one corridor
-_SLACK_MM = 0.1  # largest rounding error of an offset in a file
+"""Maximum distance between linked places."""
+MAX_DISPLACEMENT_MM = 500.0
+"""Maximum displacement of two facing places along their corridor."""
+_MIN_COSINE = math.cos(math.radians(10.0))  # walls that differ by more are not on the same corridor
+_SLACK_MM = 0.1  # maximum rounding error of an offset in a file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Joints:
+class Connections:
     """The links between the rings of a map, and the elevators to other maps."""
 
     links: tuple[Link, ...]
     elevators: tuple[ElevatorLink, ...]
 
 
-class _Spot(NamedTuple):
-    """A site in the plane: its ring, its place, the unit vectors of its walls, and True for a corner."""
+class _LocatedSite(NamedTuple):
+    """A site in the plane: its ring, its point, the unit vectors of its walls, and True for a corner."""
 
     site: Site
     ring: int
-    at: Point
+    point: Point
     walls: tuple[Point, ...]
     corner: bool
 
 
-def read_joints(problems: Problems, header: Header, rings: tuple[Ring, ...]) -> Joints:
+def read_connections(problems: Problems, header: Header, rings: tuple[Ring, ...]) -> Connections:
     """Read the links and elevators that a header names; the rings must be sound."""
-    reader = _JointReader(problems, header.unit, rings)
+    reader = _ConnectionReader(problems, header.unit, rings)
     links = [reader.link(*words) for words in header.links]
     elevators = [reader.elevator(*words) for words in header.elevators]
     if elevators and not header.floor:
         message = "the map has `elevator` lines; expected a line that says which floor it is"
         problems.report("M028", header.elevators[0][0].span, message, "add the line `floor NAME`")
-    return Joints(
+    return Connections(
         links=tuple(link for link in links if link is not None),
         elevators=tuple(elevator for elevator in elevators if elevator is not None),
     )
 
 
 def linked_rings(source: Map) -> tuple[tuple[str, ...], ...]:
-    """Return the names of the rings, grouped by the links that join them, directly or by other rings."""
+    """Return the names of the rings, grouped by the links between them, direct or through other rings."""
     ring_of = {node.name: ring.name for ring in source.rings for node in ring.nodes}
     group = {ring.name: {ring.name} for ring in source.rings}
-    for one, other in source.links:
-        joined = group[ring_of[one.node]] | group[ring_of[other.node]]
+    for first, second in source.links:
+        joined = group[ring_of[first.node]] | group[ring_of[second.node]]
         group.update(dict.fromkeys(joined, joined))
     names = [ring.name for ring in source.rings]
     return tuple(
@@ -72,8 +72,8 @@ def linked_rings(source: Map) -> tuple[tuple[str, ...], ...]:
     )
 
 
-class _JointReader:
-    """The rings of one map in the plane, and the places of their nodes."""
+class _ConnectionReader:
+    """Reads links and elevators against the rings of one map, laid out in the plane."""
 
     def __init__(self, problems: Problems, unit: str, rings: tuple[Ring, ...]) -> None:
         self.problems = problems
@@ -88,18 +88,18 @@ class _JointReader:
 
     def link(self, first: Word, second: Word) -> Link | None:
         """Read a link; None, with an error, unless both places exist and the robot can get between them."""
-        one, other = self._spot(first), self._spot(second)
-        if one is None or other is None:
+        site, other = self._locate(first), self._locate(second)
+        if site is None or other is None:
             return None
-        reason, hint = self._why_not(one, other)
+        reason, hint = self._link_problem(site, other)
         if reason:
             message = f"expected two places that face each other; {first.shown} and {second.shown} {reason}"
             self.problems.report("M026", first.span.to(second.span), message, hint)
             return None
-        return Link(one.site, other.site)
+        return Link(site.site, other.site)
 
     def elevator(self, node: Word, file: Word, other: Word) -> ElevatorLink | None:
-        """Read an elevator's line; None, with an error, unless its first node begins an elevator."""
+        """Read an `elevator` line; None, with an error, unless an elevator begins at its first node."""
         found = self._node(node, node.text)
         target = fields.name(self.problems, other, "the name of a node")
         if file.text.startswith("/"):
@@ -124,8 +124,8 @@ class _JointReader:
             self.problems.report("M025", word.span, f"there is no node `{shown}` in this map", hint)
         return found
 
-    def _spot(self, word: Word) -> _Spot | None:
-        """Return the place that `NODE` or `NODE+LENGTH` names."""
+    def _locate(self, word: Word) -> _LocatedSite | None:
+        """Return the site named by `NODE` or `NODE+LENGTH`."""
         name, plus, length = word.text.partition("+")
         found = self._node(word, name)
         if found is None:
@@ -141,10 +141,10 @@ class _JointReader:
         here, there = nodes[index], nodes[(index + 1) % len(nodes)]
         ahead = _unit(here, there)
         walls = (ahead,) if offset > 0.0 else (ahead, _unit(nodes[index - 1], here))
-        part = offset / edge.length_mm
-        at = Point(here.x + part * (there.x - here.x), here.y + part * (there.y - here.y))
+        fraction = offset / edge.length_mm
+        point = Point(here.x + fraction * (there.x - here.x), here.y + fraction * (there.y - here.y))
         corner = self.rings[ring].nodes[index].corner and offset == 0.0
-        return _Spot(Site(name, offset), ring, at, walls, corner)
+        return _LocatedSite(Site(name, offset), ring, point, walls, corner)
 
     def _offset(self, word: Word, name: str, edge: Edge) -> float | None:
         """Return the distance of a place from its node, in mm."""
@@ -158,23 +158,23 @@ class _JointReader:
             return None
         return offset
 
-    def _why_not(self, one: _Spot, other: _Spot) -> tuple[str, str | None]:
+    def _link_problem(self, first: _LocatedSite, second: _LocatedSite) -> tuple[str, str | None]:
         """Return the reason why two places cannot be linked, and a hint; an empty reason if they can be."""
-        if one.ring == other.ring:
-            return f"are both on ring `{self.rings[one.ring].name}`", "a link joins two rings"
-        way = Point(other.at.x - one.at.x, other.at.y - one.at.y)
-        distance = math.hypot(*way)
+        if first.ring == second.ring:
+            return f"are both on ring `{self.rings[first.ring].name}`", "a link joins two rings"
+        vector = Point(second.point.x - first.point.x, second.point.y - first.point.y)
+        distance = math.hypot(*vector)
         if distance > MAX_ACROSS_MM:
             return f"are {distance / 1000:.1f} m apart", f"expected at most {MAX_ACROSS_MM / 1000:g} m"
-        if not (one.corner and other.corner):
-            aside = _displacement(one, other, way)
-            if aside is None:
+        if not (first.corner and second.corner):
+            displacement = _displacement(first, second, vector)
+            if displacement is None:
                 return "are not on opposite walls", "only corners (negative angles) meet across a junction"
-            if aside > MAX_ASIDE_MM:
-                hint = f"expected at most {MAX_ASIDE_MM:.0f} mm; `NODE+LENGTH` is a place after a node"
-                return f"are displaced by {aside:.0f} mm along the corridor", hint
-        middle = Point((one.at.x + other.at.x) / 2, (one.at.y + other.at.y) / 2)
-        if crosses_any(self.segments, one.at, other.at) or not in_free_space(self.outlines, *middle):
+            if displacement > MAX_DISPLACEMENT_MM:
+                hint = f"expected at most {MAX_DISPLACEMENT_MM:.0f} mm; `NODE+LENGTH` is a place after a node"
+                return f"are displaced by {displacement:.0f} mm along the corridor", hint
+        middle = Point((first.point.x + second.point.x) / 2, (first.point.y + second.point.y) / 2)
+        if crosses_any(self.segments, first.point, second.point) or not in_free_space(self.outlines, *middle):
             return "have a wall between them", None
         return "", None
 
@@ -184,18 +184,18 @@ def _unit(here: Point, there: Point) -> Point:
     return Point((there.x - here.x) / length, (there.y - here.y) / length)
 
 
-def _displacement(one: _Spot, other: _Spot, way: Point) -> float | None:
+def _displacement(first: _LocatedSite, second: _LocatedSite, vector: Point) -> float | None:
     """Return the displacement of two places along opposite walls of a corridor; None for other places.
 
     Opposite walls are traced in opposite directions, and each has the other on its right.
     """
-    least: float | None = None
-    for u in one.walls:
-        for v in other.walls:
+    smallest: float | None = None
+    for u in first.walls:
+        for v in second.walls:
             if u.x * v.x + u.y * v.y > -_MIN_COSINE:
                 continue
-            if way.x * u.y - way.y * u.x <= 0.0 or way.y * v.x - way.x * v.y <= 0.0:
+            if vector.x * u.y - vector.y * u.x <= 0.0 or vector.y * v.x - vector.x * v.y <= 0.0:
                 continue
-            aside = abs(way.x * u.x + way.y * u.y)
-            least = aside if least is None else min(least, aside)
-    return least
+            displacement = abs(vector.x * u.x + vector.y * u.y)
+            smallest = displacement if smallest is None else min(smallest, displacement)
+    return smallest

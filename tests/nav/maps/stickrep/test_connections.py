@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from colony.nav.maps.stickrep.geometry import Point, link_places
-from colony.nav.maps.stickrep.joints import linked_rings
+from colony.nav.maps.stickrep.connections import linked_rings
+from colony.nav.maps.stickrep.geometry import Point, link_endpoints
 from colony.nav.maps.stickrep.model import ElevatorLink, Link, Map, Site
 from colony.nav.maps.stickrep.reader import read_map
 from colony.nav.maps.stickrep.writer import write_map
@@ -61,7 +61,7 @@ FIRST = len(BLOCKS.splitlines()) + 1
 def test_places_are_nodes_or_so_far_after_them() -> None:
     linked = read("link 10R P+6", "link Q T")
     assert linked.links == (Link(Site("10R"), Site("P", 6000.0)), Link(Site("Q"), Site("T")))
-    across, junction = link_places(linked)
+    across, junction = link_endpoints(linked)
     assert across == (Point(8000.0, 0.0), Point(8000.0, 2000.0))
     assert junction == (Point(9000.0, 2000.0), Point(11000.0, 2000.0))
 

@@ -1,4 +1,4 @@
-"""The place of a robot, from the options `--robot NAME`, `--connect [ENDPOINT]`, `--security FILE`."""
+"""The address of a robot, from the options `--robot NAME`, `--connect [ENDPOINT]`, `--security FILE`."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.reporting import say
 
 if TYPE_CHECKING:
-    from colony.runtime.transport.live.place import Place
+    from colony.runtime.transport.live.robot_address import RobotAddress
 
 F = TypeVar("F", bound=Callable[..., object])
 
 HERE = "here"
-"""The value of `--connect` without an endpoint: the run directory of this machine."""
+"""The value of `--connect` without an endpoint: a robot on this machine."""
 
 _CONNECT = "The gateway of the robot, tls/HOST:PORT; without a value, the robot runs on this machine."
 _SECURITY = "Your credentials for a gateway: a TOML file with user, certificate, key and authority."
@@ -40,14 +40,14 @@ def security_option(help: str = _SECURITY) -> Callable[[F], F]:
     return click.option("--security", metavar="FILE", type=click.Path(path_type=Path), help=help)
 
 
-def place_of(robot: str, connect: str | None, security: Path | None) -> Place:
-    """Return the place of the robot.
+def robot_address_of(robot: str, connect: str | None, security: Path | None) -> RobotAddress:
+    """Return the address of the robot.
 
     Raises:
         LiveError: the name, the endpoint or the credentials are invalid.
         click.UsageError: an endpoint without credentials.
     """
-    from colony.runtime.transport.live.place import Remote, local
+    from colony.runtime.transport.live.robot_address import Remote, local
 
     if connect in (None, HERE):
         return local(robot, os.environ)
@@ -84,7 +84,7 @@ def _check_robot(context: click.Context, option: click.Parameter, name: str | No
 
 @contextmanager
 def reporting_connection_errors() -> Iterator[None]:
-    """Report an error in reaching a robot in one line, and exit with 2."""
+    """If a robot cannot be reached, report that in one line and exit with 2."""
     from colony.runtime.kit.errors import RobotConnectionError
     from colony.runtime.transport.live.errors import LiveError
 

@@ -17,7 +17,7 @@ MAX_TEST_FRAMES = 1_000_000
 
 
 def check_limit(checker: Checker, node: ast.LimitDecl) -> ir.Limit | None:
-    """Check a bound on what any module sends."""
+    """Check a limit on a field of the commands to an actuator."""
     actuator = actuator_named(checker, node.actuator)
     condition: Expression | None = None
     if node.condition is not None:
@@ -52,9 +52,9 @@ def check_limit(checker: Checker, node: ast.LimitDecl) -> ir.Limit | None:
 
 
 def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | None:
-    """Check a contract, a condition that must hold in every frame."""
-    promise = replace(checker, promise=True)
-    found = promise.expect(node.expression, BOOL, "a contract")
+    """Check a contract: a condition that must hold in every frame."""
+    contract_checker = replace(checker, in_contract_or_test=True)
+    found = contract_checker.expect(node.expression, BOOL, "a contract")
     if found is None:
         return None
     name = checker.scope.full(node.name.text)
@@ -62,25 +62,25 @@ def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | No
 
 
 def check_test(checker: Checker, node: ast.TestDecl) -> ir.Example | None:
-    """Check an example; its times must strictly increase."""
+    """Check a test; its times must strictly increase."""
     steps: list[ir.Step] = []
-    latest = -1
+    last_ns = -1
     frames = 0
     for step in node.steps:
         times = _times(checker, step)
         given = [_given(checker, g) for g in step.given]
-        promise = replace(checker, promise=True)
-        expectations = [promise.expect(e, BOOL, "an expectation") for e in step.expect]
+        contract_checker = replace(checker, in_contract_or_test=True)
+        expectations = [contract_checker.expect(e, BOOL, "an expectation") for e in step.expect]
         if times is None:
             continue
         frames += len(times)
         if frames > MAX_TEST_FRAMES:
             checker.error("E604", step, f"the test has more than {MAX_TEST_FRAMES} frames", "make it shorter")
             return None
-        if times[0] <= latest:
+        if times[0] <= last_ns:
             hint = "each step begins after the one before it has ended"
             checker.error("E602", step.first, "the times of a test must strictly increase", hint)
-        latest = max(latest, times[-1])
+        last_ns = max(last_ns, times[-1])
         steps.append(
             ir.Step(
                 times_ns=times,
@@ -119,7 +119,7 @@ def _given(checker: Checker, node: ast.GivenDecl) -> ir.Given | None:
         if not isinstance(symbol, BrokenSymbol) and not checker.scope.may_be_lost(node.sensor.text):
             hint = checker.report.suggest(node.sensor.text, checker.scope.robot.values)
             if checker.scope.value(node.sensor.text) is not None:
-                hint = "tests give values to sensors; what is derived from them follows"
+                hint = "tests give values only to sensors; derived values are computed from them"
             checker.error("E603", node.sensor, f"unknown sensor `{node.sensor.text}`", hint)
         return None
     sensor = symbol.sensor

@@ -13,7 +13,7 @@ from colony.verify.symbolic.system import Scalar, Term
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
-class Moment:
+class FrameValues:
     """The values of one frame. Mutable: filled in the order in which a frame is computed.
 
     A value has a term even where it is missing; there the term is arbitrary.
@@ -34,23 +34,25 @@ class Moment:
     sent: dict[tuple[str, int], tuple[z3.BoolRef, Scalar]] = field(default_factory=dict)  # missing, value
 
 
-def missing(e: ir.Expression, moment: Moment, own: Set[str] = frozenset()) -> z3.BoolRef:
+def missing(e: ir.Expression, frame_values: FrameValues, own: Set[str] = frozenset()) -> z3.BoolRef:
     """Return the condition that something `e` needs is missing; `own` are lets that count as present."""
     match e:
         case ir.SensorValue(name=name):
-            return moment.missing[name]
+            return frame_values.missing[name]
         case ir.DerivedValue(name=name):
-            return moment.derived[name][0]
+            return frame_values.derived[name][0]
         case ir.LocalValue(name=name):
-            return FALSE if name in own else moment.locals[name][0]
+            return FALSE if name in own else frame_values.locals[name][0]
         case ir.SentField(actuator=actuator, field_index=i):
-            return moment.sent[actuator, i][0]
+            return frame_values.sent[actuator, i][0]
         case ir.ValueOr(other=other):
-            return missing(other, moment, own)
+            return missing(other, frame_values, own)
         case _:
-            return any_of(missing(child, moment, own) for child in ir.children(e))
+            return any_of(missing(child, frame_values, own) for child in ir.children(e))
 
 
-def needed_for(condition: z3.BoolRef, e: ir.Expression, moment: Moment, own: Set[str]) -> z3.BoolRef:
+def needed_for(
+    condition: z3.BoolRef, e: ir.Expression, frame_values: FrameValues, own: Set[str]
+) -> z3.BoolRef:
     """Return the condition under which `e` is evaluated: `condition`, and nothing it needs is missing."""
-    return both(condition, negation(missing(e, moment, own)))
+    return both(condition, negation(missing(e, frame_values, own)))
