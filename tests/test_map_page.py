@@ -10,10 +10,10 @@ import pytest
 
 from colony.nav.maps.building import MAX_MAPS, load_building
 from colony.nav.maps.stickrep import fields
+from colony.nav.maps.stickrep.connections import MAX_ACROSS_MM, MAX_DISPLACEMENT_MM, linked_rings
 from colony.nav.maps.stickrep.fields import Problems
 from colony.nav.maps.stickrep.file import MAX_BYTES
 from colony.nav.maps.stickrep.header import Header
-from colony.nav.maps.stickrep.connections import MAX_ACROSS_MM, MAX_ASIDE_MM, linked_rings
 from colony.nav.maps.stickrep.model import DEFAULT_TOLERANCE_MM, EdgeKind
 from colony.nav.maps.stickrep.reader import MAX_LINES, load_map, read_map
 from colony.nav.maps.stickrep.writer import write_map
@@ -124,7 +124,7 @@ def test_every_line_of_the_header_is_listed() -> None:
 
 def test_bounds_and_defaults_are_the_readers() -> None:
     assert f"at most {MAX_ACROSS_MM / 1000:g} m of it" in PAGE
-    assert f"at most {MAX_ASIDE_MM / 1000:g} m along it" in PAGE
+    assert f"at most {MAX_DISPLACEMENT_MM / 1000:g} m along it" in PAGE
     assert f"at most {MAX_MAPS} maps" in PAGE
     assert f"at most {MAX_LINES} rows" in PAGE
     assert f"at most {MAX_BYTES // 1_000_000} MB" in PAGE

@@ -6,7 +6,7 @@ import pytest
 
 from colony.nav.maps.building import load_building
 from colony.nav.missions.elevator_calls import ElevatorCall
-from colony.nav.missions.elevator_prompt import asked_for
+from colony.nav.missions.elevator_prompt import instructions
 from colony.sim.world.operator import DELAY_S, RIDE_S, STANDSTILL_S
 from tests.pages import COMMANDS, typed
 from tests.paths import ROOT
@@ -30,4 +30,6 @@ def test_the_operator_is_as_slow_as_the_page_says() -> None:
 
 def test_the_question_at_the_terminal_is_the_one_on_the_page() -> None:
     building = load_building(ROOT / "maps" / "msu_engineering_3.stickrep")
-    assert asked_for(building, ElevatorCall("acs.elev.L", "msu_engineering_3", "msu_engineering_2")) in PAGE
+    assert (
+        instructions(building, ElevatorCall("acs.elev.L", "msu_engineering_3", "msu_engineering_2")) in PAGE
+    )

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from colony.dsl.recovery import WORDS as KEYWORDS
+from colony.dsl.recovery import CONTEXTUAL_KEYWORDS as KEYWORDS
 from colony.dsl.syntax_hints import RESERVED
 from colony.dsl.tables import GRAMMAR
 from colony.text.units import BASE_UNITS

@@ -5,7 +5,7 @@ from random import Random
 import pytest
 
 from colony.verify.equivalence.circuit import FALSE, TRUE, Activity, Circuit
-from colony.verify.equivalence.disagreement import evaluated, holds, minimal_inputs
+from colony.verify.equivalence.disagreement import evaluate, holds, minimal_inputs
 from colony.verify.equivalence.solver import (
     Refuted,
     Satisfied,
@@ -35,7 +35,7 @@ def test_equal_formulas_are_shown_equal_and_others_not() -> None:
     assert solver.decide(differ(one, other)) == Refuted()
     answer = solver.decide(differ(one, other ^ 1))
     assert isinstance(answer, Satisfied)
-    values = evaluated(circuit, answer.inputs)
+    values = evaluate(circuit, answer.inputs)
     assert values(one) != values(other ^ 1)
     assert solver.asked > 0
 
