@@ -35,7 +35,7 @@ from colony.ir.program import (
     Robot,
     Sensor,
     Use,
-    WireMessage,
+    Wire,
 )
 from colony.ir.types import BOOL, DIMENSIONLESS, Array, Type
 
@@ -316,7 +316,7 @@ def workload(size: int) -> Program:
     return Program(
         robot=Robot(name="bench", sensors=(sensor,), actuators=(drive,)),
         modules=tuple(module(i) for i in range(size)),
-        wires=(WireMessage(name="drive", wiring=chain, actuator="drive"),),
+        wires=(Wire(name="drive", wiring=chain, actuator="drive"),),
     )
 
 

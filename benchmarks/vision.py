@@ -75,8 +75,8 @@ class Views:
         """A sign from so far, with the robot so far to the right of who faces it, turned by 4 degrees."""
         heading = math.radians(sign.heading_deg)
         ahead, right = (-math.sin(heading), math.cos(heading)), (math.cos(heading), math.sin(heading))
-        x = sign.middle.x - distance_mm * ahead[0] + aside_mm * right[0]
-        y = sign.middle.y - distance_mm * ahead[1] + aside_mm * right[1]
+        x = sign.center.x - distance_mm * ahead[0] + aside_mm * right[0]
+        y = sign.center.y - distance_mm * ahead[1] + aside_mm * right[1]
         pose = np.array([[x, y, sign.heading_deg + 4.0]])
         return self._camera.image(pose, 0, look, people=np.zeros((0, 2)), speed=(500.0, 0.0))
 

@@ -88,7 +88,7 @@ def drive(config: RobotConfig, way: Plan, seed: int) -> Errors:
     )
     off_mm: list[float] = []
     off_deg: list[float] = []
-    while not loop.scripts.ended(PLANNER) and loop.now_ns < LONGEST_S * 1e9:
+    while not loop.scripts.has_ended(PLANNER) and loop.now_ns < LONGEST_S * 1e9:
         loop.frame()
         if loop.k % LOOK_FRAMES == 0:
             loop.base.refresh()
@@ -96,7 +96,7 @@ def drive(config: RobotConfig, way: Plan, seed: int) -> Errors:
             off_mm.append(math.hypot(true.x_mm - believed.x, true.y_mm - believed.y))
             off_deg.append(abs(math.remainder(true.heading_deg - believed.heading, 360.0)))
     loop.close()
-    return Errors(off_mm, off_deg, loop.scripts.ended(PLANNER), world.contact_speed(0))
+    return Errors(off_mm, off_deg, loop.scripts.has_ended(PLANNER), world.contact_speed(0))
 
 
 def ways(every: int) -> Iterator[Plan]:
