@@ -8,7 +8,7 @@ import socket
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 from colony.extras import installed
@@ -95,20 +95,19 @@ def _z3_interruptible() -> Iterator[None]:
             handled.clear()
 
     watcher = threading.Thread(target=watch, daemon=True)
-    z3.set_param("ctrl_c", False)
-    signal.signal(signal.SIGINT, handle)
-    fd = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
-    watcher.start()
-    try:
+    with ExitStack() as cleanup:  # a Ctrl-C in the middle of it, too, leaves nothing open
+        cleanup.enter_context(receiver)
+        watcher.start()
+        cleanup.callback(watcher.join)
+        cleanup.enter_context(sender)
+        cleanup.callback(handled.set)
+        z3.set_param("ctrl_c", False)
+        cleanup.callback(z3.set_param, "ctrl_c", True)
+        signal.signal(signal.SIGINT, handle)
+        cleanup.callback(signal.signal, signal.SIGINT, before)
+        fd = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
+        cleanup.callback(signal.set_wakeup_fd, fd)
         yield
-    finally:
-        signal.set_wakeup_fd(fd)
-        signal.signal(signal.SIGINT, before)
-        z3.set_param("ctrl_c", True)
-        handled.set()
-        sender.close()
-        watcher.join()
-        receiver.close()
 
 
 @contextmanager
