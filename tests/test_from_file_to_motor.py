@@ -75,8 +75,8 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     count(pipeline, "lower", lambda *_: "lower")
     for way in ("in_base_units", "in_declared_units"):
         count(SensorBinding, way, converted(way))
-    assert machine.take is sensors.take
-    count(machine, "take", taken)
+    assert machine.validate_reading is sensors.validate_reading
+    count(machine, "validate_reading", taken)
     return calls
 
 

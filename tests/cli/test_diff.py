@@ -37,7 +37,7 @@ def test_the_same_but_for_names(colony: Colony, a: Path, b: Path) -> None:
     assert (code, err) == (0, "")
     assert out.splitlines() == [
         f"A is {a}, B is {b}",
-        "the same: they differ in names only",
+        "the same: they differ only in names",
         "`avoid` of A is `dodge` of B",
     ]
 

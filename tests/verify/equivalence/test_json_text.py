@@ -103,14 +103,16 @@ POINTING = [path for path, value in PLACES if isinstance(value, int) and _refere
 def test_a_reference_to_a_node_that_is_not_before(path: Path) -> None:
     """Of a node only nodes before it may be referred to, of a client and of what is observed all."""
     end = int(path[1]) if path[0] == "nodes" else len(WHOLE["nodes"])
-    assert problem(changed(path, end)) == f"ValueError: {end} is no node before {end}"
+    assert problem(changed(path, end)) == f"ValueError: {end} is not a node before {end}"
     read_json(changed(path, end - 1))
 
 
 def test_a_list_of_one_node_and_a_kind_that_there_is_not() -> None:
     for at in (4, 5):
-        assert problem(changed(("nodes", at, "of"), [0])) == "ValueError: [0] are not two nodes or more"
-    assert problem(changed(("nodes", 1, "op"), "xor")) == "ValueError: no node is `xor`"
+        assert (
+            problem(changed(("nodes", at, "of"), [0])) == "ValueError: [0] is not a list of two or more nodes"
+        )
+    assert problem(changed(("nodes", 1, "op"), "xor")) == "ValueError: unknown node `xor`"
 
 
 def test_the_document_is_read() -> None:

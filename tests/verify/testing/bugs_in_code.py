@@ -25,8 +25,8 @@ def code(change: Callable[[Code], Code]) -> Plant:
     """`change` the code that clients execute."""
 
     def plant(monkeypatch: pytest.MonkeyPatch) -> None:
-        original = executor.whole
-        monkeypatch.setattr(executor, "whole", lambda *args, **kw: change(original(*args, **kw)))
+        original = executor.whole_view
+        monkeypatch.setattr(executor, "whole_view", lambda *args, **kw: change(original(*args, **kw)))
 
     return plant
 

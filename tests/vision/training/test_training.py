@@ -123,9 +123,9 @@ def test_fonts_are_files() -> None:
     [
         (["--out", "weights"], "expected a file ending in .npz"),
         (["--out", "/nowhere/w.npz"], "in a folder that exists"),
-        (["--seed", "-1"], "expected a --seed from 0 on"),
-        (["--steps", "0"], "--steps and --looks from 1 on"),
-        (["--looks", "0"], "--steps and --looks from 1 on"),
+        (["--seed", "-1"], "expected --seed of at least 0"),
+        (["--steps", "0"], "--steps and --looks of at least 1"),
+        (["--looks", "0"], "--steps and --looks of at least 1"),
     ],
 )
 def test_what_could_not_end_well_is_refused_before_it_is_trained(

@@ -1,6 +1,6 @@
 """The gateway to a robot from other machines: it joins the robot's sockets and listens with TLS.
 
-It routes messages, tells users their rights, and never forwards a message without the required right.
+It routes messages, informs users of their rights, and never forwards a message without the required right.
 """
 
 from __future__ import annotations

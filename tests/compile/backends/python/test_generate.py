@@ -185,7 +185,7 @@ def test_a_class_that_cannot_be_named_is_refused() -> None:
         with pytest.raises(DiagnosticError) as failure:
             generated(other)
         (found,) = failure.value.diagnostics
-        assert (found.code, found.message) == ("E405", f"`{path}.Y` is no name of a Python class")
+        assert (found.code, found.message) == ("E405", f"`{path}.Y` is not the name of a Python class")
 
 
 def test_modules_in_python_are_built_with_their_params_and_asked_where_all_is_there() -> None:
